@@ -1,0 +1,70 @@
+"""The command `mrp-sumo`: finds the subcommand's module, turns expected failures into one line and an exit code.
+
+0: done. 1: the run finished without all robots at their goals, or a check failed. 2: bad input.
+A subcommand is a module of this folder with `HELP`, `arguments(parser)` and `run(options) -> exit code`.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
+
+from mrp_sumo import __version__
+from mrp_sumo.errors import MrpSumoError, nearest
+
+COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
+    "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
+    "import": ("mrp_sumo.cli.import_map", "make a nav graph, a SUMO network and a picture of a map"),
+    "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse, with one line an error."""
+
+    def error(self, message: str) -> NoReturn:
+        raise MrpSumoError(f"{message}; see `{self.prog} --help`")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return _dispatch(arguments)
+    except MrpSumoError as error:
+        for line in str(error).splitlines():
+            print(f"mrp-sumo: {line}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("mrp-sumo: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # `mrp-sumo ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _dispatch(arguments: list[str]) -> int:
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        _print_help()
+        return 0
+    name = arguments[0]
+    if name in ("-V", "--version"):
+        print(f"mrp-sumo {__version__}")
+        return 0
+    if name not in COMMANDS:
+        raise MrpSumoError(f"unknown command '{name}'{nearest(name, COMMANDS, limit=len(COMMANDS))}")
+    module, summary = COMMANDS[name]
+    command = import_module(module)
+    parser = Parser(prog=f"mrp-sumo {name}", description=command.__doc__ or summary, formatter_class=argparse.RawDescriptionHelpFormatter)
+    command.arguments(parser)
+    return int(command.run(parser.parse_args(arguments[1:])))
+
+
+def _print_help() -> None:
+    print("usage: mrp-sumo COMMAND ...\n\nBenchmark and co-simulation of AGV fleets.\n\ncommands:")
+    width = max(map(len, COMMANDS))
+    for name, (_, summary) in COMMANDS.items():
+        print(f"  {name:<{width}}  {summary}")
+    print("\n`mrp-sumo COMMAND --help` explains a command; `mrp-sumo --version` prints the version.")

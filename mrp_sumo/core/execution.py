@@ -1,0 +1,85 @@
+"""What happened: trajectories and events of an execution."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray
+
+
+class Outcome(StrEnum):
+    """How an execution ended."""
+
+    COMPLETED = "completed"  # every robot stands at its goal
+    TIME_LIMIT = "time_limit"
+    DEADLOCK = "deadlock"  # stopped on request when a deadlock was found
+    FAILED = "failed"  # SUMO gave up
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth telling, at simulated time `t_s`. `duration_s` is 0 for what has none."""
+
+    t_s: float
+    kind: str  # 'started', 'goal', 'waited', 'blocked', 'deadlock', ...
+    robot: int
+    vertex: int = -1  # of the plan graph
+    other: int = -1  # the robot waited for
+    duration_s: float = 0.0
+    text: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """Time-major trajectory of R robots over T samples, and what happened. NaN: not on the floor."""
+
+    t_s: FloatArray  # [T] simulated time of each sample, equally spaced from 0
+    x_m: FloatArray  # [T, R] centre, map frame
+    y_m: FloatArray  # [T, R]
+    yaw_rad: FloatArray  # [T, R] counter-clockwise from +x
+    speed_mps: FloatArray  # [T, R]
+    arrived_s: FloatArray  # [N] when each visit of the plan was reached, NaN if never
+    goal_s: FloatArray  # [R] when each robot came to stand at its goal, NaN if never
+    outcome: Outcome
+    policy: str  # the policy that was used
+    sim_time_s: float  # simulated time at the end
+    wall_time_s: float  # of the loop, without start-up
+    cpu_time_s: float  # of the process, in the loop
+    events: tuple[Event, ...] = ()
+    findings: tuple[str, ...] = field(default=())  # what SUMO itself complained of (collisions)
+
+    @property
+    def num_robots(self) -> int:
+        return self.x_m.shape[1]
+
+    @property
+    def all_at_goal(self) -> bool:
+        return bool(np.isfinite(self.goal_s).all())
+
+
+def positions_at(execution: Execution, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x, y, yaw at any times within the run, linear between samples, yaw the short way round.
+
+    Parameters
+    ----------
+    execution
+        With at least one sample.
+    t_s
+        [K] ascending times, held at the first and last sample outside.
+
+    Returns
+    -------
+    x_m, y_m, yaw_rad
+        [K, R] each.
+    """
+    last = len(execution.t_s) - 1
+    k = np.clip(np.searchsorted(execution.t_s, t_s + 1e-9, side="right") - 1, 0, max(last - 1, 0))
+    k1 = np.minimum(k + 1, last)
+    span = execution.t_s[k1] - execution.t_s[k]
+    u = np.divide(t_s - execution.t_s[k], span, out=np.zeros(len(k)), where=span > 0)
+    u = np.clip(np.where(np.abs(u - np.rint(u)) < 1e-9, np.rint(u), u), 0, 1)[:, None]
+    x = execution.x_m[k] + u * (execution.x_m[k1] - execution.x_m[k])
+    y = execution.y_m[k] + u * (execution.y_m[k1] - execution.y_m[k])
+    turn = (execution.yaw_rad[k1] - execution.yaw_rad[k] + np.pi) % (2 * np.pi) - np.pi
+    return x, y, execution.yaw_rad[k] + u * turn

@@ -1,0 +1,80 @@
+"""Robots: their sizes and limits, as arrays by robot so that fleets may be mixed.
+
+Refuses sizes, speeds and accelerations that are not positive.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.errors import ScenarioError
+
+
+@dataclass(frozen=True)
+class RobotType:
+    """A model of robot. The footprint is a rectangle around the centre, which is what drives along lanes."""
+
+    name: str
+    length_m: float
+    width_m: float
+    max_speed_mps: float
+    accel_mps2: float
+    decel_mps2: float
+    turn_rate_rad_s: float  # turning in place
+    gap_m: float = 0.1  # kept between footprints' circles, on top of their radii
+    source: str = ""  # where the figures come from
+
+    def __post_init__(self) -> None:
+        for key in ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s"):
+            value = getattr(self, key)
+            if not (np.isfinite(value) and value > 0):
+                raise ScenarioError(f"robot type '{self.name}': {key} is {value}, expected a number above 0")
+        if not self.gap_m >= 0:
+            raise ScenarioError(f"robot type '{self.name}': gap_m is {self.gap_m}, expected 0 or more")
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """R robots. Arrays are [R] and read-only."""
+
+    robot_name: tuple[str, ...]
+    length_m: FloatArray
+    width_m: FloatArray
+    max_speed_mps: FloatArray
+    accel_mps2: FloatArray
+    decel_mps2: FloatArray
+    turn_rate_rad_s: FloatArray
+    gap_m: FloatArray
+
+    @property
+    def num_robots(self) -> int:
+        return len(self.robot_name)
+
+    @property
+    def radius_m(self) -> FloatArray:
+        """[R] radius of the circle around the footprint: a robot that turns in place needs it."""
+        return np.hypot(self.length_m, self.width_m) / 2
+
+    @property
+    def separation_m(self) -> float:
+        """The least centre distance at which no two robots of the fleet can touch, gap included."""
+        return float(2 * self.radius_m.max() + self.gap_m.max()) if self.num_robots else 0.0
+
+
+def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
+    """A fleet of one type, robots named `robot_0` and on."""
+
+    def column(value: float) -> FloatArray:
+        return frozen(np.full(num_robots, value, np.float64))
+
+    return Fleet(
+        robot_name=tuple(f"robot_{i}" for i in range(num_robots)),
+        length_m=column(robot_type.length_m),
+        width_m=column(robot_type.width_m),
+        max_speed_mps=column(robot_type.max_speed_mps),
+        accel_mps2=column(robot_type.accel_mps2),
+        decel_mps2=column(robot_type.decel_mps2),
+        turn_rate_rad_s=column(robot_type.turn_rate_rad_s),
+        gap_m=column(robot_type.gap_m),
+    )

@@ -1,0 +1,228 @@
+"""The graphs robots drive on: NavGraph as the map draws it, PlanGraph as planners step on it.
+
+Refuses what no later floor could survive: lanes between unknown vertices, self loops, lanes of no
+length, two lanes from one vertex to the same other, coordinates that are not finite.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from mrp_sumo.errors import MapError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Options = Mapping[str, Any]
+
+NO_OPTIONS: Options = {}
+
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NavGraph:
+    """Vertices and directed lanes, in the map's frame. V vertices, L lanes; arrays are read-only.
+
+    A bidirectional lane of a map is two lanes here, each the other's `reverse`. Build one with
+    `nav_graph`, which sorts the lanes and checks them.
+    """
+
+    name: str
+    level_names: tuple[str, ...]
+    xy: FloatArray  # [V, 2] m, x right, y up
+    level: IntArray  # [V] index into level_names
+    vertex_name: tuple[str, ...]  # [V] '' where the map gives none
+    vertex_options: tuple[Options, ...]  # [V] properties by RMF's names: is_charger, lift, dock_name, mutex, ...
+    tail: IntArray  # [L] vertex a lane leaves; ascending
+    head: IntArray  # [L] vertex it enters; ascending for one tail
+    length_m: FloatArray  # [L] > 0
+    speed_mps: FloatArray  # [L] speed limit, inf without one
+    reverse: IntArray  # [L] the lane back, -1 where there is none
+    lane_options: tuple[Options, ...]  # [L] properties by RMF's names: door_name, mutex, orientation_constraint, ...
+    source_lane: IntArray  # [L] position of the lane in the source's list
+    source: str = ""  # the file it was read from
+
+    @property
+    def num_vertices(self) -> int:
+        return len(self.xy)
+
+    @property
+    def num_lanes(self) -> int:
+        return len(self.tail)
+
+    @property
+    def num_edges(self) -> int:
+        """Lanes with a pair of opposite ones counted once."""
+        return int(self.num_lanes - np.count_nonzero(self.reverse >= 0) // 2)
+
+    @cached_property
+    def first(self) -> IntArray:
+        """[V + 1] CSR offsets: the lanes that leave v are `first[v]:first[v + 1]`."""
+        return frozen(np.searchsorted(self.tail, np.arange(self.num_vertices + 1)).astype(np.int64))
+
+    @cached_property
+    def vertex_of_name(self) -> Mapping[str, int]:
+        """Vertex by its name; unnamed vertices are found as `v<index>`. First wins on duplicates."""
+        found = {f"v{v}": v for v in range(self.num_vertices)}
+        for v in reversed(range(self.num_vertices)):
+            if self.vertex_name[v]:
+                found[self.vertex_name[v]] = v
+        return found
+
+    def label(self, vertex: int) -> str:
+        """The vertex's name, or `v<index>` where it has none."""
+        return self.vertex_name[vertex] or f"v{vertex}"
+
+    def lane_between(self, tail: int, head: int) -> int:
+        """The lane from `tail` to `head`, -1 where there is none."""
+        a, b = self.first[tail], self.first[tail + 1]
+        k = a + int(np.searchsorted(self.head[a:b], head))
+        return int(k) if k < b and self.head[k] == head else -1
+
+    def having(self, option: str) -> BoolArray:
+        """[V] whether the option is set and true at each vertex."""
+        return np.array([bool(o.get(option)) for o in self.vertex_options], dtype=np.bool_)
+
+    @cached_property
+    def component(self) -> IntArray:
+        """[V] weakly connected component of each vertex, numbered from the largest down.
+
+        Levels are joined where vertices of one lift (option `lift`) stand.
+        """
+        tail, head = list(self.tail), list(self.head)
+        cabin: dict[str, int] = {}
+        for v, options in enumerate(self.vertex_options):
+            if lift := options.get("lift"):
+                tail.append(cabin.setdefault(lift, v))
+                head.append(v)
+        return frozen(_components(self.num_vertices, np.array(tail, np.int64), np.array(head, np.int64)))
+
+    @property
+    def num_components(self) -> int:
+        return int(self.component.max()) + 1 if self.num_vertices else 0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanGraph(NavGraph):
+    """A NavGraph whose lanes are one time step each: what planners plan on and SUMO drives on.
+
+    Made from a NavGraph by `maps.discretise` (cut lanes, or the paper's grid); a grid map is one as it is.
+    """
+
+    kind: str  # 'roadmap' or 'grid'
+    cell_m: float  # length of a step, about (roadmap) or exactly (grid)
+    vertex_of_station: IntArray  # [Vnav] the vertex here for each vertex of the nav graph
+    nav_lane: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [V] lane of the nav graph a cut lies on, -1 elsewhere
+    offset_m: FloatArray = field(default_factory=lambda: np.zeros(0))  # [V] distance from that lane's tail
+
+
+def nav_graph(
+    *,
+    name: str,
+    xy: Any,
+    lanes: Any,
+    level_names: Sequence[str] = ("L1",),
+    level: Any = None,
+    vertex_name: Sequence[str] = (),
+    vertex_options: Sequence[Options] = (),
+    length_m: Any = None,
+    speed_mps: Any = None,
+    lane_options: Sequence[Options] = (),
+    source: str = "",
+) -> NavGraph:
+    """Build a NavGraph from vertices and directed lanes in any order.
+
+    Parameters
+    ----------
+    name
+        Of the map.
+    xy
+        [V, 2] coordinates in m.
+    lanes
+        [L, 2] pairs (tail, head), each pair at most once.
+    level_names, level
+        The levels, and [V] which of them a vertex is on (all on the first by default).
+    vertex_name, vertex_options
+        [V], or nothing.
+    length_m
+        [L]; the straight distance by default.
+    speed_mps
+        [L] limits, inf for none; no limits by default.
+    lane_options
+        [L], or nothing.
+    source
+        The file it comes from.
+
+    Raises
+    ------
+    MapError
+        For a lane to an unknown vertex, from a vertex to itself or of no length, for a lane given
+        twice, and for coordinates that are not finite.
+    """
+    xy = np.asarray(xy, np.float64).reshape(-1, 2)
+    lanes = np.asarray(lanes, np.int64).reshape(-1, 2)
+    num_vertices, num_lanes = len(xy), len(lanes)
+    where = source or name
+    if not np.isfinite(xy).all():
+        raise MapError(f"{where}: vertex {int(np.flatnonzero(~np.isfinite(xy).all(1))[0])} has coordinates that are not finite")
+    outside = np.flatnonzero(((lanes < 0) | (lanes >= num_vertices)).any(1))
+    if len(outside):
+        raise MapError(f"{where}: lane {outside[0]} joins vertices {lanes[outside[0]].tolist()}, but there are {num_vertices}")
+    if length_m is None:
+        length_m = np.hypot(*(xy[lanes[:, 1]] - xy[lanes[:, 0]]).T) if num_lanes else np.zeros(0)
+    length_m = np.asarray(length_m, np.float64)
+    flawed = np.flatnonzero((lanes[:, 0] == lanes[:, 1]) | ~(length_m > 0) | ~np.isfinite(length_m))
+    if len(flawed):
+        raise MapError(f"{where}: lane {flawed[0]} from vertex {lanes[flawed[0], 0]} to {lanes[flawed[0], 1]} has no length")
+    order = np.lexsort((lanes[:, 1], lanes[:, 0]))
+    tail, head = lanes[order, 0], lanes[order, 1]
+    twice = np.flatnonzero((tail[1:] == tail[:-1]) & (head[1:] == head[:-1]))
+    if len(twice):
+        raise MapError(f"{where}: two lanes lead from vertex {tail[twice[0]]} to vertex {head[twice[0]]}")
+    return NavGraph(
+        name=name,
+        level_names=tuple(level_names),
+        xy=frozen(xy),
+        level=frozen(np.zeros(num_vertices, np.int64) if level is None else np.asarray(level, np.int64)),
+        vertex_name=tuple(vertex_name) or ("",) * num_vertices,
+        vertex_options=tuple(vertex_options) or (NO_OPTIONS,) * num_vertices,
+        tail=frozen(tail),
+        head=frozen(head),
+        length_m=frozen(length_m[order]),
+        speed_mps=frozen(np.full(num_lanes, np.inf) if speed_mps is None else np.asarray(speed_mps, np.float64)[order]),
+        reverse=frozen(_opposite(tail, head, num_vertices)),
+        lane_options=tuple(lane_options[i] for i in order) if lane_options else (NO_OPTIONS,) * num_lanes,
+        source_lane=frozen(order.astype(np.int64)),
+        source=source,
+    )
+
+
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """The array as a contiguous read-only copy."""
+    array = np.array(array, order="C")
+    array.setflags(write=False)
+    return array
+
+
+def _opposite(tail: IntArray, head: IntArray, num_vertices: int) -> IntArray:
+    key, wanted = tail * num_vertices + head, head * num_vertices + tail
+    at = np.searchsorted(key, wanted)
+    hit = at < len(key)
+    hit[hit] = key[at[hit]] == wanted[hit]
+    return np.where(hit, at, -1).astype(np.int64)
+
+
+def _components(num_vertices: int, tail: IntArray, head: IntArray) -> IntArray:
+    """[V] weakly connected component of each vertex; the largest is 0, ties by lowest vertex."""
+    joined = coo_array((np.ones(len(tail), np.int8), (tail, head)), shape=(num_vertices, num_vertices))
+    label = connected_components(joined, directed=False)[1]
+    _, lowest, size = np.unique(label, return_index=True, return_counts=True)
+    rank = np.empty(len(size), np.int64)
+    rank[np.lexsort((lowest, -size))] = np.arange(len(size))
+    return rank[label]

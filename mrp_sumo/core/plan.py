@@ -1,0 +1,139 @@
+"""Plans and what planners return.
+
+A plan is a list of timed visits a robot, in seconds, so that planners on steps and planners in
+continuous time meet one referee and one executor. `plan_of_paths` makes one of step-wise paths,
+`paths_of_plan` goes back.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.errors import PlanError
+
+
+class Status(StrEnum):
+    """How planning ended. Every one of them is a result."""
+
+    SOLVED = "solved"
+    TIMED_OUT = "timed_out"
+    INFEASIBLE = "infeasible"
+    INVALID = "invalid"  # the referee found conflicts
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Timed visits of R robots in CSR form; robot r's are `first[r]:first[r + 1]`.
+
+    A robot stands on `vertex[k]` from `arrive_s[k]` to `depart_s[k]`, then drives to the next visit's
+    vertex. It starts at time 0 and stays at its last visit for ever (`depart_s` inf).
+    """
+
+    first: IntArray  # [R + 1]
+    vertex: IntArray  # [N]
+    arrive_s: FloatArray  # [N]
+    depart_s: FloatArray  # [N]
+
+    @property
+    def num_robots(self) -> int:
+        return len(self.first) - 1
+
+    @property
+    def num_visits(self) -> int:
+        return len(self.vertex)
+
+    @property
+    def robot(self) -> IntArray:
+        """[N] the robot of each visit."""
+        return np.repeat(np.arange(self.num_robots), np.diff(self.first))
+
+    @property
+    def end_s(self) -> FloatArray:
+        """[R] when each robot arrives at its last vertex to stay."""
+        return self.arrive_s[self.first[1:] - 1]
+
+    @property
+    def last_vertex(self) -> IntArray:
+        """[R] where each robot ends."""
+        return self.vertex[self.first[1:] - 1]
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """What a planner came to. `plan` is there when SOLVED, and when TIMED_OUT with an anytime planner."""
+
+    status: Status
+    plan: Plan | None = None
+    goal_of: IntArray | None = None  # [R] the assignment the plan is for, when the planner made it
+    planning_time_s: float = 0.0  # the solver's own wall time, without compiling
+    prepare_time_s: float = 0.0  # compiling or loading kernels
+    lower_bound_steps: float = 0.0  # on the standard sum of costs of any plan for this problem
+    stats: Mapping[str, float] = field(default_factory=dict)  # the planner's own counters
+    message: str = ""  # why there is no plan
+
+
+def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> Plan:
+    """A Plan of step-wise paths.
+
+    Parameters
+    ----------
+    paths
+        One a robot: its vertex at steps 0, 1, ...; a repeated vertex is a wait. Trailing waits are dropped.
+    step_s
+        Seconds a step.
+
+    Raises
+    ------
+    PlanError
+        When a robot has no step 0.
+    """
+    first, vertex, arrive, depart = [0], [], [], []
+    for robot, path in enumerate(paths):
+        path = np.asarray(path, np.int64)
+        if not len(path):
+            raise PlanError(f"the path of robot {robot} is empty")
+        begin = np.flatnonzero(np.concatenate(([True], path[1:] != path[:-1])))
+        end = np.append(begin[1:] - 1, 0)
+        vertex.append(path[begin])
+        arrive.append(begin * step_s)
+        depart.append(end * step_s)
+        depart[-1][-1] = np.inf
+        first.append(first[-1] + len(begin))
+    none: list[FloatArray] = [np.zeros(0)]
+    return Plan(
+        first=frozen(np.array(first, np.int64)),
+        vertex=frozen(np.concatenate([np.zeros(0, np.int64), *vertex])),
+        arrive_s=frozen(np.concatenate(none + arrive)),
+        depart_s=frozen(np.concatenate(none + depart)),
+    )
+
+
+def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
+    """The plan step by step: [R] arrays of vertices at steps 0, 1, ... up to the robot's arrival.
+
+    Raises
+    ------
+    PlanError
+        When a time of the plan is not a whole number of steps.
+    """
+    paths = []
+    for robot in range(plan.num_robots):
+        visits = slice(plan.first[robot], plan.first[robot + 1])
+        steps = plan.arrive_s[visits] / step_s
+        arrive = np.rint(steps).astype(np.int64)
+        depart = plan.depart_s[visits] / step_s
+        whole = np.abs(steps - arrive) < 1e-6
+        if not whole.all():
+            raise PlanError(f"robot {robot} arrives at {plan.arrive_s[visits][~whole][0]} s, not at a whole step of {step_s} s")
+        depart = np.where(np.isfinite(depart), depart, arrive)
+        # a robot is at its visit's vertex from its arrival until the step before the next arrival
+        path = np.repeat(plan.vertex[visits], np.diff(np.append(arrive, arrive[-1] + 1)))
+        leaves = np.rint(depart[:-1]).astype(np.int64)
+        if (leaves + 1 != arrive[1:]).any():
+            k = int(np.flatnonzero(leaves + 1 != arrive[1:])[0])
+            raise PlanError(f"robot {robot} needs {arrive[k + 1] - leaves[k]} steps for one lane, to visit {k + 1}")
+        paths.append(path)
+    return paths

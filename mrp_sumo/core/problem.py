@@ -1,0 +1,66 @@
+"""A planning problem: who stands where and who has to go where, on which graph.
+
+Refuses starts and goals off the graph, two robots on one start, and two robots sent to one goal.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
+from mrp_sumo.errors import PlanError
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """R robots, G goals. With `goal_of` of -1 it is the planner's job to assign (CBS-TA)."""
+
+    graph: PlanGraph
+    fleet: Fleet
+    start: IntArray  # [R] vertices, distinct
+    goal: IntArray  # [G] vertices, distinct
+    goal_of: IntArray  # [R] which goal a robot has, -1 for none yet; no goal twice
+    step_s: float  # planned time for a lane
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        names, num_vertices = self.fleet.robot_name, self.graph.num_vertices
+        for what, at in (("start", self.start), ("goal", self.goal)):
+            if ((at < 0) | (at >= num_vertices)).any():
+                raise PlanError(f"{what} {int(at[(at < 0) | (at >= num_vertices)][0])} is not a vertex of '{self.graph.name}'")
+            values, index, count = np.unique(at, return_index=True, return_counts=True)
+            if (count > 1).any():
+                v = int(values[count > 1][0])
+                i, j = np.flatnonzero(at == v)[:2]
+                raise PlanError(
+                    f"{names[i]} and {names[j]} both start at '{self.graph.label(v)}'"
+                    if what == "start"
+                    else f"goals {i} and {j} are both '{self.graph.label(v)}'"
+                )
+        if len(self.start) != len(names) or len(self.goal_of) != len(names):
+            raise PlanError(f"{len(names)} robots have {len(self.start)} starts and {len(self.goal_of)} assignments")
+        given = self.goal_of[self.goal_of >= 0]
+        if (given >= len(self.goal)).any() or len(np.unique(given)) != len(given):
+            raise PlanError("two robots are assigned the same goal, or a goal that does not exist")
+        if not (np.isfinite(self.step_s) and self.step_s > 0):
+            raise PlanError(f"step_s is {self.step_s}, expected a number of seconds above 0")
+
+    @property
+    def num_robots(self) -> int:
+        return len(self.start)
+
+    @property
+    def is_assigned(self) -> bool:
+        return bool((self.goal_of >= 0).all())
+
+    @property
+    def target(self) -> IntArray:
+        """[R] goal vertex of each robot; its own start where it has no goal."""
+        if not len(self.goal):
+            return self.start
+        return np.where(self.goal_of >= 0, self.goal[np.maximum(self.goal_of, 0)], self.start)
+
+    def assigned(self, goal_of: IntArray) -> "Problem":
+        """The same problem with these assignments."""
+        return replace(self, goal_of=frozen(np.asarray(goal_of, np.int64)))

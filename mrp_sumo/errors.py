@@ -1,0 +1,57 @@
+"""The expected failures: what the command line prints in one line, with exit code 2.
+
+Every error carries one finished sentence for a person: the file or key, what was found, what was
+expected and, where it helps, the nearest right name. Nothing else in the package prints or exits.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class MrpSumoError(Exception):
+    """Bad input, or a request that cannot be met. `str(error)` is the line to show."""
+
+
+class ScenarioError(MrpSumoError):
+    """A scenario file that cannot be used; one line a fault in `lines`."""
+
+    def __init__(self, *lines: str) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = lines
+
+
+class MapError(MrpSumoError):
+    """A map that is refused."""
+
+
+class PlanError(MrpSumoError):
+    """A problem, plan or schedule that is refused."""
+
+
+class ExecutionError(MrpSumoError):
+    """An execution that is refused before the first step, or that SUMO ended."""
+
+
+def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
+    """The end of a message about an unknown name: the likeliest meant, else what is known.
+
+    Parameters
+    ----------
+    name
+        What the user wrote.
+    known
+        The right names, in any order.
+    limit
+        How many known names to list when none is close.
+    """
+    names = list(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.6)
+    if not close:  # 'Dock4' for 'dock_4': compare without case and punctuation
+        plain = {"".join(c for c in other.lower() if c.isalnum()): other for other in names}
+        close = [plain[k] for k in get_close_matches("".join(c for c in name.lower() if c.isalnum()), plain, n=1)]
+    if close:
+        return f" (did you mean '{close[0]}'?)"
+    if not names:
+        return ""
+    listed = ", ".join(names[:limit]) + (", ..." if len(names) > limit else "")
+    return f" (known: {listed})"
