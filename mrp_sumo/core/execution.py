@@ -51,7 +51,7 @@ class Execution:
 
     @property
     def num_robots(self) -> int:
-        return self.x_m.shape[1]
+        return int(self.x_m.shape[1])
 
     @property
     def all_at_goal(self) -> bool:

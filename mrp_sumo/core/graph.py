@@ -24,7 +24,6 @@ Options = Mapping[str, Any]
 NO_OPTIONS: Options = {}
 
 
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NavGraph:
     """Vertices and directed lanes, in the map's frame. V vertices, L lanes; arrays are read-only.
@@ -225,4 +224,5 @@ def _components(num_vertices: int, tail: IntArray, head: IntArray) -> IntArray:
     _, lowest, size = np.unique(label, return_index=True, return_counts=True)
     rank = np.empty(len(size), np.int64)
     rank[np.lexsort((lowest, -size))] = np.arange(len(size))
-    return rank[label]
+    numbered: IntArray = rank[label]
+    return numbered

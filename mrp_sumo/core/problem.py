@@ -29,7 +29,7 @@ class Problem:
         for what, at in (("start", self.start), ("goal", self.goal)):
             if ((at < 0) | (at >= num_vertices)).any():
                 raise PlanError(f"{what} {int(at[(at < 0) | (at >= num_vertices)][0])} is not a vertex of '{self.graph.name}'")
-            values, index, count = np.unique(at, return_index=True, return_counts=True)
+            values, count = np.unique(at, return_counts=True)
             if (count > 1).any():
                 v = int(values[count > 1][0])
                 i, j = np.flatnonzero(at == v)[:2]

@@ -1,0 +1,227 @@
+"""Judges plans. Knows the rules of the game and no planner.
+
+Rules (Stern et al., SoCS 2019, sections 2 and 3), stated on timed visits so that they hold for steps and
+for continuous time: a robot occupies a vertex from its arrival to its departure, both included, and a lane
+in between, ends excluded. It occupies its start from time 0 and its last vertex for ever.
+
+* vertex conflict: two robots occupy one vertex at one time;
+* edge conflict: two robots occupy a lane and its opposite, or one lane and overtake, at one time (a swap);
+* following conflict: a robot sets out for a vertex before the one on it has arrived elsewhere. It does not
+  make a plan invalid, but a ring of them (a rotation) cannot be executed in any order.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+
+EPSILON_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Two robots, `robot` before `other` by number, in conflict at `vertex` (edge: on the lane to `next_vertex`)."""
+
+    kind: str  # 'vertex', 'edge' or 'following'
+    robot: int
+    other: int
+    vertex: int
+    next_vertex: int  # -1 unless kind is 'edge': `robot` drives from vertex to next_vertex
+    t_s: float  # when it begins
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the referee found. A plan is valid without faults and without vertex and edge conflicts."""
+
+    faults: tuple[str, ...]  # not a plan for this problem at all: one line each
+    conflicts: tuple[Conflict, ...]  # vertex and edge, by time
+    following: tuple[Conflict, ...]  # by time
+
+    @property
+    def valid(self) -> bool:
+        return not self.faults and not self.conflicts
+
+    def count(self, kind: str) -> int:
+        """Number of conflicts of a kind."""
+        return Counter(c.kind for c in (*self.conflicts, *self.following))[kind]
+
+    def summary(self, problem: Problem, limit: int = 3) -> str:
+        """One line for a person: the first faults, else the first conflicts with robots, place and time."""
+        if self.faults:
+            return "; ".join(self.faults[:limit])
+        if not self.conflicts:
+            return "valid"
+        told = [describe(c, problem) for c in self.conflicts[:limit]]
+        return f"{len(self.conflicts)} conflicts: " + "; ".join(told) + ("; ..." if len(self.conflicts) > limit else "")
+
+
+def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None) -> Verdict:
+    """Judge a plan for a problem.
+
+    Parameters
+    ----------
+    problem
+        Starts, goals and the graph.
+    plan
+        Any plan, by whomever.
+    goal_of
+        [R] the assignment the plan claims, for planners that assign; the problem's by default.
+
+    Returns
+    -------
+    Verdict
+        Faults end the judgement: conflicts are looked for in a plan without faults only.
+    """
+    faults = _faults(problem, plan, problem.goal_of if goal_of is None else goal_of)
+    if faults:
+        return Verdict(tuple(faults), (), ())
+    vertex = _vertex_conflicts(plan)
+    edge = _edge_conflicts(plan, problem.graph.num_vertices)
+    following = _following_conflicts(plan)
+    return Verdict((), tuple(sorted(vertex + edge, key=_by_time)), tuple(sorted(following, key=_by_time)))
+
+
+def describe(conflict: Conflict, problem: Problem) -> str:
+    """The conflict in words, such as 'robot_1 and robot_4 meet at 'dock_2' at 12 s'."""
+    name, label = problem.fleet.robot_name, problem.graph.label
+    a, b, at = name[conflict.robot], name[conflict.other], f"at {conflict.t_s:g} s"
+    if conflict.kind == "vertex":
+        return f"{a} and {b} meet at '{label(conflict.vertex)}' {at}"
+    if conflict.kind == "edge":
+        return f"{a} and {b} swap between '{label(conflict.vertex)}' and '{label(conflict.next_vertex)}' {at}"
+    return f"{a} and {b} follow each other into '{label(conflict.vertex)}' {at}"
+
+
+def _faults(problem: Problem, plan: Plan, goal_of: IntArray) -> list[str]:
+    graph, names = problem.graph, problem.fleet.robot_name
+    if plan.num_robots != problem.num_robots:
+        return [f"the plan is for {plan.num_robots} robots, the problem has {problem.num_robots}"]
+    if (np.diff(plan.first) < 1).any():
+        return [f"{names[int(np.flatnonzero(np.diff(plan.first) < 1)[0])]} has no visit"]
+    outside = np.flatnonzero((plan.vertex < 0) | (plan.vertex >= graph.num_vertices))
+    if len(outside):
+        k = int(outside[0])
+        return [f"{names[plan.robot[k]]} visits vertex {plan.vertex[k]}, which the graph does not have"]
+    faults = []
+    target = np.where(goal_of >= 0, problem.goal[np.maximum(goal_of, 0)], -1) if len(problem.goal) else np.full(len(names), -1)
+    held = goal_of[goal_of >= 0]
+    if len(np.unique(held)) != len(held):
+        faults.append("two robots are assigned the same goal")
+    jump = np.flatnonzero(_without_lane(plan, graph))
+    faults += [
+        f"{names[plan.robot[k]]} jumps from '{graph.label(plan.vertex[k])}' to '{graph.label(plan.vertex[k + 1])}' "
+        f"at {plan.depart_s[k]:g} s: there is no lane"
+        for k in jump[:10]
+    ]
+    for robot, name in enumerate(names):
+        a, b = int(plan.first[robot]), int(plan.first[robot + 1])
+        if plan.vertex[a] != problem.start[robot]:
+            faults.append(f"{name} begins at '{graph.label(plan.vertex[a])}', not at its start '{graph.label(problem.start[robot])}'")
+        if target[robot] >= 0 and plan.vertex[b - 1] != target[robot]:
+            faults.append(f"{name} ends at '{graph.label(plan.vertex[b - 1])}', not at its goal '{graph.label(target[robot])}'")
+        if abs(plan.arrive_s[a]) > EPSILON_S:
+            faults.append(f"{name} begins at {plan.arrive_s[a]:g} s, not at 0 s")
+        if plan.depart_s[b - 1] != np.inf:
+            faults.append(f"{name} leaves its last vertex at {plan.depart_s[b - 1]:g} s")
+        moves = slice(a, b - 1)
+        if not np.isfinite(plan.arrive_s[a:b]).all() or not np.isfinite(plan.depart_s[moves]).all():
+            faults.append(f"{name} has a visit without a time")
+            continue
+        early = np.flatnonzero(plan.depart_s[moves] < plan.arrive_s[moves] - EPSILON_S)
+        if len(early):
+            k = a + int(early[0])
+            faults.append(
+                f"{name} leaves '{graph.label(plan.vertex[k])}' at {plan.depart_s[k]:g} s, before it arrives at {plan.arrive_s[k]:g} s"
+            )
+        fast = np.flatnonzero(plan.arrive_s[a + 1 : b] - plan.depart_s[moves] < problem.step_s - EPSILON_S)
+        if len(fast):
+            k = a + int(fast[0])
+            faults.append(
+                f"{name} needs {plan.arrive_s[k + 1] - plan.depart_s[k]:g} s from '{graph.label(plan.vertex[k])}' "
+                f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {problem.step_s:g} s"
+            )
+    return faults
+
+
+def _without_lane(plan: Plan, graph: NavGraph) -> BoolArray:
+    """[N] whether a visit is not its robot's last and no lane leads to the next."""
+    lanes = graph.tail * graph.num_vertices + graph.head  # ascending
+    inner = np.append(plan.robot[1:] == plan.robot[:-1], False)
+    wanted = plan.vertex * graph.num_vertices + np.append(plan.vertex[1:], 0)
+    at = np.minimum(np.searchsorted(lanes, wanted), max(len(lanes) - 1, 0))
+    return inner & (lanes[at] != wanted) if len(lanes) else inner
+
+
+def _vertex_conflicts(plan: Plan) -> list[Conflict]:
+    robot = plan.robot
+    pairs = _overlaps(plan.vertex, plan.arrive_s - EPSILON_S / 2, plan.depart_s + EPSILON_S / 2)
+    return [
+        _conflict("vertex", robot[i], robot[j], plan.vertex[i], -1, max(plan.arrive_s[i], plan.arrive_s[j]))
+        for i, j in pairs
+        if robot[i] != robot[j]
+    ]
+
+
+def _edge_conflicts(plan: Plan, num_vertices: int) -> list[Conflict]:
+    robot = plan.robot
+    k = np.flatnonzero(robot[1:] == robot[:-1])  # the moves, by the visit they begin at
+    tail, head = plan.vertex[k], plan.vertex[k + 1]
+    depart, arrive = plan.depart_s[k], plan.arrive_s[k + 1]
+    both = np.minimum(tail, head) * num_vertices + np.maximum(tail, head)
+    found = []
+    for i, j in _overlaps(both, depart + EPSILON_S / 2, arrive - EPSILON_S / 2):
+        if robot[k[i]] == robot[k[j]]:
+            continue
+        overtakes = (depart[i] - depart[j]) * (arrive[i] - arrive[j]) < 0
+        if tail[i] != tail[j] or overtakes:
+            told = i if robot[k[i]] < robot[k[j]] else j
+            found.append(_conflict("edge", robot[k[i]], robot[k[j]], tail[told], head[told], max(depart[i], depart[j])))
+    return found
+
+
+def _following_conflicts(plan: Plan) -> list[Conflict]:
+    """A visit claims its vertex from the departure towards it to the arrival at the next one."""
+    robot = plan.robot
+    inner = np.flatnonzero(robot[1:] == robot[:-1])
+    begin, end = plan.arrive_s.copy(), plan.depart_s.copy()
+    begin[inner + 1] = plan.depart_s[inner]
+    end[inner] = plan.arrive_s[inner + 1]
+    vertex_pairs = set(_overlaps(plan.vertex, plan.arrive_s - EPSILON_S / 2, plan.depart_s + EPSILON_S / 2))
+    pairs = _overlaps(plan.vertex, begin + EPSILON_S / 2, end - EPSILON_S / 2)
+    return [
+        _conflict("following", robot[i], robot[j], plan.vertex[i], -1, max(begin[i], begin[j]))
+        for i, j in pairs
+        if robot[i] != robot[j] and (i, j) not in vertex_pairs
+    ]
+
+
+def _overlaps(key: IntArray, begin: FloatArray, end: FloatArray) -> list[tuple[int, int]]:
+    """Pairs i < j of intervals [begin, end] of one key that overlap: sorted sweep, each against the still open."""
+    order = np.lexsort((begin, key))
+    key, begin, end = key[order], begin[order], end[order]
+    # most keys have no overlap: look at those only whose running latest end reaches a next beginning
+    span = 2 * (begin.max(initial=0) - begin.min(initial=0) + 1)
+    group = np.cumsum(np.append(0, key[1:] != key[:-1]))
+    latest = np.maximum.accumulate(group * span + np.minimum(end - begin.min(initial=0), span / 2))
+    reached = (key[1:] == key[:-1]) & (group[1:] * span + begin[1:] - begin.min(initial=0) <= latest[:-1])
+    pairs: list[tuple[int, int]] = []
+    for value in np.unique(key[1:][reached]):
+        still: list[int] = []
+        for j in range(*np.searchsorted(key, [value, value + 1])):
+            still = [i for i in still if end[i] >= begin[j]]
+            pairs += [(int(min(order[i], order[j])), int(max(order[i], order[j]))) for i in still]
+            still.append(j)
+    return pairs
+
+
+def _conflict(kind: str, robot: int, other: int, vertex: int, next_vertex: int, t_s: float) -> Conflict:
+    return Conflict(kind, int(min(robot, other)), int(max(robot, other)), int(vertex), int(next_vertex), float(t_s))
+
+
+def _by_time(conflict: Conflict) -> tuple[float, int, int, str]:
+    return conflict.t_s, conflict.robot, conflict.other, conflict.kind
