@@ -1,0 +1,17 @@
+"""Print the JSON schema of scenario files, for editors that complete and check YAML."""
+
+import argparse
+import json
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """No arguments."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the schema."""
+    from mrp_sumo.io.scenario import Scenario
+
+    schema = Scenario.model_json_schema()
+    print(json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2))
+    return 0

@@ -1,0 +1,354 @@
+"""One run, from scenario to run folder: the main path of the program, stage by stage.
+
+`set_up` refuses what cannot be planned: names the map does not have, robots that do not fit, goals that
+cannot be reached. From then on failures are results: a plan that is not found, an execution that does not
+arrive, are written like successes.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.referee import Verdict, judge
+from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError, nearest
+from mrp_sumo.io.scenario import Scenario, ScenarioFile, robot_type
+from mrp_sumo.maps.catalogue import bundled_folder, find_map
+from mrp_sumo.maps.load import Map, load_map
+from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
+from mrp_sumo.planning.protocol import Assigner, Planner
+from mrp_sumo.planning.registry import assigner, planner
+
+ASSIGNMENT = 3  # purpose of the stream of chance, beside those of planning.draw
+
+Progress = Callable[[str, float, float], None]  # (stage, done, of)
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """A scenario with its map loaded and its problem drawn. Nothing is planned yet."""
+
+    file: ScenarioFile
+    map: Map
+    problem: Problem
+    assigner: Assigner
+    planner: Planner
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.file.scenario
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What assignment and planning came to, judged."""
+
+    problem: Problem  # with the assignment the plan is for
+    result: PlanResult
+    verdict: Verdict | None  # of the plan, if there is one
+    assignment_time_s: float
+
+
+def set_up(file: ScenarioFile) -> SetUp:
+    """Load the map, fit the robots, draw or look up starts and goals.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, naming file and key.
+    """
+    scenario = file.scenario
+    map_ = _located(file, ("map",), lambda: _load(file))
+    graph = discretised(map_.nav, scenario)
+    model = _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder))
+    chosen_planner = _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters))
+    chosen_assigner = _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters))
+    _require_fit(file, graph, model)
+    start, goal = _places(file, map_.nav, graph)
+    fleet = fleet_of(model, len(start))
+    problem = _located(
+        file,
+        ("robots",),
+        lambda: Problem(
+            graph=graph,
+            fleet=fleet,
+            start=start,
+            goal=goal,
+            goal_of=np.full(len(start), -1),
+            step_s=scenario.planner.step_s or planned_step_s(graph, fleet, scenario.execution.step_length_s),
+            seed=scenario.seed,
+        ),
+    )
+    if scenario.robots.starts is not None:
+        _require_reachable(file, problem)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner)
+
+
+def discretised(nav: NavGraph, scenario: Scenario) -> PlanGraph:
+    """The nav graph as the scenario wants it planned on."""
+    from mrp_sumo.maps.grid import paper_grid
+    from mrp_sumo.maps.roadmap import cut_lanes
+
+    if isinstance(nav, PlanGraph):  # a grid map is one already
+        return nav
+    make = paper_grid if scenario.discretisation.kind == "grid" else cut_lanes
+    return make(nav, scenario.discretisation.cell_m)
+
+
+def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
+    """The time planned for a lane: the slowest robot drives the longest lane and turns by a right angle.
+
+    Every step of a plan can then be kept, at rest or in motion. Rounded up to whole simulation steps.
+    """
+    speed = np.minimum(graph.speed_mps, fleet.max_speed_mps.min())
+    drive = float((graph.length_m / speed).max()) if graph.num_lanes else 0.0
+    turn = math.pi / 2 / float(fleet.turn_rate_rad_s.min())
+    return round(math.ceil((drive + turn) / step_length_s - 1e-9) * step_length_s, 9)
+
+
+def solve(setup: SetUp) -> Solution:
+    """Assign and plan within the time limit, and judge the plan."""
+    scenario, problem = setup.scenario, setup.problem
+    began = time.perf_counter()
+    try:
+        if not setup.planner.assigns:
+            problem = problem.assigned(_assignment(setup))
+    except PlanError as error:
+        spent = time.perf_counter() - began
+        return Solution(problem, PlanResult(Status.INFEASIBLE, message=str(error)), None, spent)
+    assignment_time_s = time.perf_counter() - began
+    began = time.perf_counter()
+    setup.planner.prepare()
+    prepare_time_s = time.perf_counter() - began
+    result = setup.planner.plan(problem, scenario.planner.time_limit_s)
+    result = replace(result, prepare_time_s=prepare_time_s)
+    verdict = None
+    if result.goal_of is not None:
+        problem = problem.assigned(result.goal_of)
+    if result.plan is not None:
+        verdict = judge(problem, result.plan)
+    return Solution(problem, result, verdict, assignment_time_s)
+
+
+def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = None, gui: bool = False) -> dict[str, Any]:
+    """Run a scenario and write its run folder.
+
+    Parameters
+    ----------
+    file
+        The scenario.
+    out
+        The run folder; a run folder that is there already is replaced once the new one is complete.
+    progress
+        Called now and then with the stage and how far it is.
+    gui
+        Drive in sumo-gui, for people to look at.
+
+    Returns
+    -------
+    dict
+        What `result.json` holds.
+
+    Raises
+    ------
+    MrpSumoError
+        When the scenario cannot be run at all; nothing is written.
+    """
+    from mrp_sumo.io.run_folder import check_replaceable, write_run
+    from mrp_sumo.maps.costmap import costmap
+    from mrp_sumo.maps.sumo import build_network
+    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.evaluate import evaluate
+
+    def report(stage: str, done: float = 0.0, of: float = 0.0) -> None:
+        if progress:
+            progress(stage, done, of)
+
+    check_replaceable(out)
+    report("loading the map")
+    setup = set_up(file)
+    scenario = file.scenario
+    report("planning")
+    solution = solve(setup)
+    with TemporaryDirectory(prefix="mrp_sumo_") as scratch:
+        report("building the SUMO network")
+        network = build_network(solution.problem.graph, Path(scratch) / "network.net.xml")
+        execution, note = None, solution.result.message
+        if solution.result.plan is not None:
+            execution, note = _execute(scenario, solution, network, report, gui)
+        report("measuring")
+        metrics = evaluate(solution.problem, solution.result, solution.verdict, execution, **_measures(scenario, solution))
+        audited = audit(execution, solution.problem.fleet) if execution else None
+        report("writing the run folder")
+        return write_run(
+            out,
+            status=_status(solution, execution, audited),
+            note=note,
+            scenario=scenario,
+            problem=solution.problem,
+            result=solution.result,
+            verdict=solution.verdict,
+            execution=execution,
+            metrics=metrics,
+            audit=audited,
+            network=network,
+            nav=setup.map.nav,
+            costmap=costmap(setup.map.building, setup.map.nav.level_names[0]) if setup.map.building else None,
+        )
+
+
+def _execute(scenario: Scenario, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
+    """The execution, and a line on what was done otherwise than the scenario says."""
+    from mrp_sumo.sim.loop import simulate
+    from mrp_sumo.sim.policy import needs_sound_plan
+    from mrp_sumo.sim.settings import ExecutionSettings
+
+    plan, verdict = solution.result.plan, solution.verdict
+    assert plan is not None and verdict is not None
+    settings = ExecutionSettings(
+        policy=scenario.execution.policy,
+        step_length_s=scenario.execution.step_length_s,
+        time_limit_s=scenario.execution.time_limit_s,
+        record_period_s=scenario.record.period_s,
+        seed=scenario.seed,
+    )
+
+    def drive(settings: ExecutionSettings) -> Execution:
+        def progress(t_s: float, at_goal: int) -> None:
+            report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
+
+        return simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
+
+    unsound = ""
+    if needs_sound_plan(settings.policy):
+        if verdict.faults:
+            return None, f"not executed: {verdict.summary(solution.problem)}"
+        if not verdict.valid:
+            unsound = verdict.summary(solution.problem, limit=1)
+        else:
+            try:
+                return drive(settings), ""
+            except PlanError as error:  # a schedule that nobody can keep
+                unsound = str(error)
+        if scenario.execution.invalid_plan == "refuse":
+            return None, f"not executed: policy '{settings.policy}' needs a sound plan; {unsound}"
+        note = f"driven with open_loop, since policy '{settings.policy}' needs a sound plan; {unsound}"
+        return drive(replace(settings, policy="open_loop")), note
+    return drive(settings), ""
+
+
+def _status(solution: Solution, execution: Execution | None, audited: dict[str, Any] | None) -> str:
+    """How the run ended, in one word for machines."""
+    if solution.result.plan is None:
+        return f"planning_{solution.result.status}"
+    if execution is None:
+        return "refused"
+    if audited is not None and not audited["passed"]:
+        return "audit_failed"
+    return str(execution.outcome)
+
+
+def _measures(scenario: Scenario, solution: Solution) -> dict[str, float]:
+    return {
+        "assignment_time_s": solution.assignment_time_s,
+        "cell_m": scenario.discretisation.cell_m,
+        "goal_tolerance_m": scenario.execution.goal_tolerance_m,
+        "execution_time_limit_s": scenario.execution.time_limit_s,
+    }
+
+
+def _load(file: ScenarioFile) -> Map:
+    choice = file.scenario.map
+    path = find_map(choice.file, file.folder)
+    return load_map(path, graph=choice.graph, level=choice.level, meters_per_pixel=choice.meters_per_pixel)
+
+
+def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
+    fleet = fleet_of(model, 1)
+    shortest = float(graph.length_m.min(initial=np.inf))
+    if fleet.separation_m > shortest + 1e-9:
+        raise ScenarioError(
+            f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {fleet.separation_m:.3f} m between centres, "
+            f"the shortest step of '{graph.name}' is {shortest:.3f} m (raise discretisation.cell_m)"
+        )
+
+
+def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArray, IntArray]:
+    """Plan vertices of starts and goals, not assigned yet."""
+    robots = file.scenario.robots
+    if robots.starts is not None and robots.goals is not None:
+        count = len(robots.starts) if robots.count is None else robots.count
+        start = _looked_up(file, nav, graph, "starts", robots.starts[:count])
+        goal = _looked_up(file, nav, graph, "goals", robots.goals[:count])
+        if file.scenario.assignment.mode == "fixed" and len(goal) < len(start):
+            raise ScenarioError(f"{file.at('robots', 'goals')}: {len(goal)} goals for {len(start)} robots with a fixed assignment")
+        return start, goal
+    assert robots.count is not None
+    where = ("robots", "count")
+    if robots.draw == "uniform":
+        return _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed))
+    start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
+    return graph.vertex_of_station[start], graph.vertex_of_station[goal]
+
+
+def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: str, names: list[str]) -> IntArray:
+    faults, found = [], []
+    for i, name in enumerate(names):
+        vertex = nav.vertex_of_name.get(name)
+        if vertex is None:
+            known = [n for n in nav.vertex_name if n]
+            faults.append(f"{file.at('robots', key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
+        else:
+            found.append(int(graph.vertex_of_station[vertex]))
+    if faults:
+        raise ScenarioError(*faults)
+    return np.array(found, np.int64)
+
+
+def _require_reachable(file: ScenarioFile, problem: Problem) -> None:
+    """Named starts and goals that can never meet are a mistake in the file, not a hard problem."""
+    reach = np.isfinite(cost_matrix(problem.graph, problem.start, problem.goal, "path"))
+    label, name = problem.graph.label, problem.fleet.robot_name
+    if file.scenario.assignment.mode == "fixed":
+        reach = reach[:, : problem.num_robots] & np.eye(problem.num_robots, dtype=bool)
+    for robot in np.flatnonzero(~reach.any(1)) if len(problem.goal) >= problem.num_robots else ():
+        raise ScenarioError(
+            f"{file.at('robots', 'starts', int(robot))}: {name[robot]} cannot reach "
+            + (f"its goal '{label(problem.goal[robot])}'" if file.scenario.assignment.mode == "fixed" else "any goal")
+            + f" from '{label(problem.start[robot])}'"
+        )
+    for goal in np.flatnonzero(~reach.any(0)) if len(problem.goal) <= problem.num_robots else ():
+        raise ScenarioError(f"{file.at('robots', 'goals', int(goal))}: no robot can reach '{label(problem.goal[goal])}'")
+
+
+def _assignment(setup: SetUp) -> IntArray:
+    choice, problem = setup.scenario.assignment, setup.problem
+    match choice.mode:
+        case "fixed":
+            return np.arange(problem.num_robots, dtype=np.int64)
+        case "random":
+            goals = np.full(max(problem.num_robots, len(problem.goal)), -1)
+            goals[: len(problem.goal)] = np.random.default_rng([problem.seed, ASSIGNMENT]).permutation(len(problem.goal))
+            return goals[: problem.num_robots]
+        case _:
+            cost = cost_matrix(problem.graph, problem.start, problem.goal, choice.cost)
+            return setup.assigner.assign(cost, setup.scenario.planner.time_limit_s)
+
+
+def _located(file: ScenarioFile, place: tuple[str, ...], make: Callable[[], Any]) -> Any:
+    """What `make` makes; its refusal is told with file, line and key."""
+    try:
+        return make()
+    except MrpSumoError as error:
+        raise type(error)(*(f"{file.at(*place)}: {line}" for line in str(error).splitlines())) from None

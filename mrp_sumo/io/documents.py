@@ -1,0 +1,164 @@
+"""YAML documents with line numbers, checked against pydantic models with one line a fault.
+
+Refuses what is not UTF-8, not YAML, not a mapping, and keys given twice (YAML itself keeps the last).
+"""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from mrp_sumo.errors import ScenarioError, nearest
+
+MAX_BYTES = 4_000_000
+Model = TypeVar("Model", bound=BaseModel)
+Place = tuple[str | int, ...]  # keys and list positions from the top of a document
+
+
+class Document:
+    """A parsed YAML mapping that knows on which line each of its keys stands."""
+
+    def __init__(self, path: Path, content: dict[str, Any], line: dict[Place, int]) -> None:
+        self.path = path
+        self.content = content
+        self._line = line
+
+    def at(self, place: Place) -> str:
+        """`file:line: key.path[3]` of a place, or of the nearest place above it that is in the file."""
+        known = place
+        while known and known not in self._line:
+            known = known[:-1]
+        line = f":{self._line[known]}" if known in self._line else ""
+        dotted = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place).lstrip(".")
+        return f"{self.path.name}{line}: {dotted}" if dotted else f"{self.path.name}{line}"
+
+
+def read_document(path: Path) -> Document:
+    """Read a YAML file that holds one mapping.
+
+    Raises
+    ------
+    ScenarioError
+        One line with file and line number.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ScenarioError(f"{path}: {path.stat().st_size} bytes, expected a scenario of at most {MAX_BYTES}")
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        folder = path.parent if path.parent.is_dir() else Path()
+        raise ScenarioError(f"{path}: no such file{nearest(path.name, sorted(p.name for p in folder.glob('*.yaml')))}") from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
+    try:
+        node = yaml.compose(text, Loader=yaml.CSafeLoader)
+        content = yaml.load(text, Loader=yaml.CSafeLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f":{mark.line + 1}" if mark else ""
+        raise ScenarioError(f"{path.name}{line}: not YAML: {getattr(error, 'problem', None) or error}") from None
+    except (ValueError, RecursionError) as error:  # a date out of range; nesting
+        raise ScenarioError(f"{path.name}: not YAML: {error}") from None
+    if not isinstance(content, dict) or not isinstance(node, yaml.MappingNode):
+        raise ScenarioError(f"{path.name}: found {_kind(content)}, expected keys and values")
+    numbers: dict[Place, int] = {}
+    for place, number, twice in _places(node, (), 0):
+        if twice:
+            raise ScenarioError(f"{path.name}:{number}: key '{place[-1]}' is given twice")
+        numbers[place] = number
+    return Document(path, content, numbers)
+
+
+def validated(document: Document, model: type[Model], content: Any = None, options: Mapping[Place, str] | None = None) -> Model:
+    """The document as a model.
+
+    Parameters
+    ----------
+    document
+        Where line numbers come from.
+    model
+        Forbids unknown keys.
+    content
+        The document's own by default.
+    options
+        What to call a place instead of its line in the file: the command line option that set it.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault.
+    """
+    try:
+        return model.model_validate(document.content if content is None else content)
+    except ValidationError as error:
+        raise ScenarioError(*(_fault(document, model, options or {}, e) for e in error.errors())) from None
+
+
+def _fault(document: Document, model: type[BaseModel], options: Mapping[Place, str], error: ErrorDetails) -> str:
+    place = tuple(error["loc"])
+    where = options.get(place) or document.at(place)
+    found = error.get("input")
+    match error["type"]:
+        case "extra_forbidden":
+            parent = _model_at(model, error["loc"][:-1])
+            known = list(parent.model_fields) if parent else []
+            return f"{where}: unknown key{nearest(str(place[-1]), known, limit=20)}"
+        case "missing":
+            return f"{where}: missing"
+        case "literal_error":
+            expected = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+            meant = difflib.get_close_matches(str(found), expected, n=1)
+            told = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
+            return f"{where}: unknown value {found!r} ({told})"
+        case "model_type" | "dict_type":
+            return f"{where}: found {_kind(found)}, expected keys and values"
+        case "value_error":
+            return f"{where}: {error['ctx']['error']}"
+        case _:
+            expected = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+            return f"{where}: found {_kind(found)}, expected {expected}"
+
+
+def _model_at(model: type[BaseModel], loc: tuple[str | int, ...]) -> type[BaseModel] | None:
+    at: Any = model
+    for key in loc:
+        if not (isinstance(at, type) and issubclass(at, BaseModel) and key in at.model_fields):
+            return None
+        annotation = at.model_fields[str(key)].annotation
+        options = [annotation, *getattr(annotation, "__args__", ())]
+        at = next((o for o in options if isinstance(o, type) and issubclass(o, BaseModel)), None)
+    return at  # type: ignore[no-any-return]
+
+
+def _kind(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "keys and values"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    text = repr(value)
+    return text if len(text) < 60 else text[:57] + "..."
+
+
+def _places(node: yaml.Node, place: Place, depth: int) -> Iterator[tuple[Place, int, bool]]:
+    """(place, line, given twice) of every key and list item."""
+    if depth > 20:
+        return
+    if isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key, value in node.value:
+            at = (*place, str(key.value))
+            yield at, key.start_mark.line + 1, at in seen
+            seen.add(at)
+            yield from _places(value, at, depth + 1)
+    elif isinstance(node, yaml.SequenceNode):
+        for i, value in enumerate(node.value):
+            yield (*place, i), value.start_mark.line + 1, False
+            yield from _places(value, (*place, i), depth + 1)

@@ -1,0 +1,222 @@
+"""Scenario files: everything one run needs, as YAML.
+
+The models below are the format; `mrp-sumo schema` prints their JSON schema. Unknown keys, values of
+the wrong kind and figures out of range are refused, each in one line with its line number. What only
+the map can tell (names of vertices, robots that fit) is checked when the run is set up.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.io.documents import Document, Place, read_document, validated
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class MapChoice(_Strict):
+    """Which part of which map."""
+
+    file: str = Field(description="A map file, relative to the scenario, or the name of a bundled map.")
+    level: str | None = Field(None, description="Only this level; all levels by default.")
+    graph: Annotated[int, Field(ge=0, le=9)] | Literal["all"] | None = Field(
+        None, description="Nav graph index; 'all' unites the graphs. The lowest with lanes by default."
+    )
+    meters_per_pixel: Positive | None = Field(None, description="Scale of a building without measurements.")
+
+
+class Discretisation(_Strict):
+    """How the nav graph becomes a graph of unit steps."""
+
+    kind: Literal["grid", "roadmap"] = Field(
+        "grid", description="'grid': the occupancy grid of the MRP-Bench paper, lanes two cells wide; 'roadmap': lanes cut into steps."
+    )
+    cell_m: Positive = Field(0.4, description="Length of a step.")
+
+
+class RobotShape(_Strict):
+    """A robot type written out; see the files in robots/."""
+
+    length_m: Positive
+    width_m: Positive
+    max_speed_mps: Positive
+    accel_mps2: Positive
+    decel_mps2: Positive
+    turn_rate_rad_s: Positive
+    gap_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0.1, description="Kept between robots, on top of their radii.")
+    source: str = ""
+
+
+class Robots(_Strict):
+    """The fleet and where it starts and goes."""
+
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
+    type: str | RobotShape = Field("turtlebot3_burger", description="A type of robots/, a YAML file of the same form, or one written out.")
+    draw: Literal["uniform", "mrp_bench"] = Field(
+        "uniform",
+        description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable; "
+        "'mrp_bench': random.sample over the vertices with the seed (starts) and seed + 1 (goals), as MRP-Bench does.",
+    )
+    starts: list[str] | None = Field(None, description="Names of vertices, one a robot; an unnamed vertex is v<index>.")
+    goals: list[str] | None = Field(None, description="Names of vertices.")
+
+    @model_validator(mode="after")
+    def _enough(self) -> "Robots":
+        if (self.starts is None) != (self.goals is None):
+            raise ValueError("starts and goals go together: give both or neither")
+        if self.starts is None and self.count is None:
+            raise ValueError("give count, or starts and goals")
+        if self.starts is not None and self.count is not None and self.count > len(self.starts):
+            raise ValueError(f"count is {self.count}, but there are {len(self.starts)} starts")
+        return self
+
+
+class Assignment(_Strict):
+    """Who goes to which goal."""
+
+    mode: Literal["optimal", "random", "fixed"] = Field("optimal", description="'fixed': robot i to goal i.")
+    solver: str = Field("linear_sum_assignment", description="Assigner for 'optimal', such as mip or cp_sat.")
+    cost: Literal["euclidean", "manhattan", "path"] = "euclidean"
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the assigner.")
+
+
+class PlannerChoice(_Strict):
+    """The planner and what it may spend."""
+
+    name: str = "cbs"
+    time_limit_s: Positive = 60.0
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the planner.")
+    step_s: Positive | None = Field(
+        None, description="Planned time for a lane; by default its length at full speed plus a quarter turn, rounded up to the step length."
+    )
+
+
+class ExecutionChoice(_Strict):
+    """How the plan is driven in SUMO."""
+
+    policy: str = Field("adg", description="Who may enter which vertex when: adg, open_loop, ...")
+    invalid_plan: Literal["open_loop", "refuse"] = Field(
+        "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
+    )
+    step_length_s: Annotated[float, Field(gt=0, le=1)] = 0.1
+    time_limit_s: Positive = Field(300.0, description="Simulated time.")
+    goal_tolerance_m: Positive = Field(0.7, description="MRP-Bench's locationTolerance: a robot this near its goal has reached it.")
+
+
+class Recording(_Strict):
+    """What is kept of a run."""
+
+    period_s: Positive = Field(0.1, description="Between samples of the trajectory; a multiple of the step length.")
+    bag: bool = True
+    rmf_messages: Literal["galactic", "jazzy", "kilted"] = Field("jazzy", description="Generation of rmf_fleet_msgs in the bag.")
+
+
+class Scenario(_Strict):
+    """One problem and how to solve, execute and record it."""
+
+    name: str = Field("", pattern=r"^[\w.+-]*$", description="Of the run folder; the file's name by default.")
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    map: MapChoice
+    discretisation: Discretisation = Discretisation()
+    robots: Robots
+    assignment: Assignment = Assignment()
+    planner: PlannerChoice = PlannerChoice()
+    execution: ExecutionChoice = ExecutionChoice()
+    record: Recording = Recording()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_forms(cls, data: Any) -> Any:
+        """`map: office`, `planner: cbs` and `discretisation: grid` stand for their main key."""
+        if isinstance(data, dict):
+            for key, main in (("map", "file"), ("planner", "name"), ("discretisation", "kind")):
+                if isinstance(data.get(key), str):
+                    data = {**data, key: {main: data[key]}}
+        return data
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """A checked scenario, and where its values come from, for messages about them."""
+
+    scenario: Scenario
+    document: Document
+    options: Mapping[Place, str]  # command line options by the place they stand for
+
+    def at(self, *place: str | int) -> str:
+        """`file:line: key` of a place, or the command line option that set it."""
+        return self.options.get(place) or self.document.at(place)
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths begin."""
+        return self.document.path.parent
+
+
+def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None = None) -> ScenarioFile:
+    """Read and check a scenario file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    overrides
+        What the command line says instead: place -> (option, value), such as
+        `{("planner", "name"): ("--planner", "cbs")}`.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault, with file and line.
+    """
+    document = read_document(path)
+    scenario = validated(document, Scenario)
+    options = {place: option for place, (option, _) in (overrides or {}).items()}
+    if overrides:
+        data = scenario.model_dump()
+        for place, (_, value) in overrides.items():
+            at = data
+            for key in place[:-1]:
+                at = at[str(key)]
+            at[str(place[-1])] = value
+        scenario = validated(document, Scenario, data, options=options)
+    if not scenario.name:
+        scenario = scenario.model_copy(update={"name": path.stem})
+    return ScenarioFile(scenario, document, options)
+
+
+def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:
+    """The robot type that a scenario names or writes out.
+
+    Parameters
+    ----------
+    choice
+        Of the scenario.
+    folder
+        The bundled types, `<name>.yaml` each.
+    beside
+        Where a relative path begins.
+
+    Raises
+    ------
+    ScenarioError
+        For an unknown type and a flawed file.
+    """
+    if isinstance(choice, RobotShape):
+        return RobotType(name="custom", **choice.model_dump())
+    path = folder / f"{choice}.yaml"
+    if not path.is_file():
+        path = beside / choice
+        if not path.is_file():
+            known = nearest(choice, (p.stem for p in sorted(folder.glob("*.yaml"))))
+            raise ScenarioError(f"'{choice}' is neither a robot type nor a file{known}")
+    return RobotType(name=path.stem, **validated(read_document(path), RobotShape).model_dump())

@@ -1,0 +1,102 @@
+"""Scenario files: what is read, and the line a person gets for each fault."""
+
+import pytest
+
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.io.scenario import RobotShape, Scenario, read_scenario, robot_type
+
+GOOD = """\
+map: office
+robots:
+  count: 3
+planner:
+  name: cbs
+"""
+
+
+def written(tmp_path, text, name="case.yaml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+def lines_for(tmp_path, text):
+    with pytest.raises(ScenarioError) as caught:
+        read_scenario(written(tmp_path, text))
+    return str(caught.value).splitlines()
+
+
+def test_short_forms_and_defaults(tmp_path):
+    scenario = read_scenario(written(tmp_path, GOOD)).scenario
+    assert scenario.map.file == "office"
+    assert scenario.name == "case"
+    assert (scenario.planner.time_limit_s, scenario.execution.time_limit_s) == (60.0, 300.0)
+    assert (scenario.discretisation.kind, scenario.discretisation.cell_m) == ("grid", 0.4)
+
+
+def test_every_fault_is_one_line_with_its_line_number(tmp_path):
+    assert lines_for(tmp_path, "map: {file: office, grph: 0}\nrobots:\n  count: 0\nplaner: cbs\nexecution: 3\n") == [
+        "case.yaml:1: map.grph: unknown key (did you mean 'graph'?)",
+        "case.yaml:3: robots.count: found 0, expected greater than or equal to 1",
+        "case.yaml:5: execution: found 3, expected keys and values",
+        "case.yaml:4: planer: unknown key (did you mean 'planner'?)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "case.yaml: found nothing, expected keys and values"),
+        ("[1, 2]", "case.yaml: found a list of 2, expected keys and values"),
+        ("map: a\nmap: b\n", "case.yaml:2: key 'map' is given twice"),
+        ("map: [\n", "case.yaml:2: not YAML: did not find expected node content"),
+        (GOOD + "  time_limit_s: 0\n", "case.yaml:6: planner.time_limit_s: found 0, expected greater than 0"),
+        (GOOD + "  time_limit_s: .nan\n", "case.yaml:6: planner.time_limit_s: found nan, expected a finite number"),
+        ("map: office\nrobots: {}\n", "case.yaml:2: robots: give count, or starts and goals"),
+        ("map: office\nrobots: {starts: [a]}\n", "case.yaml:2: robots: starts and goals go together: give both or neither"),
+        (
+            "map: office\nrobots: {count: 2, draw: uniforn}\n",
+            "case.yaml:2: robots.draw: unknown value 'uniforn' (did you mean 'uniform'?)",
+        ),
+    ],
+)
+def test_fault_reads_well(tmp_path, text, line):
+    assert lines_for(tmp_path, text) == [line]
+
+
+def test_missing_file_names_the_nearest(tmp_path):
+    written(tmp_path, GOOD, "office_9.yaml")
+    with pytest.raises(ScenarioError, match=r"ofice_9.yaml: no such file \(did you mean 'office_9.yaml'\?\)"):
+        read_scenario(tmp_path / "ofice_9.yaml")
+
+
+def test_binary_file_is_refused(tmp_path):
+    path = tmp_path / "case.yaml"
+    path.write_bytes(b"map: \xff\xfe")
+    with pytest.raises(ScenarioError, match="not a text file in UTF-8"):
+        read_scenario(path)
+
+
+def test_command_line_overrides_are_checked_and_named(tmp_path):
+    path = written(tmp_path, GOOD)
+    file = read_scenario(path, {("seed",): ("--seed", 7), ("robots", "count"): ("--robots", 5)})
+    assert (file.scenario.seed, file.scenario.robots.count) == (7, 5)
+    assert file.at("robots", "count") == "--robots"
+    assert file.at("planner", "name") == "case.yaml:5: planner.name"
+    with pytest.raises(ScenarioError, match=r"^--robots: found -1, expected greater than or equal to 1$"):
+        read_scenario(path, {("robots", "count"): ("--robots", -1)})
+
+
+def test_robot_types(tmp_path):
+    written(tmp_path, "length_m: 1\nwidth_m: 1\nmax_speed_mps: 1\naccel_mps2: 1\ndecel_mps2: 1\nturn_rate_rad_s: 1\n", "big.yaml")
+    assert robot_type("big", tmp_path, tmp_path).name == "big"
+    shape = RobotShape(length_m=1, width_m=1, max_speed_mps=1, accel_mps2=1, decel_mps2=1, turn_rate_rad_s=1)
+    assert robot_type(shape, tmp_path, tmp_path).gap_m == 0.1
+    with pytest.raises(ScenarioError, match="did you mean 'big'"):
+        robot_type("bigg", tmp_path, tmp_path)
+
+
+def test_schema_describes_every_key():
+    schema = Scenario.model_json_schema()
+    assert set(schema["properties"]) == set(Scenario.model_fields)
+    assert schema["$defs"]["PlannerChoice"]["properties"]["time_limit_s"]["default"] == 60.0

@@ -1,0 +1,321 @@
+"""Draw the bundled maps: networks/{office,warehouse,airport}/<name>.building.yaml.
+
+    .venv/bin/python tools/make_networks.py [FOLDER]
+
+The layouts are this project's own. They have the key facts of Table I of the MRP-Bench paper (extent, vertices, edges) and are
+otherwise unlike its maps. Stations stand on a lattice of 0.4 m, the paper's cell, except for the westernmost and southernmost, which are
+0.2 m off it: so cells of 0.4 m counted from there have the lanes in their middle, never on the border between two.
+The same bytes come out every time.
+"""
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+from mrp_sumo.maps.drawing import Drawing
+
+HOLD = {"is_holding_point": True}
+PARK = {"is_parking_spot": True}
+CHARGE = {"is_charger": True, "is_parking_spot": True}
+
+
+def office() -> Drawing:
+    """Two corridors around desk islands, rooms on both sides: 29 vertices, 32 edges, 4 loops."""
+    d = Drawing("office", 21.5, 12.0)
+    cross = (2.4, 6.4, 10.8, 14.8, 19.2)
+    south_y, north_y = 4.8, 7.2
+
+    south = [d.station(x, south_y) for x in cross]
+    north = [d.station(x, north_y) for x in cross]
+    lobby = d.station(cross[0], 6.0, "lobby", **HOLD)
+    d.lane(d.station(0.6, 6.0, "entrance"), lobby)
+    d.lane(south[0], lobby, north[0])
+    for k in (1, 2, 3):
+        d.lane(south[k], north[k])
+    east = d.station(cross[4], 6.0)
+    d.lane(south[4], east, north[4])
+    d.lane(east, d.station(20.8, 6.0, "parking_1", **PARK))
+    d.lane(*south)
+    d.lane(north[0], north[1], d.station(8.8, north_y, "coffee_point", **HOLD), north[2], north[3], north[4])
+
+    d.lane(north[0], d.station(2.4, 8.8, "reception"))
+    d.lane(north[1], d.station(6.4, 9.6, "meeting_room_1"))
+    d.lane(north[2], d.station(10.8, 9.6, "meeting_room_2"))
+    d.lane(north[3], d.station(14.8, 9.6, "boardroom"), d.station(16.4, 9.6, "boardroom_screen"))
+    d.lane(north[4], d.station(19.2, 9.6, "print_room"))
+    d.lane(south[0], d.station(2.4, 2.0, "pantry"))
+    d.lane(south[1], d.station(6.4, 2.0, "office_1"))
+    d.lane(south[2], d.station(10.8, 2.0, "office_2"))
+    d.lane(south[3], d.station(14.8, 2.0, "supply_room", pickup_dispenser="supply_dispenser"))
+    hub = d.lane(south[4], d.station(19.2, 2.4, "charging_room"))
+    d.lane(hub, d.station(17.6, 2.4, "charger_1", **CHARGE))
+    d.lane(hub, d.station(19.2, 0.6, "charger_2", **CHARGE))
+    d.lane(hub, d.station(20.8, 2.4, "charger_3", **CHARGE))
+
+    d.floor((0, 0), (21.5, 0), (21.5, 12), (0, 12))
+    d.wall((0, 0), (0, 12), gaps=[(6.0, 1.8)])
+    d.wall((0, 12), (21.5, 12), (21.5, 0), (0, 0))
+    d.wall((0, 3.6), (21.5, 3.6), gaps=[(2.4, 2.0), (6.4, 1.1), (10.8, 1.1), (14.8, 1.2), (19.2, 1.6)])
+    for x in (4.4, 8.4, 12.8, 16.4):
+        d.wall((x, 0), (x, 3.6))
+    d.wall((4.4, 8.4), (21.5, 8.4), gaps=[(6.4, 1.1), (10.8, 1.1), (14.8, 1.6), (19.2, 1.2)])
+    for x in (4.4, 8.6, 12.6, 17.6):
+        d.wall((x, 8.4), (x, 12))
+    d.door((0, 5.1), (0, 6.9), "main_entrance", "double_sliding")
+    d.door((5.85, 8.4), (6.95, 8.4), "meeting_room_1_door")
+    d.door((10.25, 8.4), (11.35, 8.4), "meeting_room_2_door")
+    d.door((14.0, 8.4), (15.6, 8.4), "boardroom_door", "double_hinged")
+    d.door((6.95, 3.6), (5.85, 3.6), "office_1_door")
+    d.door((11.35, 3.6), (10.25, 3.6), "office_2_door")
+
+    for x0, x1 in ((3.6, 5.2), (7.6, 9.6), (12.0, 13.6), (16.0, 18.0)):  # desk islands between the corridors
+        d.box(x0, 5.5, x1, 6.5)
+        d.wall((x0, 6.0), (x1, 6.0))
+        d.wall(((x0 + x1) / 2, 5.5), ((x0 + x1) / 2, 6.5))
+    d.wall((0.9, 11.0), (0.9, 9.8), (3.6, 9.8), (3.6, 10.4), (1.5, 10.4), (1.5, 11.0), (0.9, 11.0))  # reception desk
+    d.box(5.3, 10.5, 7.7, 11.3)
+    d.box(9.4, 10.5, 11.8, 11.3)
+    d.box(13.3, 10.4, 16.9, 11.4)
+    d.box(17.8, 11.2, 21.3, 11.8)  # printers
+    d.box(0.2, 0.2, 4.2, 0.8)  # kitchen counter
+    d.box(0.5, 1.6, 1.3, 2.6)
+    d.box(5.2, 0.4, 7.6, 1.1)
+    d.box(9.4, 0.4, 11.8, 1.1)
+    d.box(13.0, 0.2, 16.2, 0.7)  # shelves
+    d.box(13.0, 1.2, 13.5, 3.2)
+    d.box(15.9, 1.2, 16.2, 3.2)
+    return d
+
+
+def warehouse() -> Drawing:
+    """Seven aisles between racks, docks and packing to the south, chargers to the north: 54 vertices, 59 edges, 6 loops."""
+    d = Drawing("warehouse", 22.0, 27.0)
+    aisles = (2.6, 5.6, 8.4, 11.2, 14.0, 16.8, 19.6)
+    front_y, back_y = 8.4, 24.0
+
+    front = [d.station(x, front_y) for x in aisles]
+    back = [d.station(x, back_y) for x in aisles]
+    for k, x in enumerate(aisles):
+        letter = "abcdefg"[k]
+        d.lane(front[k], *(d.station(x, y, f"pick_{letter}{i}") for i, y in enumerate((12.0, 16.0, 20.4), 1)), back[k])
+    d.lane(*front)
+    d.lane(*back)
+    for k, x in enumerate(aisles):
+        d.lane(back[k], d.station(x, 25.6, f"charger_{k + 1}", **CHARGE) if k < 4 else d.station(x, 25.6, f"parking_{k - 3}", **PARK))
+
+    for k, beside, zone, docks in ((0, 1, "receiving", (1, 2)), (6, 5, "shipping", (4, 3))):
+        near = d.lane(front[k], d.station(aisles[k], 4.8, zone, **HOLD))
+        far = d.lane(near, d.station(aisles[beside], 4.8, f"{zone}_staging", **HOLD))
+        d.lane(near, d.station(aisles[k], 1.8, f"dock_{docks[0]}"))
+        d.lane(far, d.station(aisles[beside], 1.8, f"dock_{docks[1]}"))
+    d.lane(front[2], d.station(aisles[2], 6.0, "packing_1"))
+    d.lane(front[4], d.station(aisles[4], 6.0, "packing_2"))
+    d.lane(front[3], d.station(aisles[3], 4.8, "office_hatch", **HOLD), d.station(aisles[3], 2.2, "office"))
+
+    d.floor((0, 0), (22, 0), (22, 27), (0, 27), texture="concrete")
+    gates = [aisles[k] for k in (0, 1, 5, 6)]
+    d.wall((0, 0), (22, 0), gaps=[(x, 2.2) for x in gates])
+    d.wall((22, 0), (22, 27), (0, 27), (0, 0))
+    for k, x in enumerate(gates, 1):
+        d.door((x - 1.1, 0), (x + 1.1, 0), f"dock_gate_{k}", "sliding")
+
+    rack_y = [9.6 + 1.2 * i for i in range(12)]  # eleven bays of 1.2 m
+    middles = [0.98, *((a + b) / 2 for a, b in pairwise(aisles)), 21.02]
+    for k, x in enumerate(middles):
+        half = 0.6 if 0 < k < 7 else 0.42
+        d.box(x - half, rack_y[0], x + half, rack_y[-1])
+        if 0 < k < 7:  # back to back
+            d.wall((x, rack_y[0]), (x, rack_y[-1]))
+        for y in rack_y[1:-1]:
+            d.wall((x - half, y), (x + half, y))
+    for x in middles[1:4]:  # between the chargers
+        d.wall((x, 25.4), (x, 27))
+
+    d.wall((9.4, 3.6), (12.9, 3.6), gaps=[(11.2, 1.2)])  # the office
+    d.wall((9.4, 3.6), (9.4, 0))
+    d.wall((12.9, 3.6), (12.9, 0))
+    d.box(9.8, 0.4, 12.5, 1.1)
+    for x in (aisles[2], aisles[4]):
+        d.box(x - 1.0, 4.2, x + 1.0, 5.0)
+    for x0 in (3.6, 17.7):  # pallets between the gates
+        for y0 in (0.5, 1.6, 2.7):
+            d.box(x0, y0, x0 + 1.0, y0 + 0.8)
+    for y0 in (4.4, 5.6, 6.8):
+        d.box(0.3, y0, 1.1, y0 + 0.9)
+        d.box(20.9, y0, 21.7, y0 + 0.9)
+    return d
+
+
+def airport() -> Drawing:
+    """A concourse of two lanes, gates on both sides, a terminal hall to the south: 210 vertices, 244 edges, 35 loops."""
+    d = Drawing("airport", 282.0, 64.0)
+    link_x = [6.0 + 18.0 * k for k in range(16)]
+    middle_x = [x + 8.8 for x in link_x[:-1]]
+    south_y, north_y = 38.0, 42.0
+    wings = [0, 1, 2, 3, 4, 11, 12, 13, 14, 15]  # cross links with a gate to the south
+    hall_x = sorted(link_x[6:10] + middle_x[6:9])
+
+    # concourse
+    south = [d.station(x, south_y) for x in link_x]
+    north = [d.station(x, north_y) for x in link_x]
+    south_middle = [d.station(x, south_y, f"concourse_south_{k}", **HOLD) for k, x in enumerate(middle_x, 1)]
+    north_middle = [d.station(x, north_y, f"concourse_north_{k}", **HOLD) for k, x in enumerate(middle_x, 1)]
+    for row, between in ((south, south_middle), (north, north_middle)):
+        d.lane(*(s for pair in zip(row, between) for s in pair), row[-1])
+    for a, b in zip(south, north):
+        d.lane(a, b)
+    for x, name, k in ((2.2, "west", 0), (279.6, "east", -1)):
+        d.lane(
+            south[k],
+            d.station(x, south_y, f"{name}_lounge", **PARK),
+            d.station(x, north_y, f"{name}_viewpoint", **PARK),
+            north[k],
+        )
+
+    # gates
+    for k, x in enumerate(link_x):
+        d.lane(north[k], d.station(x, 49.2), d.station(x, 56.4, f"gate_{k + 1}"))
+    for number, k in enumerate(wings, 17):
+        d.lane(south[k], d.station(link_x[k], 31.2), d.station(link_x[k], 24.4, f"gate_{number}"))
+
+    # rooms between the gates
+    north_rooms = (
+        "restrooms_1 bookshop cafe_1 pharmacy restrooms_2 duty_free jewellery restrooms_3 "
+        "cafe_2 toys restrooms_4 chapel cafe_3 nursery restrooms_5"
+    )
+    for k, name in enumerate(north_rooms.split()):
+        d.lane(north_middle[k], d.station(middle_x[k], 48.8, name))
+    south_rooms = "cleaning_1 pizzeria restrooms_6 newsagent lost_property restrooms_7 bank first_aid sushi cleaning_2"
+    for k, name in zip((0, 1, 2, 3, 4, 10, 11, 12, 13, 14), south_rooms.split()):
+        d.lane(south_middle[k], d.station(middle_x[k], 31.6, name))
+    for k, name in ((5, "parking_west"), (10, "parking_east")):
+        d.lane(south[k], d.station(link_x[k], 31.6, name, **PARK))
+    for number, k in enumerate((1, 3, 5, 7, 9, 11, 13), 1):
+        d.lane(south_middle[k], d.station(middle_x[k], 40.0, f"kiosk_{number}"))
+
+    # terminal hall: security, check-in, baggage reclaim, entrances
+    inner, middle, outer = ([d.station(x, y) for x in hall_x] for y in (26.0, 16.0, 6.0))
+    for row in (inner, middle, outer):
+        d.lane(*row)
+    concourse = sorted(south[6:10] + south_middle[6:9], key=lambda s: d.stations[s][0])
+    for k, x in enumerate(hall_x):
+        d.lane(concourse[k], d.station(x, 32.0, f"security_{k + 1}", **HOLD), inner[k])
+        d.lane(inner[k], d.station(x, 21.2, f"check_in_{k + 1}"), middle[k])
+        d.lane(middle[k], d.station(x, 11.2, f"reclaim_{k + 1}"), outer[k])
+    for number, k in enumerate((0, 2, 4, 6), 1):
+        d.lane(outer[k], d.station(hall_x[k], 1.8, f"entrance_{number}"))
+    for x, side, k, names in ((106.0, -1, 0, ("car_rental", "tourist_information")), (176.0, 1, -1, ("police", "taxi_desk"))):
+        hub = d.lane(inner[k], d.station(x, 26.0))
+        first = 1 if side < 0 else 4
+        for number, (dx, dy) in enumerate(((0, 3.2), (2.4 * side, 0), (0, -3.2)), first):
+            d.lane(hub, d.station(x + dx, 26.0 + dy, f"charger_{number}", **CHARGE))
+        d.lane(middle[k], d.station(x, 16.0, names[0]))
+        d.lane(outer[k], d.station(x, 6.0, names[1]))
+
+    _airport_walls(d, link_x, middle_x, wings, hall_x)
+    return d
+
+
+def _airport_walls(d: Drawing, link_x: list[float], middle_x: list[float], wings: list[int], hall_x: list[float]) -> None:
+    d.floor((0, 34), (282, 34), (282, 46), (0, 46), texture="carpet")
+    d.floor((102, 0), (180, 0), (180, 34), (102, 34), texture="marble")
+    d.wall((0, 34), (0, 46))
+    d.wall((282, 34), (282, 46))
+    d.wall((0, 46), (282, 46), gaps=[(x, 8.0) for x in link_x] + [(x, 2.4) for x in middle_x])
+    rooms = [middle_x[k] for k in (0, 1, 2, 3, 4, 10, 11, 12, 13, 14)] + [link_x[5], link_x[10]]
+    d.wall((0, 34), (282, 34), gaps=[(link_x[k], 8.0) for k in wings] + [(x, 2.4) for x in rooms + hall_x])
+
+    for k, x in enumerate(link_x):
+        _gate_bay(d, x, 46.0, 60.0, 64.0)
+        if k in wings:
+            _gate_bay(d, x, 34.0, 20.8, 16.4)
+    for x in middle_x:  # rooms fill what the bays leave
+        k = middle_x.index(x)
+        d.wall((link_x[k] + 6, 53), (link_x[k + 1] - 6, 53))
+        d.floor((link_x[k] + 6, 46), (link_x[k + 1] - 6, 46), (link_x[k + 1] - 6, 53), (link_x[k] + 6, 53), texture="tiles")
+    for k in (0, 1, 2, 3, 10, 11, 12, 13, 14, 4):
+        left, right = link_x[k] + 6, link_x[k + 1] - 6
+        d.wall((left, 34), (left, 28), (right, 28), (right, 34))
+        d.floor((left, 28), (right, 28), (right, 34), (left, 34), texture="tiles")
+    for x0, x1 in ((90, 102), (180, 192)):
+        d.wall((x0, 28), (x1, 28))
+        d.floor((x0, 28), (x1, 28), (x1, 34), (x0, 34), texture="tiles")
+
+    for k, x in enumerate(link_x[:-1]):  # moving walkways, and kiosks in every other stretch
+        if k % 2 == 0:
+            d.box(x + 2, 39.3, x + 16, 40.7)
+            d.wall((x + 2, 40), (x + 16, 40))
+        else:
+            _oval(d, x + 4.4, 40, 1.6, 0.7)
+            _oval(d, x + 13.4, 40, 1.6, 0.7)
+
+    d.wall((102, 0), (102, 34))
+    d.wall((180, 0), (180, 34))
+    d.wall((102, 0), (180, 0), gaps=[(hall_x[k], 4.0) for k in (0, 2, 4, 6)])
+    for number, k in enumerate((0, 2, 4, 6), 1):
+        d.door((hall_x[k] - 2, 0), (hall_x[k] + 2, 0), f"entrance_door_{number}", "double_sliding")
+    for x in hall_x:  # scanners beside each security lane
+        d.box(x - 2.2, 30.2, x - 1.2, 33.4)
+        d.box(x + 1.2, 30.2, x + 2.2, 33.4)
+    for a, b in pairwise(hall_x):
+        middle = (a + b) / 2
+        d.wall((a + 2.2, 31.8), (b - 2.2, 31.8))
+        d.box(middle - 1.6, 17.8, middle + 1.6, 24.2)  # check-in island
+        d.wall((middle, 17.8), (middle, 24.2))
+        for y in (19.4, 21.0, 22.6):
+            d.wall((middle - 1.6, y), (middle + 1.6, y))
+        _oval(d, middle, 11.0, 1.9, 3.2)  # carousel
+        _oval(d, middle, 11.0, 1.0, 2.3)
+    for wall_x, door_x in ((102, 110), (180, 172)):  # charging rooms and offices on both sides of the hall
+        d.wall((door_x, 20), (door_x, 32), gaps=[(26.0, 2.4)])
+        d.wall((wall_x, 32), (door_x, 32))
+        d.wall((wall_x, 20), (door_x, 20))
+        d.wall((door_x, 0), (door_x, 20), gaps=[(16.0, 2.4), (6.0, 2.4)])
+        d.wall((wall_x, 11), (door_x, 11))
+
+
+def _gate_bay(d: Drawing, x: float, inside_y: float, glass_y: float, tip_y: float) -> None:
+    """Side walls, rows of seats, the desk, and the jet bridge out to the aircraft."""
+    out = 1 if glass_y > inside_y else -1
+    d.floor((x - 6, inside_y), (x + 6, inside_y), (x + 6, glass_y), (x - 6, glass_y), texture="carpet")
+    left, right = max(x - 6, 0.0), min(x + 6, 282.0)
+    d.wall((left, inside_y), (left, glass_y))
+    d.wall((right, glass_y), (right, inside_y))
+    d.wall((left, glass_y), (right, glass_y), gaps=[(x + 2.5, 2.0)])
+    d.wall((x + 1.5, glass_y), (x + 1.5, glass_y + out), (x - 1.0, tip_y), (x + 1.0, tip_y), (x + 3.5, glass_y + out), (x + 3.5, glass_y))
+    for k in range(3):
+        y = inside_y + out * (4.4 + 2.2 * k)
+        for x0 in (x - 5.0, x + 1.8):
+            d.box(x0, min(y, y + 0.8 * out), x0 + 3.2, max(y, y + 0.8 * out))
+            d.wall((x0, y + 0.4 * out), (x0 + 3.2, y + 0.4 * out))
+    d.box(x - 4.4, min(glass_y - 1.8 * out, glass_y - 2.4 * out), x - 1.4, max(glass_y - 1.8 * out, glass_y - 2.4 * out))
+
+
+def _oval(d: Drawing, x: float, y: float, half_x: float, half_y: float) -> None:
+    """An octagon with two long sides."""
+    cut = min(half_x, half_y) * 0.6
+    d.wall(
+        (x - half_x + cut, y - half_y),
+        (x + half_x - cut, y - half_y),
+        (x + half_x, y - half_y + cut),
+        (x + half_x, y + half_y - cut),
+        (x + half_x - cut, y + half_y),
+        (x - half_x + cut, y + half_y),
+        (x - half_x, y + half_y - cut),
+        (x - half_x, y - half_y + cut),
+        (x - half_x + cut, y - half_y),
+    )
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent.parent / "networks"
+    for draw in (office, warehouse, airport):
+        drawing = draw()
+        path = folder / drawing.name / f"{drawing.name}.building.yaml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        drawing.write(path)
+        print(f"{path}: {len(drawing.stations)} vertices, {len(drawing.lanes)} edges, {len(drawing.walls)} walls")
+
+
+if __name__ == "__main__":
+    main()

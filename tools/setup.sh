@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Make .venv with the locked versions; does nothing when it is up to date.
+#   tools/setup.sh [test]
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+extra=${1:+[$1]}
+# the test extra holds all that a plain installation has
+for have in "" "[test]"; do
+  stamp=.venv/installed$have
+  if [ -e "$stamp" ] && { [ -z "$extra" ] || [ "$have" = "$extra" ]; } && cat pyproject.toml constraints.txt | cmp -s - "$stamp"; then
+    exit 0
+  fi
+done
+python=${PYTHON:-python3}
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "setup: $("$python" --version) found, Python 3.11 or later needed" >&2; exit 2; }
+echo "setting up .venv (once; about a minute) ..." >&2
+[ -x .venv/bin/python ] || "$python" -m venv .venv
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".$extra" 2> >(grep -v '^WARNING' >&2)
+cat pyproject.toml constraints.txt > ".venv/installed$extra"
