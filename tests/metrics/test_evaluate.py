@@ -1,0 +1,143 @@
+"""Metrics of a run, on a corridor where every number is known by hand."""
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.referee import judge
+from mrp_sumo.metrics.audit import audit
+from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT, evaluate
+
+NAMES = [
+    "plan_success",
+    "plan_valid",
+    "planning_time_s",
+    "assignment_time_s",
+    "makespan_steps",
+    "cost_steps",
+    "soc_steps",
+    "lower_bound_steps",
+    "num_robots",
+    "goals_reached",
+    "all_goals_reached",
+    "execution_time_s",
+    "execution_timed_out",
+    "min_distance_m",
+    "min_distance_at_start_m",
+    "min_distance_delta_m",
+    "time_blocked_total_s",
+    "time_blocked_s",
+    "min_clearance_m",
+    "num_overlaps",
+    "lateness_mean_s",
+    "lateness_p95_s",
+    "lateness_max_s",
+    "sim_time_s",
+    "wall_time_s",
+    "cpu_time_s",
+    "real_time_factor",
+    "robot_seconds_per_cpu_second",
+]
+CART = RobotType("cart", 0.2, 0.2, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)
+
+
+def corridors():
+    """Two corridors of six cells, 1 m apart, robots driving along both from x = 0 to x = 5."""
+    xy = [(x, y) for y in (0.0, 1.0) for x in range(6)]
+    pairs = [(6 * row + i, 6 * row + i + 1) for row in range(2) for i in range(5)]
+    nav = nav_graph(name="two", xy=xy, lanes=pairs + [(b, a) for a, b in pairs])
+    graph = PlanGraph(**vars(nav), kind="grid", cell_m=1.0, vertex_of_station=np.arange(12))
+    start, goal = np.array([0, 6]), np.array([5, 11])
+    return Problem(graph=graph, fleet=fleet_of(CART, 2), start=start, goal=goal, goal_of=np.array([0, 1]), step_s=1.0)
+
+
+def planned():
+    """The second robot waits a step at its start."""
+    plan = plan_of_paths([[0, 1, 2, 3, 4, 5], [6, 6, 7, 8, 9, 10, 11]], 1.0)
+    return PlanResult(Status.SOLVED, plan=plan, planning_time_s=0.25, lower_bound_steps=10)
+
+
+def driven(problem, plan, late_s):
+    """Both at 1 m/s as planned, the second `late_s` behind its plan."""
+    t = np.arange(0, 12.05, 0.1)
+    x = np.stack((np.clip(t, 0, 5), np.clip(t - 1 - late_s, 0, 5)), 1)
+    y = np.broadcast_to([0.0, 1.0], x.shape)
+    arrived = plan.arrive_s + np.where(plan.robot == 1, late_s, 0.0)
+    arrived[plan.first[:-1]] = 0
+    still = np.zeros(x.shape)
+    return Execution(t, x, y, still, still, arrived, np.array([5.0, 6.0 + late_s]), Outcome.COMPLETED, "adg", 12.0, 0.5, 0.25)
+
+
+def test_every_metric_is_there_and_right():
+    problem, result = corridors(), planned()
+    execution = driven(problem, result.plan, late_s=2.0)
+    found = evaluate(
+        problem, result, judge(problem, result.plan), execution, audit(execution, problem.fleet), assignment_time_s=0.1, time_limit_s=300
+    )
+    assert set(NAMES) <= set(found)
+    assert set(MACHINE_DEPENDENT) <= set(found)
+    expected = {
+        "plan_success": True,
+        "plan_valid": True,
+        "planning_time_s": 0.25,
+        "assignment_time_s": 0.1,
+        "makespan_steps": 7,  # the longer list has seven cells
+        "cost_steps": 13,
+        "soc_steps": 11,
+        "lower_bound_steps": 10,
+        "makespan_smoothed_steps": 7,  # no corners, and a wait goes only where it is two steps long
+        "makespan_s": 6.0,
+        "num_robots": 2,
+        "goals_reached": 2,
+        "robots_at_goal": 2,
+        "all_goals_reached": True,
+        # the first robot is 0.7 m from its start at 1.0 s, the second 0.7 m from its goal at 7.3 s, seen at 7.5 s
+        "execution_time_s": 6.5,
+        "execution_timed_out": False,
+        "min_distance_m": 1.0,
+        "min_distance_at_start_m": 1.0,
+        "min_distance_delta_m": 0.0,
+        "time_blocked_total_s": 0.0,
+        "time_blocked_s": [0.0, 0.0],
+        "num_overlaps": 0,
+        "min_clearance_m": pytest.approx(0.8),
+        "lateness_mean_s": 1.0,
+        "lateness_max_s": 2.0,
+        "lateness_p95_s": 2.0,
+        "sim_time_s": 12.0,
+        "real_time_factor": 24.0,
+        "robot_seconds_per_cpu_second": 96.0,
+    }
+    assert {key: found[key] for key in expected} == expected
+
+
+def test_without_a_plan_there_is_nothing_to_measure_and_names_stay():
+    problem = corridors()
+    found = evaluate(problem, PlanResult(Status.TIMED_OUT, planning_time_s=60.0), None, None)
+    assert set(NAMES) <= set(found)
+    assert found["plan_success"] is False
+    assert {k for k, v in found.items() if v is not None} == {
+        "num_robots", "plan_success", "planning_time_s", "prepare_time_s", "lower_bound_steps",
+    }  # fmt: skip
+
+
+def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
+    problem, result = corridors(), planned()
+    execution = driven(problem, result.plan, late_s=0.0)
+    x = np.minimum(execution.x_m, [5.0, 3.0])  # the second stops two cells early
+    execution = Execution(**{**vars(execution), "x_m": x, "goal_s": np.array([5.0, np.nan])})
+    found = evaluate(problem, result, judge(problem, result.plan), execution, time_limit_s=300)
+    assert found["goals_reached"] == found["robots_at_goal"] == 1
+    assert found["execution_timed_out"] and found["execution_time_s"] == 300
+    assert found["time_blocked_s"][0] == 0 < found["time_blocked_s"][1] == found["time_blocked_total_s"]
+
+
+def test_positions_are_those_of_float32_messages():
+    problem, result = corridors(), planned()
+    execution = driven(problem, result.plan, late_s=0.0)
+    moved = Execution(**{**vars(execution), "y_m": np.add(execution.y_m, [0.0, 1e-9])})  # float32 does not see a nanometre
+    assert evaluate(problem, result, None, moved)["min_distance_m"] == 1.0
