@@ -1,0 +1,159 @@
+"""Makes the SUMO network of a graph with netconvert: one lane of the graph is one SUMO edge.
+
+Without internal links, unregulated, with every connection written out and lane shapes straight from
+vertex to vertex, so that travel times are the plan's, short lanes and U-turns work, and positions do not
+jump. SUMO does not protect vertices in such a network: the executor does. Refuses a graph without
+lanes; vertices without lanes are left out.
+"""
+
+import os
+import re
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.building import WALL_THICKNESS_M, Building
+
+NO_LIMIT_MPS = 30.0  # above any robot: the edge's speed would cap the commanded one
+LANE_WIDTH_M = 0.3  # drawn only
+
+
+def edge_name(tail: int, head: int) -> str:
+    """The SUMO edge of the lane from vertex `tail` to vertex `head`: `e7_9`."""
+    return f"e{tail}_{head}"
+
+
+def lane_ends(edge: str) -> tuple[int, int]:
+    """Tail and head vertex of the lane whose SUMO edge this is."""
+    tail, head = edge.removeprefix("e").split("_")
+    return int(tail), int(head)
+
+
+def build_network(graph: NavGraph, path: Path, building: Building | None = None) -> Path:
+    """Write the SUMO network of a graph.
+
+    Parameters
+    ----------
+    graph
+        What robots drive on; its vertex v is the SUMO junction `n<v>`.
+    path
+        The file to write, whole or not at all; usually `<name>.net.xml`.
+    building
+        Its floors and walls go to `<name>.poly.xml` beside it, as a backdrop for sumo-gui.
+
+    Returns
+    -------
+    path
+        The same.
+
+    Raises
+    ------
+    MapError
+        For a graph without lanes, and when netconvert fails.
+    """
+    path = Path(path)
+    if not graph.num_lanes:
+        raise MapError(f"'{graph.name}' has no lanes, so there is no network to make")
+    edges = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        (work / "x.nod.xml").write_text(_document("nodes", _nodes(graph)))
+        (work / "x.edg.xml").write_text(_document("edges", _edges(graph, edges)))
+        (work / "x.con.xml").write_text(_document("connections", _connections(graph, edges)))
+        _netconvert(work)
+        text = (work / "x.net.xml").read_text()
+    text = re.sub(r"<!--.*?-->\s*", "", text, count=1, flags=re.DOTALL)  # netconvert's header carries date and paths
+    _write(path, _straight(text, graph, edges))
+    if building is not None and (backdrop := list(_backdrop(building))):
+        _write(backdrop_of(path), _document("additional", backdrop))
+    return path
+
+
+def backdrop_of(path: Path) -> Path:
+    """Where floors and walls of the network at `path` are drawn, if they are."""
+    return path.with_name(path.name.removesuffix(".net.xml").removesuffix(".xml") + ".poly.xml")
+
+
+def _document(root: str, lines: list[str] | Iterator[str]) -> str:
+    return f"<{root}>\n" + "\n".join(lines) + f"\n</{root}>\n"
+
+
+def _write(path: Path, text: str) -> None:
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(text)
+    partial.replace(path)
+
+
+def _nodes(graph: NavGraph) -> Iterator[str]:
+    used = np.union1d(graph.tail, graph.head)
+    for v, (x, y) in zip(used.tolist(), graph.xy[used].tolist()):
+        yield f'<node id="n{v}" x="{x:.6f}" y="{y:.6f}" type="unregulated"/>'
+
+
+def _edges(graph: NavGraph, edges: list[str]) -> Iterator[str]:
+    limit = np.where(np.isfinite(graph.speed_mps), graph.speed_mps, NO_LIMIT_MPS)
+    columns = (graph.tail, graph.head, limit, graph.length_m, graph.reverse)
+    for edge, tail, head, speed, length, reverse in zip(edges, *(c.tolist() for c in columns)):
+        bidi = f' bidi="{edges[reverse]}"' if reverse >= 0 else ""
+        yield (
+            f'<edge id="{edge}" from="n{tail}" to="n{head}" numLanes="1" speed="{speed:.6f}" width="{LANE_WIDTH_M}" '
+            f'spreadType="center" length="{length:.6f}"{bidi}/>'
+        )
+
+
+def _connections(graph: NavGraph, edges: list[str]) -> Iterator[str]:
+    first = graph.first.tolist()
+    for lane, head in enumerate(graph.head.tolist()):
+        for onward in range(first[head], first[head + 1]):
+            yield f'<connection from="{edges[lane]}" to="{edges[onward]}" fromLane="0" toLane="0"/>'
+
+
+def _netconvert(work: Path) -> None:
+    import sumo  # the eclipse-sumo package: knows where its programs are
+
+    command = [
+        str(Path(sumo.SUMO_HOME) / "bin" / "netconvert"),
+        *("-n", "x.nod.xml", "-e", "x.edg.xml", "-x", "x.con.xml", "-o", "x.net.xml"),
+        *("--no-internal-links", "true", "--offset.disable-normalization", "true", "--precision", "6", "--xml-validation", "never"),
+    ]
+    try:
+        done = subprocess.run(command, cwd=work, capture_output=True, text=True, env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME})
+    except OSError as error:
+        raise MapError(f"netconvert cannot be started: {error}") from error
+    if done.returncode:
+        said = [line for line in done.stderr.splitlines() if line.startswith("Error")] or [f"exit code {done.returncode}"]
+        raise MapError(f"netconvert refused the network: {said[0]}")
+
+
+def _straight(text: str, graph: NavGraph, edges: list[str]) -> str:
+    """The network with every lane's shape drawn from vertex to vertex: netconvert ends lanes metres before."""
+    ends = np.concatenate([graph.xy[graph.tail], graph.xy[graph.head]], axis=1).tolist()
+    shape = {f"{edge}_0": f"{x0:.6f},{y0:.6f} {x1:.6f},{y1:.6f}" for edge, (x0, y0, x1, y1) in zip(edges, ends)}
+    named = re.compile(r' id="([^"]+)"')
+    drawn = re.compile(r' shape="[^"]*"')
+
+    def straighten(tag: re.Match[str]) -> str:
+        found = named.search(tag[0])
+        assert found is not None
+        return drawn.sub(f' shape="{shape[found[1]]}"', tag[0])
+
+    return re.sub(r"<lane [^>]*>", straighten, text)
+
+
+def _backdrop(building: Building) -> Iterator[str]:
+    """Floors as grey areas, walls as black lines, of all levels."""
+    for name, level in building.levels.items():
+        for k, floor in enumerate(level.floors):
+            corners = " ".join(f"{x:.3f},{y:.3f}" for x, y in level.xy[list(floor)].tolist())
+            yield f'<poly id="floor_{name}_{k}" type="floor" color="225,225,225" fill="1" layer="-20" shape="{corners}"/>'
+        for k, ((x0, y0), (x1, y1)) in enumerate(level.wall_xy.tolist()):
+            yield (
+                f'<poly id="wall_{name}_{k}" type="wall" color="40,40,40" fill="0" lineWidth="{WALL_THICKNESS_M}" layer="-10" '
+                f'shape="{x0:.3f},{y0:.3f} {x1:.3f},{y1:.3f}"/>'
+            )
