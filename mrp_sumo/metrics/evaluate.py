@@ -38,8 +38,9 @@ def evaluate(
     audit: dict[str, Any] | None = None,
     *,
     assignment_time_s: float | None = None,
-    time_limit_s: float = mrp_bench.RECORDING_TIMEOUT_S,
-    tolerance_m: float = mrp_bench.TOLERANCE_M,
+    cell_m: float | None = None,
+    goal_tolerance_m: float = mrp_bench.TOLERANCE_M,
+    execution_time_limit_s: float = mrp_bench.RECORDING_TIMEOUT_S,
 ) -> Metrics:
     """The metrics of a run.
 
@@ -57,15 +58,23 @@ def evaluate(
         Of the execution, as `metrics.audit.audit` gives it.
     assignment_time_s
         Wall time of the assignment, None when there was nothing to assign.
-    time_limit_s
-        Of the execution: MRP-Bench's recording timeout.
-    tolerance_m
-        MRP-Bench's location tolerance. Its cell size is that of the problem's graph.
+    cell_m
+        MRP-Bench's cell size; that of the problem's graph by default.
+    goal_tolerance_m
+        MRP-Bench's location tolerance.
+    execution_time_limit_s
+        MRP-Bench's recording timeout.
     """
     metrics: Metrics = {"num_robots": problem.num_robots}
     metrics |= _planning(problem, result, verdict)
     metrics["assignment_time_s"] = assignment_time_s
-    metrics |= _execution(problem, execution, time_limit_s, tolerance_m)
+    metrics |= _execution(
+        problem,
+        execution,
+        cell_m=problem.graph.cell_m if cell_m is None else cell_m,
+        tolerance_m=goal_tolerance_m,
+        recording_timeout_s=execution_time_limit_s,
+    )
     metrics |= _lateness(result.plan, execution)
     metrics["min_clearance_m"] = audit["min_clearance_m"] if audit else None
     metrics["num_overlaps"] = audit["num_overlaps"] if audit else None
@@ -120,7 +129,7 @@ def _planning(problem: Problem, result: PlanResult, verdict: Verdict | None) -> 
     return metrics
 
 
-def _execution(problem: Problem, execution: Execution | None, time_limit_s: float, tolerance_m: float) -> Metrics:
+def _execution(problem: Problem, execution: Execution | None, **constants: float) -> Metrics:
     """MRP-Bench's execution metrics under our names, and how many robots really ended at their goals."""
     names = (
         "goals_reached",
@@ -139,16 +148,7 @@ def _execution(problem: Problem, execution: Execution | None, time_limit_s: floa
         return dict.fromkeys(names)
     t_ns, x, y, _ = fleet_states(execution)
     xy = problem.graph.xy
-    found = mrp_bench.execution_metrics(
-        t_ns,
-        x,
-        y,
-        xy[problem.start],
-        xy[problem.target],
-        cell_m=problem.graph.cell_m,
-        tolerance_m=tolerance_m,
-        recording_timeout_s=time_limit_s,
-    )
+    found = mrp_bench.execution_metrics(t_ns, x, y, xy[problem.start], xy[problem.target], **constants)  # type: ignore[arg-type]
     blocked = found["timeBlockedPerAgent"]
     met = found["minDistanceBetweenTwoAgents"] != mrp_bench.NO_PAIR_M
     values = (
