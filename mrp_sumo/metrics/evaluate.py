@@ -39,8 +39,8 @@ def evaluate(
     *,
     assignment_time_s: float | None = None,
     cell_m: float | None = None,
-    goal_tolerance_m: float = mrp_bench.TOLERANCE_M,
-    execution_time_limit_s: float = mrp_bench.RECORDING_TIMEOUT_S,
+    tolerance_m: float = mrp_bench.TOLERANCE_M,
+    time_limit_s: float = mrp_bench.RECORDING_TIMEOUT_S,
 ) -> Metrics:
     """The metrics of a run.
 
@@ -60,9 +60,9 @@ def evaluate(
         Wall time of the assignment, None when there was nothing to assign.
     cell_m
         MRP-Bench's cell size; that of the problem's graph by default.
-    goal_tolerance_m
+    tolerance_m
         MRP-Bench's location tolerance.
-    execution_time_limit_s
+    time_limit_s
         MRP-Bench's recording timeout.
     """
     metrics: Metrics = {"num_robots": problem.num_robots}
@@ -72,8 +72,8 @@ def evaluate(
         problem,
         execution,
         cell_m=problem.graph.cell_m if cell_m is None else cell_m,
-        tolerance_m=goal_tolerance_m,
-        recording_timeout_s=execution_time_limit_s,
+        tolerance_m=tolerance_m,
+        recording_timeout_s=time_limit_s,
     )
     metrics |= _lateness(result.plan, execution)
     metrics["min_clearance_m"] = audit["min_clearance_m"] if audit else None

@@ -82,7 +82,7 @@ def test_every_metric_is_there_and_right():
         execution,
         audit(execution, problem.fleet),
         assignment_time_s=0.1,
-        execution_time_limit_s=300,
+        time_limit_s=300,
     )
     assert set(NAMES) <= set(found)
     assert set(MACHINE_DEPENDENT) <= set(found)
@@ -136,7 +136,7 @@ def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
     execution = driven(problem, result.plan, late_s=0.0)
     x = np.minimum(execution.x_m, [5.0, 3.0])  # the second stops two cells early
     execution = Execution(**{**vars(execution), "x_m": x, "goal_s": np.array([5.0, np.nan])})
-    found = evaluate(problem, result, judge(problem, result.plan), execution, execution_time_limit_s=300)
+    found = evaluate(problem, result, judge(problem, result.plan), execution, time_limit_s=300)
     assert found["goals_reached"] == found["robots_at_goal"] == 1
     assert found["execution_timed_out"] and found["execution_time_s"] == 300
     assert found["time_blocked_s"][0] == 0 < found["time_blocked_s"][1] == found["time_blocked_total_s"]
