@@ -1,0 +1,179 @@
+"""Who passes before whom, derived from a plan: an order at every resource, proven to be executable.
+
+A resource is a vertex, or a zone where robots could touch without meeting at a vertex. Robots that
+keep the order at every resource execute the plan without deadlock however late each of them is, since
+waiting is acyclic. Refuses plans whose order is cyclic (swaps, overtaking on a lane, rotations
+without a gap) and plans that lead a robot past one that stays for ever.
+
+The order is that of the action dependency graph of Hoenig, Kiesel, Tinka, Durham and Ayanian,
+"Persistent and robust execution of MAPF schedules in warehouses", RA-L 2019, with resources for vertices.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+
+
+@dataclass(frozen=True, eq=False)
+class Needs:
+    """The resources every visit of a plan needs, M in all; vertices are 0 to V - 1, zones follow.
+
+    A robot holds them from before it sets out for the visit's vertex, and has left them when it arrives at
+    the next visit's; those needed `on_lane` only, when it arrives at the visit's vertex itself.
+    """
+
+    first: IntArray  # [N + 1] CSR: visit k needs resource[first[k]:first[k + 1]]
+    resource: IntArray  # [M]
+    on_lane: BoolArray  # [M]
+    num_resources: int
+
+    @property
+    def visit(self) -> IntArray:
+        """[M] the visit of each need."""
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """The order of passages at Q resources, E passages in all, resource by resource, each in its order.
+
+    A passage is a longest run of consecutive visits of one robot that need one resource.
+    """
+
+    first: IntArray  # [Q + 1] CSR: passages of resource q are first[q]:first[q + 1], in order
+    robot: IntArray  # [E]
+    visit: IntArray  # [E] the passage's first visit
+    last_visit: IntArray  # [E] and last
+    left_at: IntArray  # [E] the visit at whose arrival the resource has been left, N where that is never
+    passage_of_need: IntArray  # [M]
+
+    @property
+    def num_passages(self) -> int:
+        return len(self.robot)
+
+
+def vertex_needs(plan: Plan, num_vertices: int) -> Needs:
+    """Every visit needs its vertex, nothing else."""
+    return Needs(frozen(np.arange(plan.num_visits + 1)), plan.vertex, frozen(np.zeros(plan.num_visits, np.bool_)), num_vertices)
+
+
+def schedule_of(problem: Problem, plan: Plan, needs: Needs | None = None) -> Schedule:
+    """The plan's order at every resource. Time and memory are linear in the needs, but for sorting.
+
+    Parameters
+    ----------
+    problem
+        For the names in messages.
+    plan
+        Planned arrivals decide who is first.
+    needs
+        Of the plan's visits; vertices alone by default.
+
+    Raises
+    ------
+    PlanError
+        When no execution can keep the order: names robots and vertices.
+    """
+    needs = needs if needs is not None else vertex_needs(plan, problem.graph.num_vertices)
+    schedule = order_of(plan, needs)
+    _check(problem, plan, schedule)
+    return schedule
+
+
+def order_of(plan: Plan, needs: Needs) -> Schedule:
+    """The plan's order at every resource, whether or not it can be kept."""
+    visit, resource, robot = needs.visit, needs.resource, plan.robot
+    by_resource = np.lexsort((visit, resource))
+    q, k = resource[by_resource], visit[by_resource]
+    opens = np.ones(len(q), np.bool_)  # a need that continues no passage
+    opens[1:] = (q[1:] != q[:-1]) | (k[1:] != k[:-1] + 1) | (robot[k[1:]] != robot[k[:-1]])
+    passage = np.cumsum(opens) - 1
+    begin = np.flatnonzero(opens)
+    end = np.append(begin[1:], len(q)) - 1 if len(q) else begin
+    visit_of, last_of, resource_of = k[begin], k[end], q[begin]
+    on_lane = needs.on_lane[by_resource[end]]
+    ends = plan.first[1:] - 1
+    never = ~on_lane & (ends[robot[last_of]] == last_of)
+    left_at = np.where(never, plan.num_visits, last_of + ~on_lane)
+    order = np.lexsort((robot[visit_of], plan.depart_s[last_of], plan.arrive_s[visit_of], resource_of))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    passage_of_need = np.empty(len(q), np.int64)
+    passage_of_need[by_resource] = rank[passage]
+    return Schedule(
+        first=frozen(np.searchsorted(resource_of[order], np.arange(needs.num_resources + 1)).astype(np.int64)),
+        robot=frozen(robot[visit_of[order]]),
+        visit=frozen(visit_of[order]),
+        last_visit=frozen(last_of[order]),
+        left_at=frozen(left_at[order]),
+        passage_of_need=frozen(passage_of_need),
+    )
+
+
+def _check(problem: Problem, plan: Plan, schedule: Schedule) -> None:
+    """Refuse an order in which somebody waits for himself.
+
+    Waiting goes along two kinds of arcs between visits: a robot's visits one after the other; and where a
+    passage of i is directly before one of j, j's first visit waits for the visit at whose arrival i has left.
+    """
+    size = np.diff(schedule.first)
+    follows = np.ones(schedule.num_passages, np.bool_)
+    follows[schedule.first[:-1][size > 0]] = False
+    after = np.flatnonzero(follows)
+    after = after[schedule.robot[after] != schedule.robot[after - 1]]
+    left_at, waits = schedule.left_at[after - 1], schedule.visit[after]
+    stays = left_at == plan.num_visits
+    if stays.any():
+        raise PlanError(_about_staying(problem, plan, schedule.last_visit[after - 1][stays], waits[stays]))
+    along = np.ones(plan.num_visits, np.bool_)
+    along[plan.first[1:] - 1] = False
+    source = np.concatenate([np.flatnonzero(along), left_at])
+    target = np.concatenate([np.flatnonzero(along) + 1, waits])
+    waiting = coo_array((np.ones(len(source), np.int8), (source, target)), shape=(plan.num_visits,) * 2)
+    num_components, component = connected_components(waiting, connection="strong")
+    if num_components < plan.num_visits:
+        raise PlanError(_about_cycle(problem, plan, source, target, component))
+
+
+def _about_staying(problem: Problem, plan: Plan, leaves: IntArray, waits: IntArray) -> str:
+    k = int(np.argmin(plan.arrive_s[waits]))
+    i, j = plan.robot[leaves[k]], plan.robot[waits[k]]
+    names, graph, at, to = problem.fleet.robot_name, problem.graph, plan.vertex[leaves[k]], plan.vertex[waits[k]]
+    place = "there" if at == to else f"within reach of it, to '{graph.label(int(to))}'"
+    return (
+        f"{names[i]} stays at '{graph.label(int(at))}' from {plan.arrive_s[leaves[k]]:g} s on, "
+        f"and {names[j]} has to pass {place} at {plan.arrive_s[waits[k]]:g} s"
+    )
+
+
+def _about_cycle(problem: Problem, plan: Plan, source: IntArray, target: IntArray, component: IntArray) -> str:
+    size = np.bincount(component)
+    inside: BoolArray = (component[source] == component[target]) & (size[component[source]] > 1)
+    source, target = source[inside], target[inside]
+    earliest = target[np.argmin(plan.arrive_s[target])]
+    before: dict[int, int] = {}  # a visit of the same cycle that each visit waits for
+    for a, b in zip(source.tolist(), target.tolist()):
+        before.setdefault(b, a)
+    seen: dict[int, int] = {}
+    at = int(earliest)
+    while at not in seen:
+        seen[at] = len(seen)
+        at = before[at]
+    cycle = list(seen)[seen[at] :]
+    names: list[tuple[int, str]] = []
+    for visit in cycle:
+        name = f"{problem.fleet.robot_name[plan.robot[visit]]} at '{problem.graph.label(int(plan.vertex[visit]))}'"
+        if not names or int(plan.robot[visit]) != names[-1][0]:
+            names.append((int(plan.robot[visit]), name))
+    if len(names) > 1 and names[0][0] == names[-1][0]:
+        names.pop()
+    told = [name for _, name in names]
+    listed = " waits for ".join(told[:6] + (["..."] if len(told) > 6 else []) + told[:1])
+    return f"the plan's order of passages is cyclic: {listed}"
