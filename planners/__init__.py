@@ -5,5 +5,10 @@ Other packages register a table like `PLUGINS` under the entry-point group `mrp_
 
 PLUGINS = {
     "planners": {},
-    "assigners": {},
+    "assigners": {
+        "cp_sat": "planners.cp_sat:CpSat",
+        "linear_sum_assignment": "planners.linear_sum_assignment:LinearSumAssignment",
+        "min_cost_flow": "planners.min_cost_flow:MinCostFlow",
+        "mip": "planners.mip:Mip",
+    },
 }

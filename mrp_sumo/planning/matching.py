@@ -1,0 +1,71 @@
+"""What every assigner does before and after its solver: check the costs, reduce a bottleneck to a sum, read pairs.
+
+Refuses costs that are NaN or -inf, and matrices in which min(R, G) goals cannot be served at all.
+"""
+
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.errors import PlanError
+
+Objective = Literal["sum", "bottleneck"]
+
+LARGEST = 1 << 52  # of the sum of whole costs: exact in a float, far from the end of an int64
+
+
+def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArray, IntArray]:
+    """The pairs a solver may choose from, at whole costs.
+
+    A bottleneck is the least threshold under which all can be served; among the assignments that keep
+    to it the one of least sum is wanted, so the solver sees a sum either way.
+
+    Parameters
+    ----------
+    cost
+        [R, G], inf where a robot cannot reach a goal.
+    objective
+        'sum' or 'bottleneck'.
+
+    Returns
+    -------
+    robot, goal, whole_cost
+        [N] each; costs keep six decimals, or as many as fit.
+
+    Raises
+    ------
+    PlanError
+        For NaN and -inf, and when min(R, G) goals cannot be served.
+    """
+    cost = np.asarray(cost, np.float64)
+    if np.isnan(cost).any() or np.isneginf(cost).any():
+        robot, goal = np.argwhere(np.isnan(cost) | np.isneginf(cost))[0]
+        raise PlanError(f"the cost of robot {robot} for goal {goal} is {cost[robot, goal]}, expected a number or inf")
+    finite = np.isfinite(cost)
+    wanted = min(cost.shape)
+    if wanted and _served(finite) < wanted:
+        lonely = np.flatnonzero(~finite.any(1))
+        reason = (
+            f"robot {lonely[0]} can reach none of them" if len(lonely) and len(cost) <= cost.shape[1] else "too many compete for too few"
+        )
+        raise PlanError(f"no assignment of {cost.shape[0]} robots serves {wanted} of {cost.shape[1]} goals: {reason}")
+    if objective == "bottleneck" and wanted:
+        values = np.unique(cost[finite])
+        low, high = 0, len(values) - 1
+        while low < high:
+            middle = (low + high) // 2
+            low, high = (low, middle) if _served(cost <= values[middle]) == wanted else (middle + 1, high)
+        finite = cost <= values[low]
+    robot, goal = np.nonzero(finite)
+    chosen = cost[finite]
+    total = float(np.abs(chosen).max(initial=0)) * max(wanted, 1) ** 2
+    scale = 1.0 if (chosen == np.rint(chosen)).all() else min(1e6, LARGEST / max(total, 1.0))
+    return robot.astype(np.int64), goal.astype(np.int64), np.rint(chosen * scale).astype(np.int64)
+
+
+def _served(allowed: np.ndarray) -> int:
+    """How many goals can be served at all."""
+    return int((maximum_bipartite_matching(csr_array(allowed), perm_type="column") >= 0).sum())
