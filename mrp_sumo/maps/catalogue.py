@@ -1,0 +1,46 @@
+"""Finding maps by name: those that come with the program, and files beside a scenario.
+
+Refuses names of no map, with the nearest right one.
+"""
+
+from pathlib import Path
+
+from mrp_sumo.errors import MapError, nearest
+
+SUFFIX = ".building.yaml"
+
+
+def bundled_maps() -> dict[str, Path]:
+    """The maps that come with the program, by name."""
+    here = Path(__file__).resolve().parents[1]
+    for networks in (here / "bundled" / "networks", here.parent / "networks"):  # in a wheel; in a source tree
+        if networks.is_dir():
+            found = {file.parent.name: file for file in networks.glob(f"*/*{SUFFIX}") if file.name == file.parent.name + SUFFIX}
+            return dict(sorted(found.items()))
+    return {}
+
+
+def find_map(name_or_path: str, beside: Path) -> Path:
+    """The file of a map.
+
+    Parameters
+    ----------
+    name_or_path
+        A path from `beside` or from the current folder, or the name of a bundled map.
+    beside
+        The folder of the file that names the map.
+
+    Raises
+    ------
+    MapError
+        When there is no such file and no such map.
+    """
+    for path in (beside / name_or_path, Path(name_or_path)):
+        if path.is_file():
+            return path
+    bundled = bundled_maps()
+    if name_or_path in bundled:
+        return bundled[name_or_path]
+    if Path(name_or_path).is_dir():
+        raise MapError(f"{name_or_path} is a folder, not a map file")
+    raise MapError(f"no map '{name_or_path}': neither a file nor a bundled map{nearest(name_or_path, bundled)}")

@@ -1,0 +1,85 @@
+"""What an import tells about a map: findings, and the refusal that carries them."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from mrp_sumo.errors import MapError
+
+Severity = Literal["refuse", "warn", "info"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One kind of defect or peculiarity of a map, with all its places."""
+
+    kind: str
+    severity: Severity
+    count: int  # of what the kind counts: lanes, vertices, graphs, components, ...
+    details: tuple[str, ...] = ()  # one place each, with numbers as in the file
+
+    @property
+    def line(self) -> str:
+        """The finding in one line."""
+        shown = "; ".join(self.details[:4])
+        more = f"; and {len(self.details) - 4} more" if len(self.details) > 4 else ""
+        return f"{self.kind.replace('_', ' ')}: {shown}{more}" if shown else self.kind.replace("_", " ")
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"kind": self.kind, "severity": self.severity, "count": self.count, "details": list(self.details)}
+
+
+class RefusedMap(MapError):
+    """A map that is refused for findings; they come along for those who only check."""
+
+    def __init__(self, message: str, findings: tuple[Finding, ...] = ()) -> None:
+        super().__init__(message)
+        self.findings = findings
+
+
+SEVERITY: dict[str, Severity] = {
+    "not_yaml": "refuse",
+    "no_levels": "refuse",
+    "level_not_a_mapping": "refuse",
+    "no_lanes": "refuse",
+    "reference_level_without_measurement": "refuse",
+    "level_without_fiducials": "refuse",
+    "several_graphs": "warn",
+    "measurements_disagree": "warn",
+    "measurement_of_exactly_1_m": "warn",
+    "robot_vertex_off_lanes": "warn",
+    "duplicate_lanes": "warn",
+    "lane_without_length": "warn",
+    "graph_out_of_range": "warn",
+    "duplicate_fiducials": "warn",
+    "boolean_name": "warn",
+    "several_components": "warn",
+    "not_strongly_connected": "warn",
+    "t_junction_near_miss": "warn",
+    "lanes_cross_without_vertex": "warn",
+    "lift_vertices_misaligned": "warn",
+    "lift_cabin_mismatch": "info",
+    "type_tag_mismatch": "info",
+    "duplicate_vertex_name": "info",
+    "lane_without_bidirectional": "info",
+    "level_without_lanes": "info",
+    "not_reference_image": "info",
+}
+
+
+class Notes:
+    """Gathers findings by kind while a map is read."""
+
+    def __init__(self) -> None:
+        self._details: dict[str, list[str]] = {}
+        self._count: dict[str, int] = {}
+
+    def add(self, kind: str, detail: str, count: int = 1) -> None:
+        self._details.setdefault(kind, []).append(detail)
+        self._count[kind] = self._count.get(kind, 0) + count
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Refusals first, then warnings, then information."""
+        return tuple(
+            Finding(kind, SEVERITY[kind], self._count[kind], tuple(self._details[kind])) for kind in SEVERITY if kind in self._details
+        )

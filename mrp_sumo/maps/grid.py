@@ -1,0 +1,180 @@
+"""The grid discretisation: square cells, 4-connected; from the lanes of a nav graph as MRP-Bench does, or from any occupancy.
+
+MRP-Bench's recipe frees one line of cells a lane and widens it so that two robots can pass. Its counts are
+those of the paper to the cell, so its oddities are kept: coordinates are single precision, and the last two
+widening passes look at the wrong row and column. Refuses several levels at once and grids too large to use.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.roadmap import check_cell, plan_graph
+
+MAX_CELLS = 100_000_000
+NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (dx, dy) in the order the walk tries them
+
+
+def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
+    """The occupancy grid MRP-Bench makes of a nav graph, as a graph of its free cells.
+
+    Parameters
+    ----------
+    nav
+        Vertices in the order of the nav graph files; a graph that is a grid already is returned as it is.
+    cell_m
+        Side of a cell.
+
+    Raises
+    ------
+    MapError
+        For several levels, and cells that are too small.
+    """
+    if isinstance(nav, PlanGraph):
+        return nav
+    free, cell, origin = _paper_cells(nav, cell_m)
+    return grid_graph(free, cell_m, origin, name=nav.name, source=nav.source, level_names=_one_level(nav), stations=cell, nav=nav)
+
+
+def grid_facts(nav: NavGraph, cell_m: float = 0.4) -> dict[str, Any]:
+    """Counts of the paper's Table I: cell_m, width, height, total, free, blocked."""
+    if isinstance(nav, PlanGraph):
+        low, high = nav.xy.min(axis=0), nav.xy.max(axis=0)
+        width, height = (np.rint((high - low) / nav.cell_m) + 1).astype(int).tolist()
+        num_free, cell_m = nav.num_vertices, nav.cell_m
+    else:
+        free, _, _ = _paper_cells(nav, cell_m)
+        (height, width), num_free = free.shape, int(np.count_nonzero(free))
+    total = width * height
+    return {"cell_m": cell_m, "width": width, "height": height, "total": total, "free": num_free, "blocked": total - num_free}
+
+
+def grid_graph(
+    free: BoolArray,
+    cell_m: float,
+    origin: Sequence[float],
+    *,
+    name: str = "grid",
+    source: str = "",
+    level_names: Sequence[str] = ("L1",),
+    stations: IntArray | None = None,
+    nav: NavGraph | None = None,
+) -> PlanGraph:
+    """The 4-connected graph of a grid's free cells, numbered row by row from the lowest y.
+
+    Parameters
+    ----------
+    free
+        [H, W], row 0 has the lowest y.
+    cell_m
+        Side of a cell.
+    origin
+        (x, y) m of the lower left corner of cell (0, 0).
+    name, source, level_names
+        Of the graph.
+    stations, nav
+        [Vnav, 2] cells (column, row) of the vertices of a nav graph, and that graph: their names and
+        options come along. Without them every cell is a station.
+    """
+    check_cell(cell_m)
+    number = np.cumsum(free.ravel()).reshape(free.shape) - 1  # [H, W] vertex of each free cell
+    row, column = np.nonzero(free)
+    xy = np.asarray(origin, np.float64) + (np.stack([column, row], axis=1) + 0.5) * cell_m
+    right, up = free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
+    pairs = np.concatenate(
+        [
+            np.stack([number[:, :-1][right], number[:, 1:][right]], axis=1),
+            np.stack([number[:-1][up], number[1:][up]], axis=1),
+        ]
+    )
+    lanes = np.concatenate([pairs, pairs[:, ::-1]])
+    vertex_name = [""] * len(xy)
+    vertex_options: list[Options] = [NO_OPTIONS] * len(xy)
+    vertex_of_station = np.arange(len(xy))
+    if stations is not None and nav is not None:
+        vertex_of_station = number[stations[:, 1], stations[:, 0]]
+        for v, options, label in zip(vertex_of_station.tolist(), nav.vertex_options, nav.vertex_name):
+            vertex_name[v] = vertex_name[v] or label
+            if options and not vertex_options[v]:
+                vertex_options[v] = options
+    graph = nav_graph(
+        name=name,
+        xy=xy,
+        lanes=lanes,
+        level_names=level_names,
+        vertex_name=vertex_name,
+        vertex_options=vertex_options,
+        length_m=np.full(len(lanes), float(cell_m)),
+        source=source,
+    )
+    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=vertex_of_station)
+
+
+def _one_level(nav: NavGraph) -> tuple[str, ...]:
+    driven = np.unique(nav.level)
+    if len(driven) > 1:
+        names = ", ".join(nav.level_names[k] for k in driven)
+        raise MapError(f"a grid holds one level, but graph '{nav.name}' is on {names}: choose one")
+    return (nav.level_names[driven[0]],) if len(driven) else nav.level_names[:1]
+
+
+def _paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, FloatArray]:
+    """Free cells [H, W] of the recipe, the cell (column, row) of each vertex [V, 2], and the lower left corner [2]."""
+    check_cell(cell_m)
+    _one_level(nav)
+    if not nav.num_vertices:
+        raise MapError(f"'{nav.name}' has no vertex to make a grid of")
+    xy = nav.xy.astype(np.float32).astype(np.float64)
+    low = xy.min(axis=0)
+    cell = np.floor((xy - low) / cell_m).astype(np.int64)
+    width, height = (np.ceil((xy.max(axis=0) - low) / cell_m) + 1).astype(np.int64).tolist()
+    if width * height > MAX_CELLS:
+        raise MapError(f"cells of {cell_m:g} m would make a grid of {width} x {height} on '{nav.name}', more than {MAX_CELLS:.0e} cells")
+    free = np.zeros((height, width), np.bool_)
+    is_vertex = np.zeros_like(free)
+    is_once = (nav.reverse < 0) | (nav.tail < nav.head)
+    for a, b in zip(nav.tail[is_once].tolist(), nav.head[is_once].tolist()):
+        start, end = cell[a].tolist(), cell[b].tolist()
+        is_vertex[start[1], start[0]] = is_vertex[end[1], end[0]] = True
+        _walk(free, start, end)
+    free |= is_vertex
+    free[cell[:, 1], cell[:, 0]] = True
+    _widen(free, is_vertex)
+    return free, cell, low
+
+
+def _walk(free: BoolArray, start: list[int], end: list[int]) -> None:
+    """Free a 4-connected line of cells, each nearer to the end than the one before."""
+    x, y = start
+    free[y, x] = True
+    line_x, line_y = end[0] - x, end[1] - y
+    while [x, y] != end:
+        left = (x - end[0]) ** 2 + (y - end[1]) ** 2
+        nearer = [(x + dx, y + dy) for dx, dy in NEIGHBOURS if (x + dx - end[0]) ** 2 + (y + dy - end[1]) ** 2 <= left]
+        if len(nearer) > 1:
+            first, second = (abs(line_x * (cy - start[1]) - line_y * (cx - start[0])) for cx, cy in nearer[:2])
+            nearer = nearer[:1] if first < second else nearer[1:2]
+        x, y = nearer[0]
+        free[y, x] = True
+
+
+def _widen(free: BoolArray, is_vertex: BoolArray) -> None:
+    """Free the left and lower neighbours of cells between blocked corners, in place."""
+    height, width = free.shape
+
+    def is_narrow(x: int, y: int) -> bool:
+        low, high, left, right = max(y - 1, 0), min(y + 1, height - 1), max(x - 1, 0), min(x + 1, width - 1)
+        return int(free[low, left]) + int(free[low, right]) + int(free[high, left]) + int(free[high, right]) < 3
+
+    for y, x in np.argwhere(free & ~is_vertex).tolist():
+        if x > 0 and y > 0 and is_narrow(x, y):
+            free[y, x - 1] = free[y - 1, x] = True
+    for x in range(width):
+        if height > 1 and free[0, x] and not is_vertex[0, x] and is_narrow(x, height - 1):
+            free[1, x] = True
+    for y in range(height):
+        if width > 1 and free[y, 0] and not is_vertex[y, 0] and is_narrow(width - 1, y):
+            free[y, 1] = True

@@ -1,0 +1,26 @@
+"""A map as the rest of the program takes it: its nav graph, its building where there is one, and what was found."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.finding import Finding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Map:
+    """A read map. `nav` and `building` share one frame, in which levels that are driven on do not overlap."""
+
+    name: str
+    path: Path
+    nav: NavGraph
+    building: Building | None = None
+    findings: tuple[Finding, ...] = ()
+    graphs: tuple[int, ...] = (0,)  # all graphs of the file that have lanes
+    chosen: tuple[int, ...] = (0,)  # those in `nav`
+    documents: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)  # the chosen nav graphs, as Open-RMF writes them
+    origin_m: tuple[float, float] = (0.0, 0.0)  # subtracted from the coordinates of the documents
+    level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level, to lay levels side by side

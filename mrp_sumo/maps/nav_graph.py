@@ -1,0 +1,312 @@
+"""Open-RMF's nav graphs: made of a building exactly as its generator does, written, read, and turned into a NavGraph.
+
+A document is the nested dict of a `<graph>.yaml`: every map becomes such documents first, so that a
+building and the nav graphs Open-RMF makes of it give the same NavGraph. Lanes of no length and repeated
+lanes are left out of the NavGraph. Refuses documents whose lanes name vertices that do not exist.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from mrp_sumo.core.graph import FloatArray, NavGraph, Options, nav_graph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.building import Building, Door, Lane, Level
+from mrp_sumo.maps.rmf import origin_of
+
+Document = Mapping[str, Any]
+
+SHORTEST_LANE_M = 1e-3
+BACKWARD = {"forward": "backward", "backward": "forward"}
+NUMBERS = ("speed_limit", "merge_radius")
+
+
+def nav_graph_documents(building: Building) -> dict[int, dict[str, Any]]:
+    """The nav graph of every graph index with lanes (building.py, generate_nav_graphs).
+
+    Values are as in the building file; coordinates are in the frame of Open-RMF, nothing subtracted.
+    """
+    door_of_lane = {name: _doors_on_lanes(level) for name, level in building.levels.items()}
+    lift_of_vertex = {name: _lifts_at_vertices(building, level) for name, level in building.levels.items()}
+    documents = {}
+    for graph in building.graphs:
+        document: dict[str, Any] = {"building_name": building.name}
+        if building.crs_name:
+            document["crs_name"] = building.crs_name
+        if building.offset is not None:
+            document["offset"] = list(building.offset)
+        document["doors"] = {
+            door.name: {"endpoints": level.world_xy[[door.start, door.end]].tolist(), "map": level.name}
+            for level in building.levels.values()
+            for door in level.doors
+        }
+        document["lifts"] = {
+            lift.name: {"position": [lift.x_m, lift.y_m, lift.yaw_rad], "dims": [lift.width_m, lift.depth_m]}
+            for lift in building.lifts.values()
+        }
+        document["levels"] = {
+            name: _level_document(level, graph, door_of_lane[name], lift_of_vertex[name]) for name, level in building.levels.items()
+        }
+        documents[graph] = document
+    return documents
+
+
+def file_vertices(building: Building, graph: int) -> list[tuple[str, int]]:
+    """(level, vertex in the file) of every vertex of a nav graph, in its order."""
+    return [(name, v) for name, level in building.levels.items() for v in _first_use(level, graph)]
+
+
+def write_nav_graph(document: Document, path: Path) -> None:
+    """Write a document as Open-RMF does (generator.py, generate_nav): keys sorted, leaves in flow style."""
+    path.write_text(yaml.dump(document, default_flow_style=None, Dumper=_Dumper), encoding="utf-8")
+
+
+def graph_of_document(
+    document: Document, name: str, *, levels: Iterable[str] | None = None, origin_m: tuple[float, float] | None = None, source: str = ""
+) -> NavGraph:
+    """The NavGraph of a nav graph document.
+
+    Parameters
+    ----------
+    document
+        Of one graph.
+    name
+        Of the map.
+    levels
+        Those to take; all by default.
+    origin_m
+        What to subtract from coordinates; by default the document's offset, where coordinates contain it.
+    source
+        The file it comes from.
+
+    Raises
+    ------
+    MapError
+        For lanes between vertices that do not exist, and values of a wrong type.
+    """
+    return _assemble([document], name, levels, origin_m, source, merge=False)
+
+
+def united_graph(
+    documents: Iterable[Document],
+    name: str,
+    *,
+    levels: Iterable[str] | None = None,
+    origin_m: tuple[float, float] | None = None,
+    source: str = "",
+) -> NavGraph:
+    """Several nav graphs in one, as MRP-Bench unites them.
+
+    Vertices follow graph by graph, those at equal places once for every graph; a lane joins the last
+    vertex at the place of each of its ends. So a repeated vertex may have no lane.
+    """
+    return _assemble(list(documents), name, levels, origin_m, source, merge=True)
+
+
+def lanes_left_out(document: Document) -> tuple[list[str], list[str]]:
+    """Lanes of a document that a NavGraph does not hold: of no length, and repeated; one text each."""
+    short, twice = [], []
+    for level, (xy, _, lanes) in _levels(document, None).items():
+        seen = set()
+        for k, (a, b, _) in enumerate(lanes):
+            if np.hypot(*(xy[b] - xy[a])) < SHORTEST_LANE_M:
+                short.append(f"level {level} lane {k} from vertex {a} to {b}")
+            elif (a, b) in seen:
+                twice.append(f"level {level} lane {k} from vertex {a} to {b}")
+            seen.add((a, b))
+    return short, twice
+
+
+class _Dumper(yaml.SafeDumper):
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _first_use(level: Level, graph: int) -> list[int]:
+    return list(dict.fromkeys(v for lane in level.lanes if lane.graph == graph for v in (lane.start, lane.end)))
+
+
+def _level_document(level: Level, graph: int, door_of_lane: Mapping[int, Door], lift_of_vertex: Mapping[int, str]) -> dict[str, Any]:
+    order = _first_use(level, graph)
+    number = {v: i for i, v in enumerate(order)}
+    vertices = []
+    for v in order:
+        options = {"name": level.vertex_name[v], **level.vertex_options[v]}
+        if v in lift_of_vertex:
+            options["lift"] = lift_of_vertex[v]
+        vertices.append([*level.world_xy[v].tolist(), options])
+    lanes: list[list[Any]] = []
+    for i, lane in enumerate(level.lanes):
+        if lane.graph == graph:
+            lanes += _directed(lane, number, level.vertex_options, door_of_lane.get(i))
+    return {"vertices": vertices, "lanes": lanes}
+
+
+def _directed(lane: Lane, number: Mapping[int, int], vertex_options: Sequence[Options], door: Door | None) -> list[list[Any]]:
+    """The one or two lanes that a drawn lane becomes (level.py, generate_nav_graph)."""
+    forth: dict[str, Any] = {"door_name": door.name} if door else {}
+    forth |= lane.options
+    back = dict(forth)
+    if "orientation_constraint" in back:
+        back["orientation_constraint"] = BACKWARD[back["orientation_constraint"]]
+    begin, end = (vertex_options[v].get("dock_name") for v in (lane.start, lane.end))
+    for options, ahead, behind in ((forth, end, begin), (back, begin, end)):
+        if ahead:
+            options["dock_name"] = ahead
+        if behind:
+            options["undock_name"] = behind
+    a, b = number[lane.start], number[lane.end]
+    if lane.is_bidirectional:
+        return [[a, b, forth], [b, a, back]]
+    return [[a, b, forth | {"is_bidirectional": False}]]
+
+
+def _doors_on_lanes(level: Level) -> dict[int, Door]:
+    """The door of each lane that goes through one; of several, the last in the file (level.py, segments_intersect).
+
+    In units of the file, where the generator's threshold makes it deaf for doors drawn in degrees.
+    """
+    if not level.doors or not level.lanes:
+        return {}
+    ends = np.array([(lane.start, lane.end) for lane in level.lanes])
+    a, b = level.raw_xy[ends[:, 0]], level.raw_xy[ends[:, 1]]  # [L, 2]
+    found = {}
+    for door in level.doors:
+        c, d = level.raw_xy[door.start], level.raw_xy[door.end]
+        ab, cd, ac = a - b, c - d, a - c
+        det = ab[:, 0] * cd[1] - ab[:, 1] * cd[0]
+        crosses = np.abs(det) >= 0.01
+        safe = np.where(crosses, det, 1.0)
+        t = (ac[:, 0] * cd[1] - ac[:, 1] * cd[0]) / safe
+        u = -(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / safe
+        crosses &= (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1)
+        found |= dict.fromkeys(np.flatnonzero(crosses).tolist(), door)
+    return found
+
+
+def _lifts_at_vertices(building: Building, level: Level) -> dict[int, str]:
+    """The lift around each vertex on a lane; of several, the first in the file."""
+    found: dict[int, str] = {}
+    for lift in reversed(building.lifts.values()):
+        found |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
+    return found
+
+
+def _levels(
+    document: Document, wanted: Iterable[str] | None
+) -> dict[str, tuple[FloatArray, list[dict[str, Any]], list[tuple[int, int, dict[str, Any]]]]]:
+    """Coordinates, vertex options and lanes of each wanted level, with types checked."""
+    where = str(document.get("building_name", "nav graph"))
+    levels = document.get("levels")
+    if not isinstance(levels, Mapping):
+        raise MapError(f"{where}: no 'levels', so this is no nav graph")
+    found = {}
+    for key, level in levels.items():
+        name = str(key)
+        if wanted is not None and name not in wanted:
+            continue
+        if not isinstance(level, Mapping):
+            raise MapError(f"{where}: level '{name}' is a {type(level).__name__}, expected a mapping")
+        xy, options = [], []
+        for v, vertex in enumerate(_list(level, "vertices", where, name)):
+            if not isinstance(vertex, list) or not 2 <= len(vertex) <= 3 or not all(_is_number(c) for c in vertex[:2]):
+                raise MapError(f"{where}: level {name} vertex {v} is {str(vertex)[:40]}, expected [x, y, {{options}}]")
+            xy.append(vertex[:2])
+            options.append(_coerced(vertex[2] if len(vertex) == 3 else None, f"{where}: level {name} vertex {v}"))
+        lanes = []
+        for k, lane in enumerate(_list(level, "lanes", where, name)):
+            if not isinstance(lane, list) or not 2 <= len(lane) <= 3 or not all(type(v) is int for v in lane[:2]):
+                raise MapError(f"{where}: level {name} lane {k} is {str(lane)[:40]}, expected [vertex, vertex, {{options}}]")
+            if not all(0 <= v < len(xy) for v in lane[:2]):
+                raise MapError(f"{where}: level {name} lane {k} joins vertices {lane[0]} and {lane[1]}, but there are {len(xy)}")
+            lanes.append((lane[0], lane[1], _coerced(lane[2] if len(lane) == 3 else None, f"{where}: level {name} lane {k}")))
+        found[name] = (np.array(xy, np.float64).reshape(-1, 2), options, lanes)
+    return found
+
+
+def _assemble(
+    documents: Sequence[Document],
+    name: str,
+    wanted: Iterable[str] | None,
+    origin_m: tuple[float, float] | None,
+    source: str,
+    merge: bool,
+) -> NavGraph:
+    wanted = None if wanted is None else set(wanted)
+    level_names: list[str] = []
+    xy: list[FloatArray] = []
+    level: list[int] = []
+    vertex_options: list[dict[str, Any]] = []
+    lanes: list[tuple[int, int, dict[str, Any]]] = []
+    for document in documents:
+        for level_name, (places, options, pairs) in _levels(document, wanted).items():
+            if level_name not in level_names:
+                level_names.append(level_name)
+            first = len(vertex_options)
+            xy.append(places)
+            level += [level_names.index(level_name)] * len(places)
+            vertex_options += options
+            lanes += [(a + first, b + first, o) for a, b, o in pairs]
+    places = np.concatenate(xy) if xy else np.zeros((0, 2))
+    if merge:
+        last = {(lv, *p): v for v, (lv, p) in enumerate(zip(level, places.tolist()))}
+        at = [last[(lv, *p)] for lv, p in zip(level, places.tolist())]
+        lanes = [(at[a], at[b], o) for a, b, o in lanes]
+    if origin_m is None:
+        offset = documents[0].get("offset") if documents else None
+        pair = isinstance(offset, list) and len(offset) == 2 and all(_is_number(c) for c in offset)
+        origin_m = origin_of(places, (float(offset[0]), float(offset[1])) if pair and offset else None)
+    kept: dict[tuple[int, int], dict[str, Any]] = {}
+    for a, b, options in lanes:
+        if (a, b) not in kept and np.hypot(places[a, 0] - places[b, 0], places[a, 1] - places[b, 1]) >= SHORTEST_LANE_M:
+            kept[a, b] = options
+    limits = [o.get("speed_limit", 0.0) for o in kept.values()]
+    return nav_graph(
+        name=name,
+        xy=places - origin_m,
+        lanes=list(kept),
+        level_names=level_names or ["L1"],
+        level=level,
+        vertex_name=[o.pop("name", "") for o in vertex_options],
+        vertex_options=vertex_options,
+        speed_mps=[limit if limit > 0 else np.inf for limit in limits],
+        lane_options=list(kept.values()),
+        source=source,
+    )
+
+
+def _coerced(options: Any, where: str) -> dict[str, Any]:
+    """Options with the types their names promise; numbers written as names become text."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise MapError(f"{where} has {str(options)[:40]} for options, expected a mapping")
+    plain: dict[str, Any] = {}
+    for key, value in options.items():
+        name = str(key)
+        if isinstance(value, list | dict):
+            raise MapError(f"{where}: '{name}' is {str(value)[:40]}, expected one value")
+        if name.startswith("is_"):
+            plain[name] = value.lower() == "true" if isinstance(value, str) else bool(value)
+        elif name in NUMBERS:
+            try:
+                plain[name] = float(value)
+            except (TypeError, ValueError):
+                raise MapError(f"{where}: '{name}' is '{value}', expected a number") from None
+        else:
+            plain[name] = "" if value is None else str(value)
+    return plain
+
+
+def _list(level: Mapping[str, Any], key: str, where: str, name: str) -> list[Any]:
+    value = level.get(key)
+    if value is not None and not isinstance(value, list):
+        raise MapError(f"{where}: level {name}: {key} is {str(value)[:40]}, expected a list")
+    return value or []
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

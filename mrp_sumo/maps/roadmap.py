@@ -1,0 +1,119 @@
+"""The roadmap discretisation: lanes cut into equal steps of about one cell, so that one step takes one time unit.
+
+Refuses cells that are not above 0 or so short that no plan could be computed on the result.
+"""
+
+import math
+
+import numpy as np
+
+from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.errors import MapError
+
+MAX_VERTICES = 20_000_000
+
+
+def cut_lanes(nav: NavGraph, cell_m: float) -> PlanGraph:
+    """Cut every lane into `max(1, round(length / cell_m))` equal steps.
+
+    The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between
+    them. A vertex without lanes stands for the one with lanes at the same place, where there is one.
+
+    Parameters
+    ----------
+    nav
+        Any nav graph; one that is a plan graph already is returned as it is.
+    cell_m
+        Length of a step, about.
+
+    Raises
+    ------
+    MapError
+        For a cell length that cannot be used.
+    """
+    if isinstance(nav, PlanGraph):
+        return nav
+    check_cell(cell_m)
+    num_vertices, num_lanes = nav.num_vertices, nav.num_lanes
+    steps = np.maximum(np.rint(nav.length_m / cell_m), 1)  # [L]
+    lane = np.arange(num_lanes)
+    owner = np.where((nav.reverse >= 0) & (nav.reverse < lane), nav.reverse, lane)  # [L] the lane of a pair that cuts are counted along
+    own = owner == lane
+    if steps[own].sum() + num_vertices > MAX_VERTICES:
+        raise MapError(f"cells of {cell_m:g} m would cut '{nav.name}' into more than {MAX_VERTICES:.0e} pieces")
+    steps = steps[owner].astype(np.int64)
+    first_cut = np.zeros(num_lanes, np.int64)  # [L] the first vertex between the ends, along the owner
+    first_cut[own] = num_vertices + np.concatenate([[0], np.cumsum(steps[own] - 1)[:-1]]) if num_lanes else 0
+    first_cut = first_cut[owner]
+
+    cut_lane = np.repeat(lane[own], steps[own] - 1)  # [C] the owner of each cut
+    k = np.arange(len(cut_lane)) - (first_cut[cut_lane] - num_vertices) + 1  # [C] its step along it, from 1
+    share = k / steps[cut_lane]
+    xy = nav.xy[nav.tail[cut_lane]] + share[:, None] * (nav.xy[nav.head[cut_lane]] - nav.xy[nav.tail[cut_lane]])
+
+    of = np.repeat(lane, steps)  # [S] the lane of each step
+    i = np.arange(len(of)) - np.repeat(np.cumsum(steps) - steps, steps)  # [S] its number along the lane, from 0
+    n = steps[of]
+    along = own[of]  # counted along the owner, or against it
+
+    def place(j: np.ndarray) -> np.ndarray:
+        """[S] vertex after j steps of the lane."""
+        between = first_cut[of] + np.where(along, j, n - j) - 1
+        return np.where(j == 0, nav.tail[of], np.where(j == n, nav.head[of], between))
+
+    graph = nav_graph(
+        name=nav.name,
+        xy=np.concatenate([nav.xy, xy]),
+        lanes=np.stack([place(i), place(i + 1)], axis=1),
+        level_names=nav.level_names,
+        level=np.concatenate([nav.level, nav.level[nav.tail[cut_lane]]]),
+        vertex_name=nav.vertex_name + ("",) * len(cut_lane),
+        vertex_options=nav.vertex_options + (NO_OPTIONS,) * len(cut_lane),
+        length_m=nav.length_m[of] / n,
+        speed_mps=nav.speed_mps[of],
+        lane_options=[nav.lane_options[j] for j in of],
+        source=nav.source,
+    )
+    return plan_graph(
+        graph,
+        kind="roadmap",
+        cell_m=cell_m,
+        vertex_of_station=_stations(nav),
+        nav_lane=np.concatenate([np.full(num_vertices, -1), cut_lane]),
+        offset_m=np.concatenate([np.zeros(num_vertices), share * nav.length_m[cut_lane]]),
+    )
+
+
+def plan_graph(
+    graph: NavGraph,
+    *,
+    kind: str,
+    cell_m: float,
+    vertex_of_station: np.ndarray,
+    nav_lane: np.ndarray | None = None,
+    offset_m: np.ndarray | None = None,
+) -> PlanGraph:
+    """A graph whose lanes are single steps, as a PlanGraph."""
+    fields = {name: getattr(graph, name) for name in NavGraph.__dataclass_fields__}
+    return PlanGraph(
+        **fields,
+        kind=kind,
+        cell_m=cell_m,
+        vertex_of_station=frozen(np.asarray(vertex_of_station, np.int64)),
+        nav_lane=frozen(np.full(graph.num_vertices, -1, np.int64) if nav_lane is None else nav_lane.astype(np.int64)),
+        offset_m=frozen(np.zeros(graph.num_vertices) if offset_m is None else offset_m),
+    )
+
+
+def check_cell(cell_m: float) -> None:
+    """Raises MapError unless cells of this length make sense."""
+    if not (math.isfinite(cell_m) and cell_m >= 0.01):
+        raise MapError(f"the cell length is {cell_m:g} m, expected at least 0.01 m")
+
+
+def _stations(nav: NavGraph) -> np.ndarray:
+    """[V] the vertex that stands for each: itself, or its twin with lanes."""
+    driven = np.zeros(nav.num_vertices, np.bool_)
+    driven[nav.tail] = driven[nav.head] = True
+    twin = {(int(nav.level[v]), *nav.xy[v].tolist()): v for v in np.flatnonzero(driven)}
+    return np.array([v if driven[v] else twin.get((int(nav.level[v]), *nav.xy[v].tolist()), v) for v in range(nav.num_vertices)], np.int64)

@@ -1,0 +1,238 @@
+"""Reading YAML written by strangers: safely, in bounded memory, with line numbers for complaints.
+
+Builds plain dicts, lists and scalars (YAML 1.1, as PyYAML's safe loader does) straight from the parser's
+events. Refuses files above 64 MB, text that is not UTF-8, Git conflict markers, HTML, binary data, tags,
+merge keys, nesting deeper than 30 and aliases that would swell the document.
+"""
+
+import gc
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.finding import Finding, RefusedMap
+
+MAX_BYTES = 64 * 2**20
+MAX_DEPTH = 30
+MAX_ALIASED = 100_000  # values that aliases repeat, all together
+
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_INT = re.compile(r"[-+]?(?:0|[1-9][0-9]*)\Z")
+_FLOAT = re.compile(r"[-+]?[0-9]+\.[0-9]*\Z")
+_resolver = yaml.resolver.Resolver()
+_constructor = yaml.constructor.SafeConstructor()
+
+
+@dataclass(frozen=True)
+class Text:
+    """A file's name and text, to point at a place in it."""
+
+    path: Path
+    text: str
+
+    def fault(self, message: str, *keys: str | int) -> MapError:
+        """The error to raise about the value found by following `keys` from the top: `FILE:LINE: message`."""
+        return MapError(f"{self.path.name}:{line_of(self.text, keys)}: {message}" if keys else f"{self.path.name}: {message}")
+
+
+def read_text(path: Path) -> Text:
+    """The text of a map file.
+
+    Raises
+    ------
+    MapError
+        For a missing file, a folder, a file above 64 MB, binary data and text that is not UTF-8.
+    """
+    if path.is_dir():
+        raise MapError(f"{path} is a folder, not a map file")
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise MapError(f"{path.name}: {size / 2**20:.0f} MB; map files above {MAX_BYTES // 2**20} MB are not read")
+        data = path.read_bytes()
+    except OSError as error:
+        raise MapError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    except ValueError:  # a null byte in the path
+        raise MapError(f"{str(path)!r} is not a path") from None
+    if b"\0" in data[:4096]:
+        raise MapError(f"{path.name}: binary data, not a map file")
+    try:
+        return Text(path, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise MapError(f"{path.name}:{line}: not UTF-8 text") from None
+
+
+def parse(source: Text) -> Any:
+    """The document of a YAML text.
+
+    Raises
+    ------
+    MapError
+        As the module refuses; with the line.
+    """
+    was_collecting = gc.isenabled()
+    gc.disable()  # nothing of a growing document is garbage yet
+    try:
+        return _build(source)
+    except yaml.YAMLError as error:
+        complaint = _complaint(source.text, error)
+        raise RefusedMap(f"{source.path.name}{complaint}", (Finding("not_yaml", "refuse", 1, (f"line {complaint[1:]}",)),)) from None
+    finally:
+        if was_collecting:
+            gc.enable()
+
+
+def line_of(text: str, keys: tuple[str | int, ...]) -> int:
+    """Line (from 1) of the value found by following mapping keys and list positions; of the deepest one that exists."""
+    events = yaml.parse(text, Loader=_Loader)
+    best = 1
+    wanted = list(keys)
+    for event in events:
+        if isinstance(event, yaml.MappingStartEvent | yaml.SequenceStartEvent):
+            best = event.start_mark.line + 1
+            break
+    while wanted:
+        key = wanted.pop(0)
+        found = None
+        if isinstance(event, yaml.MappingStartEvent):
+            for name in events:
+                if isinstance(name, yaml.MappingEndEvent):
+                    break
+                same = isinstance(name, yaml.ScalarEvent) and name.value == str(key)
+                if not isinstance(name, yaml.ScalarEvent):
+                    _skip(name, events)
+                value = next(events)
+                if same:
+                    found = value
+                    break
+                _skip(value, events)
+        elif isinstance(event, yaml.SequenceStartEvent) and isinstance(key, int):
+            for position, value in enumerate(events):
+                if isinstance(value, yaml.SequenceEndEvent):
+                    break
+                if position == key:
+                    found = value
+                    break
+                _skip(value, events)
+        if found is None:
+            break
+        event = found
+        best = event.start_mark.line + 1
+    return best
+
+
+def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
+    depth = isinstance(event, yaml.CollectionStartEvent)
+    while depth:
+        event = next(events)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+
+
+def _build(source: Text) -> Any:
+    anchors: dict[str, tuple[Any, int]] = {}  # name -> value, number of values in it
+    scalars: dict[str, Any] = {}  # plain text -> value; most of a map's are the same few words
+    stack: list[tuple[Any, list[Any] | None, str | None, int]] = []  # container, pending key of a mapping, anchor, count at its start
+    top: list[Any] = []
+    count = aliased = documents = 0
+    container: Any = top
+    pending: list[Any] | None = None  # the key a mapping's next value belongs to
+
+    for event in yaml.parse(source.text, Loader=_Loader):
+        kind = type(event)
+        if kind is yaml.ScalarEvent:
+            text = event.value
+            if event.tag is not None and event.tag != "!":
+                raise _at(source, event, f"tag '{event.tag}' is not read")
+            if not event.implicit[0]:
+                value = text
+            elif text in scalars:
+                value = scalars[text]
+            else:
+                value = scalars[text] = _scalar(source, event)
+            count += 1
+            if event.anchor:
+                anchors[event.anchor] = (value, 1)
+        elif kind is yaml.SequenceStartEvent or kind is yaml.MappingStartEvent:
+            if event.tag is not None and event.tag != "!":
+                raise _at(source, event, f"tag '{event.tag}' is not read")
+            if len(stack) >= MAX_DEPTH:
+                raise _at(source, event, f"nested deeper than {MAX_DEPTH} levels")
+            if pending is not None and not pending:
+                raise _at(source, event, "a list or mapping as a key")
+            stack.append((container, pending, event.anchor, count))
+            container, pending = ([], None) if kind is yaml.SequenceStartEvent else ({}, [])
+            count += 1
+            continue
+        elif kind is yaml.SequenceEndEvent or kind is yaml.MappingEndEvent:
+            value = container
+            container, pending, anchor, before = stack.pop()
+            if anchor:
+                anchors[anchor] = (value, count - before)
+        elif kind is yaml.AliasEvent:
+            if event.anchor not in anchors:
+                raise _at(source, event, f"alias '*{event.anchor}' has no anchor before it")
+            value, size = anchors[event.anchor]
+            count += size  # what holds an alias is as large as what it repeats
+            aliased += size
+            if aliased > MAX_ALIASED:
+                raise _at(source, event, f"aliases repeat more than {MAX_ALIASED} values")
+        elif kind is yaml.DocumentStartEvent:
+            documents += 1
+            if documents > 1:
+                raise _at(source, event, "a second YAML document")
+            continue
+        else:
+            continue
+        if pending is None:
+            container.append(value)
+        elif pending:
+            container[pending.pop()] = value
+        else:
+            if type(value) in (list, dict):
+                raise _at(source, event, "a list or mapping as a key")
+            pending.append(value)
+    return top[0] if top else None
+
+
+def _scalar(source: Text, event: yaml.ScalarEvent) -> Any:
+    text = event.value
+    if _FLOAT.match(text):
+        return float(text)
+    if len(text) < 100 and _INT.match(text):
+        return int(text)
+    tag = _resolver.resolve(yaml.ScalarNode, text, (True, False))
+    if tag in ("tag:yaml.org,2002:str", "tag:yaml.org,2002:value", "tag:yaml.org,2002:timestamp"):
+        return text
+    if tag == "tag:yaml.org,2002:merge":
+        raise _at(source, event, "merge keys are not read")
+    try:
+        return _constructor.construct_object(yaml.ScalarNode(tag, text))  # type: ignore[no-untyped-call]
+    except (ValueError, IndexError, KeyError, OverflowError):
+        raise _at(source, event, f"'{text[:40]}' is not a number") from None
+
+
+def _at(source: Text, event: yaml.Event, message: str) -> MapError:
+    return MapError(f"{source.path.name}:{event.start_mark.line + 1}: {message}")
+
+
+def _complaint(text: str, error: yaml.YAMLError) -> str:
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith(("<<<<<<< ", ">>>>>>> ")) or line.rstrip() in ("<<<<<<<", ">>>>>>>"):
+            return f":{number}: not YAML: git conflict marker '{line[:7]}'"
+    if looks_like_html(text):
+        return ":1: not YAML: an HTML page"
+    mark = getattr(error, "problem_mark", None)
+    where = f":{mark.line + 1 if mark is not None else 1}"
+    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
+    return f"{where}: not YAML: {problem}"
+
+
+def looks_like_html(text: str) -> bool:
+    """Whether a page was saved instead of the file."""
+    return text.lstrip()[:200].lower().startswith(("<!doctype html", "<html", "<head", "<!--"))
