@@ -1,0 +1,120 @@
+"""A building as data: levels with vertices, lanes, walls and doors, joined by lifts, in metres.
+
+What `rmf.py` reads. Coordinates are x right, y up. Indices count from 0 in the lists of the level in the file.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray, Options
+from mrp_sumo.maps.finding import Finding
+
+WALL_THICKNESS_M = 0.1  # of Open-RMF's generator (wall.py)
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """A lane as drawn. `options` are those of the nav graph that need no geometry, in the generator's order."""
+
+    start: int
+    end: int
+    graph: int
+    is_bidirectional: bool
+    options: Options
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """A door between two vertices."""
+
+    start: int
+    end: int
+    name: str
+    kind: str  # hinged, double_hinged, sliding, double_sliding, or ''
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Level:
+    """A floor of the building."""
+
+    name: str
+    elevation_m: float
+    raw_xy: FloatArray  # [N, 2] in units of the file, y up
+    world_xy: FloatArray  # [N, 2] m, in the frame of Open-RMF's nav graphs
+    xy: FloatArray  # [N, 2] m, in the frame of the map: less `Building.origin_m`, levels laid apart
+    vertex_name: tuple[Any, ...]  # [N] as in the file, '' without one
+    vertex_options: tuple[Options, ...]  # [N] as in the file
+    lanes: tuple[Lane, ...] = ()
+    walls: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))  # [W, 2] vertices
+    doors: tuple[Door, ...] = ()
+    floors: tuple[tuple[int, ...], ...] = ()  # polygons of vertices
+    holes: tuple[tuple[int, ...], ...] = ()
+
+    @cached_property
+    def wall_xy(self) -> FloatArray:
+        """[W, 2, 2] m, the two ends of each wall."""
+        return self.xy[self.walls]
+
+    @cached_property
+    def lane_vertices(self) -> IntArray:
+        """Vertices on lanes of any graph, ascending."""
+        return np.unique(np.array([v for lane in self.lanes for v in (lane.start, lane.end)], np.int64))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lift:
+    """A cabin and the floors it serves."""
+
+    name: str
+    x_m: float  # in the frame of Open-RMF's nav graphs
+    y_m: float
+    yaw_rad: float
+    width_m: float  # along the cabin's x
+    depth_m: float
+    lowest_m: float = -np.inf  # elevations it serves
+    highest_m: float = np.inf
+    level_doors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none: it is no shaft
+
+    def holds(self, xy: FloatArray, elevation_m: float) -> np.ndarray:
+        """[N] whether each point is in the cabin, 5 cm beyond its walls included (level.py, is_in_lift)."""
+        if not self.level_doors or not self.lowest_m <= elevation_m <= self.highest_m:
+            return np.zeros(len(xy), np.bool_)
+        dx, dy = (xy - (self.x_m, self.y_m)).T
+        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        along, across = c * dx + s * dy, c * dy - s * dx
+        return (np.abs(along) <= self.width_m / 2 + 0.05) & (np.abs(across) <= self.depth_m / 2 + 0.05)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Building:
+    """Everything of a building that robots, their sensors and pictures of them need."""
+
+    name: str
+    path: Path
+    coordinate_system: str
+    reference_level: str
+    levels: Mapping[str, Level]
+    lifts: Mapping[str, Lift]
+    crs_name: str = ""
+    offset: tuple[float, float] | None = None  # of the file, for georeferenced systems
+    origin_m: tuple[float, float] = (0.0, 0.0)  # what `Level.xy` has less than the nav graphs of Open-RMF
+    findings: tuple[Finding, ...] = ()  # of reading the file
+
+    @cached_property
+    def graphs(self) -> Mapping[int, int]:
+        """Number of lanes of each graph that has any, in ascending order."""
+        count: dict[int, int] = {}
+        for level in self.levels.values():
+            for lane in level.lanes:
+                count[lane.graph] = count.get(lane.graph, 0) + 1
+        return dict(sorted(count.items()))
+
+    def moved(self, shift_m: Mapping[str, tuple[float, float]]) -> "Building":
+        """The building with levels laid elsewhere in the map's frame, each by its (x, y) in m."""
+        levels = {name: replace(level, xy=level.xy + shift_m.get(name, (0.0, 0.0))) for name, level in self.levels.items()}
+        return replace(self, levels=levels)
