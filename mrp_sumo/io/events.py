@@ -1,0 +1,76 @@
+"""Events of an execution as JSON lines: one object a line, readable with `jq`, pandas and editors.
+
+Robots and vertices go by name; a key without a value is left out.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.core.execution import Event, Execution
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.errors import MrpSumoError
+
+SCHEMA_VERSION = 1
+
+
+def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any]:
+    """An event in names: t_s, kind, robot, and where there are such vertex, other, duration_s, text."""
+    document: dict[str, Any] = {"t_s": float(event.t_s), "kind": event.kind}
+    if event.robot >= 0:
+        document["robot"] = fleet.robot_name[event.robot]
+    if event.vertex >= 0:
+        document["vertex"] = graph.label(event.vertex)
+        document["x_m"], document["y_m"] = (float(c) for c in graph.xy[event.vertex])
+    if event.other >= 0:
+        document["other"] = fleet.robot_name[event.other]
+    if event.duration_s:
+        document["duration_s"] = float(event.duration_s)
+    if event.text:
+        document["text"] = event.text
+    return document
+
+
+def write_events(path: Path, execution: Execution, fleet: Fleet, graph: NavGraph) -> None:
+    """Write all events by time, one a line."""
+    events = sorted(execution.events, key=lambda event: event.t_s)
+    lines = [json.dumps(event_document(event, fleet, graph), ensure_ascii=False, allow_nan=False) for event in events]
+    path.write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+
+
+def read_events(path: Path) -> list[dict[str, Any]]:
+    """The lines of an events file as dictionaries.
+
+    Raises
+    ------
+    MrpSumoError
+        For a line that is not a JSON object.
+    """
+    events = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            event = json.loads(line)
+        except json.JSONDecodeError as error:
+            raise MrpSumoError(f"{path}:{number}: not JSON: {error.msg}") from None
+        if not isinstance(event, dict):
+            raise MrpSumoError(f"{path}:{number}: found {line[:40]!r}, expected an object")
+        events.append(event)
+    return events
+
+
+def events_of_documents(documents: list[dict[str, Any]], fleet: Fleet, graph: NavGraph) -> tuple[Event, ...]:
+    """Events with indices again. A name that is not known becomes -1."""
+    robot = {name: i for i, name in enumerate(fleet.robot_name)}
+    return tuple(
+        Event(
+            t_s=float(d["t_s"]),
+            kind=str(d["kind"]),
+            robot=robot.get(d.get("robot", ""), -1),
+            vertex=graph.vertex_of_name.get(d.get("vertex", ""), -1),
+            other=robot.get(d.get("other", ""), -1),
+            duration_s=float(d.get("duration_s", 0.0)),
+            text=str(d.get("text", "")),
+        )
+        for d in documents
+    )

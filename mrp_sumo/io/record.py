@@ -1,0 +1,65 @@
+"""What a run leaves behind, in memory: everything logs, exports and replays are made from."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.plan import Plan
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.costmap import Costmap
+
+MOVING, WAITING, BLOCKED, AT_GOAL = range(4)
+STATE_NAMES = ("moving", "waiting", "blocked", "at goal")
+STANDING_MPS = 0.01  # slower counts as standing
+BLOCKING_EVENTS = ("blocked", "deadlock")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One executed run of R robots."""
+
+    name: str  # of the scenario
+    seed: int
+    fleet: Fleet
+    graph: PlanGraph  # the plan's vertices are its
+    target: IntArray  # [R] goal vertex of each robot
+    plan: Plan | None
+    execution: Execution
+    nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
+    costmap: "Costmap | None" = None  # walls
+
+
+def robot_states(execution: Execution, t_s: FloatArray) -> NDArray[np.int8]:
+    """What each robot does at some times: MOVING, WAITING, BLOCKED or AT_GOAL.
+
+    Blocked is what the execution's events say, waiting is standing elsewhere than at the goal.
+
+    Parameters
+    ----------
+    execution
+        With at least one sample.
+    t_s
+        [K] ascending.
+
+    Returns
+    -------
+    state
+        [K, R]
+    """
+    sample = np.clip(np.searchsorted(execution.t_s, t_s - 1e-9), 0, len(execution.t_s) - 1)
+    speed = execution.speed_mps[sample]
+    state = np.where(np.abs(speed) < STANDING_MPS, WAITING, MOVING).astype(np.int8)
+    for event in execution.events:
+        if event.kind in BLOCKING_EVENTS and event.duration_s > 0 and 0 <= event.robot < state.shape[1]:
+            a, b = np.searchsorted(t_s, (event.t_s - 1e-9, event.t_s + event.duration_s - 1e-9))
+            state[a:b, event.robot] = np.where(state[a:b, event.robot] == MOVING, MOVING, BLOCKED)
+    with np.errstate(invalid="ignore"):
+        there = (t_s[:, None] >= execution.goal_s - 1e-9) & (state != MOVING)
+    state[there] = AT_GOAL
+    return state

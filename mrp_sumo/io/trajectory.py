@@ -1,0 +1,129 @@
+"""Trajectories as Parquet: one long table of exact float64, the source of truth every other log derives from.
+
+Columns: `t_ns` int64, `robot` dictionary of names, `x_m`, `y_m`, `yaw_rad`, `speed_mps` float64. A robot
+that is not on the floor has no row. Row groups hold about half a million rows, robot by robot inside,
+compressed with zstd after a byte-stream split. Equal executions give equal bytes. Refuses files of
+another schema.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.errors import MrpSumoError
+
+SCHEMA_VERSION = 1
+ROWS_PER_GROUP = 500_000
+COLUMNS = ("x_m", "y_m", "yaw_rad", "speed_mps")
+UNITS = {"t_ns": "ns of simulated time", "x_m": "m", "y_m": "m", "yaw_rad": "rad, counter-clockwise from +x", "speed_mps": "m/s"}
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Time-major positions of R robots at T samples, NaN where a robot is not on the floor."""
+
+    t_ns: IntArray  # [T]
+    robot_name: tuple[str, ...]  # [R]
+    x_m: FloatArray  # [T, R]
+    y_m: FloatArray  # [T, R]
+    yaw_rad: FloatArray  # [T, R]
+    speed_mps: FloatArray  # [T, R]
+    metadata: Mapping[str, Any]  # what the writer was told, with schema_version and units
+
+    @property
+    def t_s(self) -> FloatArray:
+        """[T] simulated time."""
+        return self.t_ns / 1e9
+
+
+def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ...], metadata: Mapping[str, Any]) -> None:
+    """Write the table.
+
+    Parameters
+    ----------
+    path
+        To be made.
+    execution
+        T samples.
+    robot_name
+        [R]
+    metadata
+        JSON values to keep in the file: scenario, seed, versions.
+    """
+    num_samples, num_robots = execution.x_m.shape
+    t_ns = np.rint(execution.t_s * 1e9).astype(np.int64)
+    index = pa.int16() if num_robots < 2**15 else pa.int32()
+    about = {
+        "schema_version": SCHEMA_VERSION,
+        "units": UNITS,
+        "robots": list(robot_name),
+        "t_ns": [int(t_ns[0]), int(t_ns[-1]), num_samples] if num_samples else [0, 0, 0],
+        **metadata,
+    }
+    fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", pa.dictionary(index, pa.string()), False)]
+    fields += [pa.field(name, pa.float64(), False) for name in COLUMNS]
+    schema = pa.schema(fields, {"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
+    encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys(COLUMNS, "BYTE_STREAM_SPLIT")}
+    ticks = max(1, ROWS_PER_GROUP // max(1, num_robots))
+    names = pa.array(list(robot_name), pa.string())
+    with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot"], column_encoding=encoding) as writer:
+        for a in range(0, num_samples, ticks):
+            rows = slice(a, min(a + ticks, num_samples))
+            flat = [np.ascontiguousarray(getattr(execution, name)[rows].T).ravel() for name in COLUMNS]
+            length = rows.stop - rows.start
+            time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
+            there = np.isfinite(flat[0]) & np.isfinite(flat[1])
+            if not there.all():
+                time, robot, flat = time[there], robot[there], [column[there] for column in flat]
+            robots = pa.DictionaryArray.from_arrays(pa.array(robot, index), names)
+            writer.write_table(pa.Table.from_arrays([pa.array(time), robots, *map(pa.array, flat)], schema=schema), ROWS_PER_GROUP * 2)
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Read a table back.
+
+    Raises
+    ------
+    MrpSumoError
+        For a file that is missing, damaged, or of another schema.
+    """
+    try:
+        table = pq.read_table(path)
+    except FileNotFoundError:
+        raise MrpSumoError(f"{path}: no such file") from None
+    except (pa.ArrowInvalid, OSError) as error:
+        raise MrpSumoError(f"{path}: not a readable Parquet file: {str(error).splitlines()[0]}") from None
+    about = json.loads((table.schema.metadata or {}).get(b"mrp_sumo", b"null"))
+    if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:
+        found = about.get("schema_version") if isinstance(about, dict) else "no trajectory"
+        raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
+    names = about["robots"]
+    first, last, num_samples = about["t_ns"]
+    time, dictionary = table["t_ns"].to_numpy(), table["robot"].combine_chunks()
+    t_ns = np.unique(time)
+    if len(t_ns) != num_samples:  # samples at which nobody was on the floor
+        t_ns = np.union1d(t_ns, np.rint(np.linspace(first, last, num_samples)).astype(np.int64))
+    robot = _indices(dictionary, names)
+    row = np.searchsorted(t_ns, time)
+    columns = {}
+    for name in COLUMNS:
+        values = np.full((len(t_ns), len(names)), np.nan)
+        values[row, robot] = table[name].to_numpy()
+        columns[name] = values
+    return Trajectory(t_ns, tuple(names), **columns, metadata=about)
+
+
+def _indices(column: Any, names: list[str]) -> IntArray:
+    """[N] index of each row's robot in the list of names."""
+    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
+    at = {name: i for i, name in enumerate(names)}
+    parts = [np.array([at[n] for n in c.dictionary.to_pylist()] or [0], np.int64)[c.indices.to_numpy()] for c in chunks]
+    return np.concatenate([np.zeros(0, np.int64), *parts])
