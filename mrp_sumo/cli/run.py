@@ -28,8 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the scenario and print a table."""
     from mrp_sumo.experiments.run import run_scenario
-    from mrp_sumo.io.scenario import read_scenario
-    from mrp_sumo.maps.catalogue import find_scenario
+    from mrp_sumo.io.scenario import find_scenario, read_scenario
 
     overrides: dict[tuple[str | int, ...], tuple[str, Any]] = {}
     if options.seed is not None:

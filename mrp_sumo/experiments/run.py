@@ -188,8 +188,17 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
         if solution.result.plan is not None:
             execution, note = _execute(scenario, solution, network, report, gui)
         report("measuring")
-        metrics = evaluate(solution.problem, solution.result, solution.verdict, execution, **_measures(scenario, solution))
         audited = audit(execution, solution.problem.fleet) if execution else None
+        metrics = evaluate(
+            solution.problem,
+            solution.result,
+            solution.verdict,
+            execution,
+            audited,
+            assignment_time_s=solution.assignment_time_s,
+            time_limit_s=scenario.execution.time_limit_s,
+            tolerance_m=scenario.execution.goal_tolerance_m,
+        )
         report("writing the run folder")
         return write_run(
             out,
@@ -257,15 +266,6 @@ def _status(solution: Solution, execution: Execution | None, audited: dict[str, 
     if audited is not None and not audited["passed"]:
         return "audit_failed"
     return str(execution.outcome)
-
-
-def _measures(scenario: Scenario, solution: Solution) -> dict[str, float]:
-    return {
-        "assignment_time_s": solution.assignment_time_s,
-        "cell_m": scenario.discretisation.cell_m,
-        "goal_tolerance_m": scenario.execution.goal_tolerance_m,
-        "execution_time_limit_s": scenario.execution.time_limit_s,
-    }
 
 
 def _load(file: ScenarioFile) -> Map:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Document, Place, read_document, validated
+from mrp_sumo.maps.catalogue import bundled_folder
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -160,6 +161,28 @@ class ScenarioFile:
     def folder(self) -> Path:
         """Where relative paths begin."""
         return self.document.path.parent
+
+
+def find_scenario(name_or_path: str) -> Path:
+    """The file of a scenario: a path, or the name of a bundled one (`office_9`, `suites/...`).
+
+    Raises
+    ------
+    ScenarioError
+        When there is no such file, with the nearest one.
+    """
+    path, bundled = Path(name_or_path), bundled_folder("scenarios")
+    if path.is_file():
+        return path
+    named = bundled / (name_or_path if name_or_path.endswith(".yaml") else f"{name_or_path}.yaml")
+    if named.is_file():
+        return named
+    if path.is_dir():
+        raise ScenarioError(f"{name_or_path} is a folder, not a scenario file")
+    beside = sorted(p.name for p in path.parent.glob("*.yaml")) if path.suffix else []
+    raise ScenarioError(
+        f"{name_or_path}: no such file{nearest(path.name, beside or sorted(p.stem for p in bundled.glob('*.yaml')), limit=10)}"
+    )
 
 
 def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None = None) -> ScenarioFile:

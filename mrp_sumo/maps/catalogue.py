@@ -10,14 +10,17 @@ from mrp_sumo.errors import MapError, nearest
 SUFFIX = ".building.yaml"
 
 
+def bundled_folder(name: str) -> Path:
+    """A folder that comes with the program: networks, scenarios or robots."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "bundled" / name  # in a wheel; a source tree has it beside the package
+    return installed if installed.is_dir() else package.parent / name
+
+
 def bundled_maps() -> dict[str, Path]:
     """The maps that come with the program, by name."""
-    here = Path(__file__).resolve().parents[1]
-    for networks in (here / "bundled" / "networks", here.parent / "networks"):  # in a wheel; in a source tree
-        if networks.is_dir():
-            found = {file.parent.name: file for file in networks.glob(f"*/*{SUFFIX}") if file.name == file.parent.name + SUFFIX}
-            return dict(sorted(found.items()))
-    return {}
+    found = {file.parent.name: file for file in bundled_folder("networks").glob(f"*/*{SUFFIX}") if file.name == file.parent.name + SUFFIX}
+    return dict(sorted(found.items()))
 
 
 def find_map(name_or_path: str, beside: Path) -> Path:
