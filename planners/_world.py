@@ -1,0 +1,166 @@
+"""The arrays that PIBT, LaCAM and LNS2 plan on, made from a problem, and the answers that need no search.
+
+Refuses time limits that are not positive numbers.
+"""
+
+import math
+from dataclasses import fields
+from functools import cache
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.distance import UNREACHABLE, distances
+from planners._compass import extend_all
+from planners._pibt import Scratch, World
+
+TABLE_BYTES = 400_000_000  # tables of steps larger than this are packed
+SLICE_S = 0.02  # how long a kernel runs until the clock is read
+
+
+def checked_deadline(time_limit_s: float) -> float:
+    """The end of a time limit that begins now, on the clock of `perf_counter`.
+
+    Raises
+    ------
+    PlanError
+        When the limit is not a number above 0.
+    """
+    if math.isnan(time_limit_s) or time_limit_s <= 0:
+        raise PlanError(f"the time limit is {time_limit_s:g} s, expected a number above 0")
+    return perf_counter() + time_limit_s
+
+
+def build_world(problem: Problem, deadline_s: float, *, packed: bool | None = None) -> tuple[World, IntArray] | None:
+    """World and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
+
+    Parameters
+    ----------
+    problem
+        With an assignment.
+    deadline_s
+        On the clock of `perf_counter`.
+    packed
+        Whether to keep two bits a vertex (all lanes must have opposites); by default if tables of steps would be too large.
+    """
+    graph, target = problem.graph, np.array(problem.target)
+    num_robots, num_vertices = problem.num_robots, graph.num_vertices
+    two_way = bool((graph.reverse >= 0).all())
+    if packed is None:
+        packed = two_way and 4 * num_robots * num_vertices > TABLE_BYTES
+    steps = np.full(num_robots, -1, np.int64)
+    table = frozen(np.zeros((1, 1), np.int32))
+    code = np.zeros((num_robots if packed else 1, (num_vertices + 3) // 4 if packed else 1), np.uint8)
+    code_scratch = np.zeros(2 + 2 * num_vertices if packed else 1, np.int64)
+    bound = _bound(graph) if packed else np.zeros((1, 2))
+    if packed:
+        at_once = max(1, 2_000_000 // num_vertices)
+        for a in range(0, num_robots, at_once):
+            if perf_counter() > deadline_s:
+                return None
+            b = min(a + at_once, num_robots)
+            extend_all(graph.first, graph.head, target, np.array(problem.start), a, b, code, code_scratch, bound, steps)
+    else:
+        found = steps_table(problem, deadline_s)
+        if found is None:
+            return None
+        table = found
+        steps[:] = table[np.arange(num_robots), problem.start]
+        steps[steps >= UNREACHABLE] = -1
+    return World(graph.first, graph.head, target, table, packed, code, code_scratch, bound, two_way), steps
+
+
+def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
+    """[R, V] int32 steps from each vertex to each robot's goal, read-only; None when the deadline passes first."""
+    known, target = distances(problem.graph), problem.target
+    at_once = max(1, 4_000_000 // max(problem.graph.num_vertices, 1))
+    parts = []
+    for a in range(0, problem.num_robots, at_once):
+        if perf_counter() > deadline_s:
+            return None
+        parts.append(known.to_all(target[a : a + at_once]))
+    return parts[0] if len(parts) == 1 else frozen(np.concatenate([np.zeros((0, problem.graph.num_vertices), np.int32), *parts]))
+
+
+def build_scratch(world: World) -> Scratch:
+    """Room for PIBT's steps."""
+    num_vertices, num_robots = len(world.first) - 1, len(world.goal)
+    width = int(np.diff(world.first).max(initial=0)) + 1
+    return Scratch(
+        now=np.full(num_vertices, -1, np.int64),
+        next=np.full(num_vertices, -1, np.int64),
+        stack=np.zeros(num_robots + 1, np.int64),
+        choice=np.zeros(num_robots, np.int64),
+        candidate=np.zeros((num_robots, width), np.int64),
+        num=np.zeros(num_robots, np.int64),
+        partner=np.zeros(num_robots, np.int64),
+        key=np.zeros(width, np.float64),
+    )
+
+
+def timed_out(begin_s: float, lower_bound: float, message: str, **stats: float) -> PlanResult:
+    """TIMED_OUT without a plan."""
+    return PlanResult(
+        Status.TIMED_OUT, planning_time_s=perf_counter() - begin_s, lower_bound_steps=lower_bound, stats=stats, message=message
+    )
+
+
+def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanResult | None:
+    """The result where none has to be searched for: a goal out of reach, or everybody at home already."""
+    if (steps < 0).any():
+        robot = int(np.flatnonzero(steps < 0)[0])
+        graph = problem.graph
+        return PlanResult(
+            Status.INFEASIBLE,
+            planning_time_s=perf_counter() - begin_s,
+            lower_bound_steps=math.inf,
+            message=f"{problem.fleet.robot_name[robot]} cannot reach its goal '{graph.label(problem.target[robot])}' "
+            f"from '{graph.label(problem.start[robot])}'",
+        )
+    if not steps.any():
+        return solved(problem, problem.start[None, :], begin_s, 0.0)
+    return None
+
+
+def solved(problem: Problem, path: np.ndarray, begin_s: float, lower_bound: float, **stats: float) -> PlanResult:
+    """SOLVED with the plan of `path` [T, R]."""
+    plan = plan_of_paths(list(np.ascontiguousarray(path.T)), problem.step_s)
+    return PlanResult(Status.SOLVED, plan, planning_time_s=perf_counter() - begin_s, lower_bound_steps=lower_bound, stats=stats)
+
+
+def sum_of_costs(path: np.ndarray, goal: IntArray) -> int:
+    """Standard sum of costs in steps: for each robot the last step at which it is not yet at its goal to stay.
+
+    Parameters
+    ----------
+    path
+        [T, R], everybody at the goal in the last row.
+    goal
+        [R]
+    """
+    away = path != goal
+    last = len(path) - np.argmax(away[::-1], axis=0)
+    return int(np.where(away.any(axis=0), last, 0).sum())
+
+
+@cache
+def small_problem() -> Problem:
+    """Two robots that change places beside a siding: enough to compile every kernel."""
+    lanes = [(0, 1), (1, 0), (1, 2), (2, 1), (1, 3), (3, 1)]
+    nav = nav_graph(name="siding", xy=[[0, 0], [1, 0], [2, 0], [1, 1]], lanes=lanes)
+    graph = PlanGraph(
+        **{f.name: getattr(nav, f.name) for f in fields(nav)}, kind="roadmap", cell_m=1.0, vertex_of_station=frozen(np.arange(4))
+    )
+    fleet = fleet_of(RobotType("any", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2)
+    return Problem(graph, fleet, np.array([0, 2]), np.array([2, 0]), np.array([0, 1]), 1.0)
+
+
+def _bound(graph: PlanGraph) -> np.ndarray:
+    """[V, 2] coordinates scaled such that every lane is at most 1 long by the sum of absolute differences."""
+    longest = np.abs(graph.xy[graph.head] - graph.xy[graph.tail]).sum(1).max(initial=0)
+    return np.array(graph.xy / (longest * (1 + 1e-12)) if longest > 0 else graph.xy)
