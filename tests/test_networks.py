@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
+from mrp_sumo.maps.grid import paper_grid
+from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.roadmap import cut_lanes
+
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = ("office", "warehouse", "airport")
 
@@ -124,3 +128,19 @@ def test_script_draws_the_same_bytes_again(tmp_path: Path, monkeypatch: pytest.M
     for name in NAMES:
         file = Path(name) / f"{name}.building.yaml"
         assert (tmp_path / file).read_bytes() == (ROOT / "networks" / file).read_bytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_map_is_read_without_findings(name: str) -> None:
+    map_ = load_map(ROOT / "networks" / name / f"{name}.building.yaml")
+    assert map_.findings == ()
+    assert map_.nav.num_components == 1
+    assert (map_.nav.reverse >= 0).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_both_discretisations_are_one_piece(name: str) -> None:
+    nav = load_map(ROOT / "networks" / name / f"{name}.building.yaml").nav
+    for graph in (paper_grid(nav, 0.4), cut_lanes(nav, 0.4)):
+        assert graph.num_components == 1
+        assert len(set(graph.vertex_of_station.tolist())) == nav.num_vertices

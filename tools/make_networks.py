@@ -69,9 +69,7 @@ def office() -> Drawing:
     d.door((11.35, 3.6), (10.25, 3.6), "office_2_door")
 
     for x0, x1 in ((3.6, 5.2), (7.6, 9.6), (12.0, 13.6), (16.0, 18.0)):  # desk islands between the corridors
-        d.box(x0, 5.5, x1, 6.5)
-        d.wall((x0, 6.0), (x1, 6.0))
-        d.wall(((x0 + x1) / 2, 5.5), ((x0 + x1) / 2, 6.5))
+        d.shelves(x0, 5.5, x1, 6.5, 2, 2)
     d.wall((0.9, 11.0), (0.9, 9.8), (3.6, 9.8), (3.6, 10.4), (1.5, 10.4), (1.5, 11.0), (0.9, 11.0))  # reception desk
     d.box(5.3, 10.5, 7.7, 11.3)
     d.box(9.4, 10.5, 11.8, 11.3)
@@ -106,8 +104,8 @@ def warehouse() -> Drawing:
     for k, beside, zone, docks in ((0, 1, "receiving", (1, 2)), (6, 5, "shipping", (4, 3))):
         near = d.lane(front[k], d.station(aisles[k], 4.8, zone, **HOLD))
         far = d.lane(near, d.station(aisles[beside], 4.8, f"{zone}_staging", **HOLD))
-        d.lane(near, d.station(aisles[k], 1.8, f"dock_{docks[0]}"))
-        d.lane(far, d.station(aisles[beside], 1.8, f"dock_{docks[1]}"))
+        for at, x, dock in ((near, aisles[k], f"dock_{docks[0]}"), (far, aisles[beside], f"dock_{docks[1]}")):
+            d.lane(at, d.station(x, 1.8, dock, dock_name=dock))
     d.lane(front[2], d.station(aisles[2], 6.0, "packing_1"))
     d.lane(front[4], d.station(aisles[4], 6.0, "packing_2"))
     d.lane(front[3], d.station(aisles[3], 4.8, "office_hatch", **HOLD), d.station(aisles[3], 2.2, "office"))
@@ -119,15 +117,11 @@ def warehouse() -> Drawing:
     for k, x in enumerate(gates, 1):
         d.door((x - 1.1, 0), (x + 1.1, 0), f"dock_gate_{k}", "sliding")
 
-    rack_y = [9.6 + 1.2 * i for i in range(12)]  # eleven bays of 1.2 m
     middles = [0.98, *((a + b) / 2 for a, b in pairwise(aisles)), 21.02]
     for k, x in enumerate(middles):
-        half = 0.6 if 0 < k < 7 else 0.42
-        d.box(x - half, rack_y[0], x + half, rack_y[-1])
-        if 0 < k < 7:  # back to back
-            d.wall((x, rack_y[0]), (x, rack_y[-1]))
-        for y in rack_y[1:-1]:
-            d.wall((x - half, y), (x + half, y))
+        single = k in (0, 7)
+        half = 0.42 if single else 0.6
+        d.shelves(x - half, 9.6, x + half, 22.8, 1 if single else 2, 11)  # bays of 1.2 m, back to back
     for x in middles[1:4]:  # between the chargers
         d.wall((x, 25.4), (x, 27))
 
@@ -243,8 +237,7 @@ def _airport_walls(d: Drawing, link_x: list[float], middle_x: list[float], wings
 
     for k, x in enumerate(link_x[:-1]):  # moving walkways, and kiosks in every other stretch
         if k % 2 == 0:
-            d.box(x + 2, 39.3, x + 16, 40.7)
-            d.wall((x + 2, 40), (x + 16, 40))
+            d.shelves(x + 2, 39.3, x + 16, 40.7, 1, 2)
         else:
             _oval(d, x + 4.4, 40, 1.6, 0.7)
             _oval(d, x + 13.4, 40, 1.6, 0.7)
@@ -260,10 +253,7 @@ def _airport_walls(d: Drawing, link_x: list[float], middle_x: list[float], wings
     for a, b in pairwise(hall_x):
         middle = (a + b) / 2
         d.wall((a + 2.2, 31.8), (b - 2.2, 31.8))
-        d.box(middle - 1.6, 17.8, middle + 1.6, 24.2)  # check-in island
-        d.wall((middle, 17.8), (middle, 24.2))
-        for y in (19.4, 21.0, 22.6):
-            d.wall((middle - 1.6, y), (middle + 1.6, y))
+        d.shelves(middle - 1.6, 17.8, middle + 1.6, 24.2, 2, 4)  # check-in island
         _oval(d, middle, 11.0, 1.9, 3.2)  # carousel
         _oval(d, middle, 11.0, 1.0, 2.3)
     for wall_x, door_x in ((102, 110), (180, 172)):  # charging rooms and offices on both sides of the hall
@@ -286,8 +276,7 @@ def _gate_bay(d: Drawing, x: float, inside_y: float, glass_y: float, tip_y: floa
     for k in range(3):
         y = inside_y + out * (4.4 + 2.2 * k)
         for x0 in (x - 5.0, x + 1.8):
-            d.box(x0, min(y, y + 0.8 * out), x0 + 3.2, max(y, y + 0.8 * out))
-            d.wall((x0, y + 0.4 * out), (x0 + 3.2, y + 0.4 * out))
+            d.shelves(x0, y, x0 + 3.2, y + 0.8 * out, 1, 2)
     d.box(x - 4.4, min(glass_y - 1.8 * out, glass_y - 2.4 * out), x - 1.4, max(glass_y - 1.8 * out, glass_y - 2.4 * out))
 
 

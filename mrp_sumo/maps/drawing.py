@@ -77,8 +77,17 @@ class Drawing:
         self.walls += pieces
 
     def box(self, x0: float, y0: float, x1: float, y1: float) -> None:
-        """Four walls around a rectangle: a rack, a desk, a counter."""
+        """Four walls around a rectangle: a desk, a counter, a pallet."""
         self.wall((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
+
+    def shelves(self, x0: float, y0: float, x1: float, y1: float, columns: int, rows: int) -> None:
+        """A box divided into bays: a rack, a row of desks or seats."""
+        xs = [x0 + (x1 - x0) * i / columns for i in range(columns + 1)]
+        ys = [y0 + (y1 - y0) * j / rows for j in range(rows + 1)]
+        for x in xs:
+            self.wall(*((x, y) for y in ys))
+        for y in ys:
+            self.wall(*((x, y) for x in xs))
 
     def floor(self, *points: Point, texture: str = "blue_linoleum") -> None:
         """A floor polygon."""

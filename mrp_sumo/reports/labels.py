@@ -1,0 +1,69 @@
+"""Put names beside points on a page so that none lies on another: greedy, in the order given, the best of sixteen places each.
+
+A name that finds no place is left out: half a page of words on words tells less than a few that can be read.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+DIRECTIONS = np.array([(1, 0.35), (-1, 0.35), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)], np.float64)
+
+
+def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Array, gap: float) -> Array:
+    """Where the labels go.
+
+    Parameters
+    ----------
+    anchor
+        [N, 2] the points that have names, the most important first. All lengths are in one unit, say 1/72 inch.
+    size
+        [N, 2] width and height of each label.
+    lane, wall
+        [S, 2, 2] each, strokes that a label should not cover; two lanes weigh more than any number of walls.
+    page
+        [2, 2] lower left and upper right: a label lies within.
+    gap
+        Between a point and its label.
+
+    Returns
+    -------
+    corner
+        [N, 2] lower left of each label; NaN where there is no good place.
+    """
+    corner = np.full((len(anchor), 2), np.nan)
+    reach = np.concatenate([DIRECTIONS, 2 * DIRECTIONS])
+    placed_low, placed_high = np.zeros((0, 2)), np.zeros((0, 2))
+    for i, (point, extent) in enumerate(zip(anchor, size)):
+        # the label's near side stays the gap away from the point, whatever the direction
+        low = point + reach * gap + (np.sign(np.round(reach)) - 1) / 2 * extent
+        low[np.round(reach[:, 0]) == 0, 0] = point[0] - extent[0] / 2
+        low[np.abs(reach[:, 1]) < 0.8, 1] = point[1] - extent[1] / 2
+        high = low + extent
+        cost = np.arange(len(reach)) * 0.02 + (np.arange(len(reach)) >= len(DIRECTIONS)) * 1.2
+        cost = cost + 10.0 * ((low < page[0]) | (high > page[1])).any(1)
+        cost += 10.0 * _overlap(low, high, placed_low, placed_high)
+        cost += 1.5 * _overlap(low - 1, high + 1, anchor, anchor)
+        cost += 0.5 * _covered(low, high, lane) + np.minimum(0.4 * _covered(low, high, wall), 0.7)
+        best = int(np.argmin(cost))
+        if cost[best] < 3:
+            corner[i] = low[best]
+            placed_low = np.vstack([placed_low, low[best]])
+            placed_high = np.vstack([placed_high, high[best]])
+    return corner
+
+
+def _overlap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
+    """[C] how many of the other boxes each box meets."""
+    return ((low[:, None] < other_high) & (high[:, None] > other_low)).all(2).sum(1).astype(np.float64)
+
+
+def _covered(low: Array, high: Array, line: Array) -> Array:
+    """[C] how many strokes each box covers some of (clipping after Liang and Barsky)."""
+    start, step = line[:, 0], line[:, 1] - line[:, 0]
+    step = np.where(np.abs(step) < 1e-12, 1e-12, step)
+    t0, t1 = (low[:, None] - start) / step, (high[:, None] - start) / step
+    enter = np.minimum(t0, t1).max(2)
+    leave = np.maximum(t0, t1).min(2)
+    return (np.maximum(enter, 0) < np.minimum(leave, 1)).sum(1).astype(np.float64)
