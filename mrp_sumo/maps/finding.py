@@ -79,7 +79,13 @@ class Notes:
         self._count[kind] = self._count.get(kind, 0) + count
 
     def findings(self) -> tuple[Finding, ...]:
-        """Refusals first, then warnings, then information."""
+        """One finding a kind, in the order of `ordered`."""
         return tuple(
             Finding(kind, SEVERITY[kind], self._count[kind], tuple(self._details[kind])) for kind in SEVERITY if kind in self._details
         )
+
+
+def ordered(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Refusals first, then warnings, then information."""
+    rank = list(SEVERITY)
+    return tuple(sorted(findings, key=lambda finding: rank.index(finding.kind)))

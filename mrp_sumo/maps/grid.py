@@ -52,6 +52,14 @@ def grid_facts(nav: NavGraph, cell_m: float = 0.4) -> dict[str, Any]:
     return {"cell_m": cell_m, "width": width, "height": height, "total": total, "free": num_free, "blocked": total - num_free}
 
 
+def grid_size(nav: NavGraph, cell_m: float) -> tuple[int, int]:
+    """Columns and rows of the grid of a nav graph."""
+    check_cell(cell_m)
+    low, high = _corners(nav)
+    width, height = (np.ceil((high - low) / cell_m) + 1).astype(np.int64).tolist()
+    return width, height
+
+
 def grid_graph(
     free: BoolArray,
     cell_m: float,
@@ -123,14 +131,10 @@ def _one_level(nav: NavGraph) -> tuple[str, ...]:
 
 def _paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, FloatArray]:
     """Free cells [H, W] of the recipe, the cell (column, row) of each vertex [V, 2], and the lower left corner [2]."""
-    check_cell(cell_m)
     _one_level(nav)
-    if not nav.num_vertices:
-        raise MapError(f"'{nav.name}' has no vertex to make a grid of")
-    xy = nav.xy.astype(np.float32).astype(np.float64)
-    low = xy.min(axis=0)
-    cell = np.floor((xy - low) / cell_m).astype(np.int64)
-    width, height = (np.ceil((xy.max(axis=0) - low) / cell_m) + 1).astype(np.int64).tolist()
+    width, height = grid_size(nav, cell_m)
+    low, _ = _corners(nav)
+    cell = np.floor((_single_precision(nav.xy) - low) / cell_m).astype(np.int64)
     if width * height > MAX_CELLS:
         raise MapError(f"cells of {cell_m:g} m would make a grid of {width} x {height} on '{nav.name}', more than {MAX_CELLS:.0e} cells")
     free = np.zeros((height, width), np.bool_)
@@ -144,6 +148,17 @@ def _paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, Flo
     free[cell[:, 1], cell[:, 0]] = True
     _widen(free, is_vertex)
     return free, cell, low
+
+
+def _corners(nav: NavGraph) -> tuple[FloatArray, FloatArray]:
+    if not nav.num_vertices:
+        raise MapError(f"'{nav.name}' has no vertex to make a grid of")
+    xy = _single_precision(nav.xy)
+    return xy.min(axis=0), xy.max(axis=0)
+
+
+def _single_precision(xy: FloatArray) -> FloatArray:
+    return xy.astype(np.float32).astype(np.float64)
 
 
 def _walk(free: BoolArray, start: list[int], end: list[int]) -> None:

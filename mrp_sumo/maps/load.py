@@ -4,6 +4,7 @@ Refuses formats it does not know, maps with nothing to drive on, and graphs and 
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,8 @@ import numpy as np
 from mrp_sumo.core.graph import NavGraph, nav_graph
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building
-from mrp_sumo.maps.finding import Finding, RefusedMap
+from mrp_sumo.maps.check import check_building
+from mrp_sumo.maps.finding import Finding, RefusedMap, ordered
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.nav_graph import graph_of_document, nav_graph_documents, united_graph
 from mrp_sumo.maps.rmf import building_of, is_building
@@ -67,6 +69,7 @@ def map_name(path: Path) -> str:
 
 
 def _from_building(building: Building, graph: GraphChoice, level: str | None) -> Map:
+    building = replace(building, findings=ordered(building.findings + check_building(building)))
     _refuse(building, level)
     levels = _level_choice(building.levels, level, building.path.name)
     counts: dict[int, int] = {}

@@ -1,0 +1,213 @@
+"""What is odd about a building's nav graphs: pieces, near misses, crossings, lifts out of plumb, stations without a lane.
+
+Everything is measured graph by graph on the graphs as drawn, levels joined by lifts. Distances in m.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.building import Building, Level
+from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
+
+NEAR_MISS_M = 0.15  # closer to a lane, a vertex was probably meant to be on it
+MISALIGNED_M = 0.1  # the fleet adapter refuses lift vertices further apart
+SHORTEST_LANE_M = 1e-3
+NEEDS_LANE = (
+    "is_charger",
+    "is_parking_spot",
+    "is_holding_point",
+    "is_passthrough_point",
+    "spawn_robot_name",
+    "spawn_robot_type",
+    "dock_name",
+    "pickup_dispenser",
+    "dropoff_ingestor",
+    "lift_cabin",
+)
+
+
+def check_building(building: Building) -> tuple[Finding, ...]:
+    """The findings about the building's graphs."""
+    notes = Notes()
+    for level in building.levels.values():
+        _note_stations(notes, level)
+    lifts = _lift_of_vertex(building)
+    for graph in building.graphs:
+        ends = {
+            name: np.array([(x.start, x.end) for x in lv.lanes if x.graph == graph], np.int64).reshape(-1, 2)
+            for name, lv in building.levels.items()
+        }
+        for name, level in building.levels.items():
+            which = np.array([i for i, lane in enumerate(level.lanes) if lane.graph == graph], np.int64)
+            if len(which):
+                _note_duplicates(notes, level, graph, which, ends[name])
+                _note_near_misses(notes, level, graph, which, ends[name])
+                _note_crossings(notes, level, graph, which, ends[name])
+        _note_pieces(notes, building, graph, ends, lifts)
+        _note_lifts(notes, building, graph, ends, lifts)
+    return notes.findings()
+
+
+def check_file(path: Path, meters_per_pixel: float | None = None) -> tuple[Finding, ...]:
+    """All findings of a map file, refusals too; what cannot be read at all is the finding `unreadable`."""
+    from mrp_sumo.maps.load import load_map
+
+    try:
+        return load_map(path, meters_per_pixel=meters_per_pixel).findings
+    except RefusedMap as refused:
+        return refused.findings
+    except MapError as error:
+        return (Finding("unreadable", "refuse", 1, (str(error),)),)
+
+
+def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Vertices close to the interior of a lane they are not on, and not close to its ends.
+
+    Parameters
+    ----------
+    xy
+        [V, 2] m.
+    ends
+        [L, 2] vertices of each lane.
+    within_m
+        How close.
+
+    Returns
+    -------
+    vertex, lane, distance_m, along_m
+        One entry a pair, by vertex, then lane; `along_m` is the place on the lane, from its start.
+    """
+    vertices = np.unique(ends)
+    a, b = xy[ends[:, 0]], xy[ends[:, 1]]
+    boxes = np.concatenate([np.minimum(a, b) - within_m, np.maximum(a, b) + within_m], axis=1)
+    lane, near = overlapping(boxes, np.tile(xy[vertices], 2))
+    vertex = vertices[near]
+    off = (ends[lane] != vertex[:, None]).all(axis=1)
+    lane, vertex = lane[off], vertex[off]
+    ab, ap = b[lane] - a[lane], xy[vertex] - a[lane]
+    long = np.hypot(*ab.T)
+    safe = np.maximum(long, 1e-12)
+    along = (ab * ap).sum(axis=1) / safe
+    away = np.abs(ab[:, 0] * ap[:, 1] - ab[:, 1] * ap[:, 0]) / safe
+    hit = (along > 0) & (along < long) & (away < within_m)
+    hit &= (np.hypot(*ap.T) > within_m) & (np.hypot(*(xy[vertex] - b[lane]).T) > within_m)
+    order = np.flatnonzero(hit)[np.lexsort((lane[hit], vertex[hit]))]
+    return vertex[order], lane[order], away[order], along[order]
+
+
+def crossings(xy: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pairs of lanes [2 arrays, ascending] that cross within both, without a common vertex, and where [N, 2]."""
+    a, b = xy[ends[:, 0]], xy[ends[:, 1]]
+    boxes = np.concatenate([np.minimum(a, b), np.maximum(a, b)], axis=1)
+    i, j = overlapping(boxes, boxes)
+    once = i < j
+    i, j = i[once], j[once]
+    apart = (ends[i][:, :, None] != ends[j][:, None, :]).all(axis=(1, 2))
+    i, j = i[apart], j[apart]
+    r, s, q = b[i] - a[i], b[j] - a[j], a[j] - a[i]
+    det = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
+    safe = np.where(det == 0, 1.0, det)
+    t = (q[:, 0] * s[:, 1] - q[:, 1] * s[:, 0]) / safe
+    u = (q[:, 0] * r[:, 1] - q[:, 1] * r[:, 0]) / safe
+    hit = (det != 0) & (t > 0) & (t < 1) & (u > 0) & (u < 1)
+    return i[hit], j[hit], a[i[hit]] + t[hit, None] * r[hit]
+
+
+def _note_stations(notes: Notes, level: Level) -> None:
+    on_lane = set(level.lane_vertices.tolist())
+    for v, options in enumerate(level.vertex_options):
+        if options and v not in on_lane:
+            wants = [key for key in NEEDS_LANE if key in options]  # false ones too: somebody meant the vertex for robots
+            if wants:
+                named = f" '{level.vertex_name[v]}'" if level.vertex_name[v] != "" else ""
+                notes.add("robot_vertex_off_lanes", f"level {level.name} vertex {v}{named}: {', '.join(wants)}")
+
+
+def _note_duplicates(notes: Notes, level: Level, graph: int, which: IntArray, ends: IntArray) -> None:
+    pairs: dict[tuple[int, int], list[int]] = {}
+    for i, (a, b) in zip(which.tolist(), ends.tolist()):
+        if a == b or np.hypot(*(level.xy[a] - level.xy[b])) < SHORTEST_LANE_M:
+            notes.add("lane_without_length", f"graph {graph} level {level.name} lane {i} from vertex {a} to {b}")
+        else:
+            pairs.setdefault((min(a, b), max(a, b)), []).append(i)
+    for (a, b), lanes in pairs.items():
+        if len(lanes) > 1:
+            notes.add("duplicate_lanes", f"graph {graph} level {level.name}: lanes {', '.join(map(str, lanes))} join vertices {a} and {b}")
+
+
+def _note_near_misses(notes: Notes, level: Level, graph: int, which: IntArray, ends: IntArray) -> None:
+    vertex, lane, away, _ = near_misses(level.xy, ends, NEAR_MISS_M)
+    for v, i, d in zip(vertex.tolist(), which[lane].tolist(), away.tolist()):
+        notes.add("t_junction_near_miss", f"graph {graph} level {level.name} vertex {v} near lane {i}: {d:.3f} m")
+
+
+def _note_crossings(notes: Notes, level: Level, graph: int, which: IntArray, ends: IntArray) -> None:
+    for i, j, (x, y) in zip(*crossings(level.world_xy, ends)):
+        notes.add("lanes_cross_without_vertex", f"graph {graph} level {level.name} lanes {which[i]} and {which[j]} at ({x:.2f}, {y:.2f})")
+
+
+def _lift_of_vertex(building: Building) -> dict[tuple[str, int], str]:
+    """(level, vertex) -> the lift around it; of several, the first in the file."""
+    found: dict[tuple[str, int], str] = {}
+    for lift in reversed(building.lifts.values()):
+        for name, level in building.levels.items():
+            found |= {(name, v): lift.name for v in np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist()}
+    return found
+
+
+def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[tuple[str, int], str]) -> None:
+    """Weak and strong components of a graph over all levels."""
+    base = dict(zip(building.levels, np.cumsum([0] + [len(lv.xy) for lv in building.levels.values()]).tolist()))
+    tail, head = [], []
+    for name, level in building.levels.items():
+        both = np.array([lane.is_bidirectional for lane in level.lanes if lane.graph == graph], np.bool_)
+        a, b = (ends[name] + base[name]).T
+        tail += [a, b[both]]
+        head += [b, a[both]]
+    used = np.unique(np.concatenate(tail + head))
+    stop: dict[str, int] = {}
+    for name in building.levels:
+        for v in np.unique(ends[name]).tolist():
+            if lift := lifts.get((name, v)):
+                other = stop.setdefault(lift, v + base[name])
+                tail += [[v + base[name], other]]
+                head += [[other, v + base[name]]]
+    tails, heads = (np.searchsorted(used, np.concatenate(x)) for x in (tail, head))
+    joined = coo_array((np.ones(len(tails), np.int8), (tails, heads)), shape=(len(used), len(used)))
+    weak, label = connected_components(joined, directed=False)
+    strong = connected_components(joined, connection="strong")[0]
+    if weak > 1:
+        sizes = sorted(np.bincount(label).tolist(), reverse=True)
+        shown = ", ".join(map(str, sizes[:20])) + (f" and {len(sizes) - 20} more" if len(sizes) > 20 else "")
+        notes.add("several_components", f"graph {graph}: sizes {shown}", weak)
+    if strong > weak:
+        notes.add("not_strongly_connected", f"graph {graph}: {strong} strong, {weak} weak components")
+
+
+def _note_lifts(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[tuple[str, int], str]) -> None:
+    places: dict[str, list[FloatArray]] = {}
+    for name, level in building.levels.items():
+        for v in np.unique(ends[name]).tolist():
+            lift = lifts.get((name, v))
+            if lift:
+                places.setdefault(lift, []).append(level.world_xy[v])
+            cabin = level.vertex_options[v].get("lift_cabin")
+            if cabin and cabin != lift:
+                inside = f"inside '{lift}'" if lift else "in no lift"
+                notes.add("lift_cabin_mismatch", f"graph {graph} level {name} vertex {v}: lift_cabin {cabin}, {inside}")
+    for lift, at in places.items():
+        apart = _largest_distance(at)
+        if apart > MISALIGNED_M:
+            notes.add("lift_vertices_misaligned", f"graph {graph} lift {lift}: {apart:.3f} m")
+
+
+def _largest_distance(points: Sequence[FloatArray]) -> float:
+    xy = np.array(points)
+    return float(np.hypot(*(xy[:, None] - xy[None]).T).max())

@@ -1,0 +1,58 @@
+"""The key facts of a map, for people to compare and machines to read."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, NavGraph
+from mrp_sumo.maps.grid import MAX_CELLS, grid_facts, grid_size
+from mrp_sumo.maps.map import Map
+
+
+def facts(map_: Map, cell_m: float = 0.4) -> dict[str, Any]:
+    """Key facts of the chosen graphs of a map.
+
+    `levels` and `graphs` are those of the file with lanes. `vertices` counts a vertex once for every
+    graph, `edges` counts a lane and its reverse once, without those through lifts. `components` counts
+    the connected pieces that have lanes, levels joined by lifts. `extent_m` and `lane_extent_m` are
+    [width, height] of lanes with walls and of lanes alone; of several levels, as they are laid side by
+    side. `grid` are the counts of the paper's grid, None for several levels and for more cells than are of use.
+    `warnings` are all findings.
+
+    Parameters
+    ----------
+    map_
+        A loaded map.
+    cell_m
+        Side of a cell of the grid.
+    """
+    nav = map_.nav
+    driven = np.unique(np.concatenate([nav.tail, nav.head]))
+    levels = [name for k, name in enumerate(nav.level_names) if (nav.level[driven] == k).any()]
+    walls = [map_.building.levels[name].wall_xy.reshape(-1, 2) for name in levels] if map_.building else []
+    return {
+        "levels": levels,
+        "graphs": list(map_.graphs),
+        "vertices": nav.num_vertices,
+        "edges": nav.num_edges - _num_lift_lanes(nav) // 2,
+        "components": len(np.unique(nav.component[driven])),
+        "extent_m": _extent(np.concatenate([nav.xy[driven], *walls])),
+        "lane_extent_m": _extent(nav.xy[driven]),
+        "warnings": [finding.document() for finding in map_.findings],
+        "grid": _grid(nav, cell_m),
+    }
+
+
+def _num_lift_lanes(nav: NavGraph) -> int:
+    return sum("lift" in options for options in nav.lane_options)
+
+
+def _extent(xy: FloatArray) -> list[float]:
+    return [round(float(side), 3) for side in np.ptp(xy, axis=0)] if len(xy) else [0.0, 0.0]
+
+
+def _grid(nav: NavGraph, cell_m: float) -> dict[str, Any] | None:
+    if len(np.unique(nav.level)) > 1 or math.prod(grid_size(nav, cell_m)) > MAX_CELLS:
+        return None
+    return grid_facts(nav, cell_m)
