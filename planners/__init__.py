@@ -4,7 +4,12 @@ Other packages register a table like `PLUGINS` under the entry-point group `mrp_
 """
 
 PLUGINS = {
-    "planners": {"lacam": "planners.lacam:Lacam", "pibt": "planners.pibt:Pibt"},
+    "planners": {
+        "astar": "planners.astar:AStar",
+        "prioritised": "planners.prioritised:Prioritised",
+        "lacam": "planners.lacam:Lacam",
+        "pibt": "planners.pibt:Pibt",
+    },
     "assigners": {
         "cp_sat": "planners.cp_sat:CpSat",
         "linear_sum_assignment": "planners.linear_sum_assignment:LinearSumAssignment",

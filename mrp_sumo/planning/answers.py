@@ -1,0 +1,47 @@
+"""Answers a planner gives before it searches, so that all give the same: goals out of reach, goals held twice.
+
+Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
+"""
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.distance import UNREACHABLE, distances
+
+
+def impossible(problem: Problem) -> PlanResult | None:
+    """INFEASIBLE for an assigned problem that needs no search to see that; None for others.
+
+    Parameters
+    ----------
+    problem
+        With an assignment, or robots that stay where they are.
+    """
+    label, name, target = problem.graph.label, problem.fleet.robot_name, problem.target
+    values, count = np.unique(target, return_counts=True)
+    if (count > 1).any():
+        vertex = int(values[count > 1][0])
+        a, b = np.flatnonzero(target == vertex)[:2]
+        return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} both have to end at '{label(vertex)}'")
+    steps = distances(problem.graph).to_all(target)[np.arange(len(target)), problem.start]
+    if (steps >= UNREACHABLE).any():
+        robot = int(np.flatnonzero(steps >= UNREACHABLE)[0])
+        return PlanResult(
+            Status.INFEASIBLE,
+            message=f"{name[robot]} cannot reach its goal '{label(target[robot])}' from '{label(problem.start[robot])}'",
+        )
+    return None
+
+
+def require_limit(time_limit_s: float) -> None:
+    """Refuse a time limit that is no time.
+
+    Raises
+    ------
+    PlanError
+        When it is not above 0, or NaN.
+    """
+    if not time_limit_s > 0:
+        raise PlanError(f"the time limit is {time_limit_s} s, expected a number above 0")

@@ -1,0 +1,48 @@
+"""Independent A*: every robot takes a shortest path of its own, as if it were alone. Guarantee: none, plans may collide.
+
+Source: Hart, Nilsson, Raphael, "A formal basis for the heuristic determination of minimum cost paths", IEEE TSSC
+1968. With the exact distance table as heuristic, A* expands the vertices of one shortest path only.
+"""
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import ClassVar
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.distance import distances
+
+
+@dataclass(frozen=True)
+class AStar:
+    """The baseline of the paper. Its sum of costs is a lower bound for every other planner."""
+
+    assigns: ClassVar[bool] = False
+    guarantee: ClassVar[str] = "no coordination"
+
+    def prepare(self) -> None:
+        """See `Planner`."""
+        from planners._astar import shortest_path
+
+        shortest_path(np.array([0, 1, 1]), np.array([1]), np.array([1, 0], np.int32), 0)
+
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """See `Planner`. SOLVED whether or not the paths collide: the referee tells."""
+        from planners._astar import shortest_path
+
+        require_limit(time_limit_s)
+        began = perf_counter()
+        if refusal := impossible(problem):
+            return refusal
+        tables = distances(problem.graph)
+        table = tables.to_all(problem.target)
+        paths = [shortest_path(tables.first, tables.head, table[r], problem.start[r]) for r in range(problem.num_robots)]
+        return PlanResult(
+            Status.SOLVED,
+            plan=plan_of_paths(paths, problem.step_s),
+            planning_time_s=perf_counter() - began,
+            lower_bound_steps=float(sum(len(path) - 1 for path in paths)),
+        )
