@@ -32,6 +32,10 @@ class ExecutionError(MrpSumoError):
     """An execution that is refused before the first step, or that SUMO ended."""
 
 
+class BatchError(MrpSumoError):
+    """A batch or a folder of results that is refused, or a batch that cannot go on."""
+
+
 def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
     """The end of a message about an unknown name: the likeliest meant, else what is known.
 

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,10 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import Verdict, judge
 from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError, nearest
+from mrp_sumo.experiments.workshop import Workshop
 from mrp_sumo.io.scenario import Scenario, ScenarioFile, robot_type
-from mrp_sumo.maps.catalogue import bundled_folder, find_map
-from mrp_sumo.maps.load import Map, load_map
+from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
@@ -60,7 +60,20 @@ class Solution:
     assignment_time_s: float
 
 
-def set_up(file: ScenarioFile) -> SetUp:
+@dataclass(frozen=True)
+class Outcome:
+    """A run that has ended."""
+
+    setup: SetUp
+    status: str  # how it ended, in one word for machines
+    note: str  # why, or what was done otherwise than the scenario says
+    solution: Solution
+    execution: Execution | None
+    audit: dict[str, Any] | None
+    metrics: dict[str, Any]
+
+
+def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     """Load the map, fit the robots, draw or look up starts and goals.
 
     Raises
@@ -69,8 +82,8 @@ def set_up(file: ScenarioFile) -> SetUp:
         One line a fault, naming file and key.
     """
     scenario = file.scenario
-    map_ = _located(file, ("map",), lambda: _load(file))
-    graph = discretised(map_.nav, scenario)
+    map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder))
+    graph = workshop.graph(map_, scenario.discretisation)
     model = _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder))
     chosen_planner = _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters))
     chosen_assigner = _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters))
@@ -93,17 +106,6 @@ def set_up(file: ScenarioFile) -> SetUp:
     if scenario.robots.starts is not None:
         _require_reachable(file, problem)
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner)
-
-
-def discretised(nav: NavGraph, scenario: Scenario) -> PlanGraph:
-    """The nav graph as the scenario wants it planned on."""
-    from mrp_sumo.maps.grid import paper_grid
-    from mrp_sumo.maps.roadmap import cut_lanes
-
-    if isinstance(nav, PlanGraph):  # a grid map is one already
-        return nav
-    make = paper_grid if scenario.discretisation.kind == "grid" else cut_lanes
-    return make(nav, scenario.discretisation.cell_m)
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
@@ -167,54 +169,85 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
     """
     from mrp_sumo.io.run_folder import check_replaceable, write_run
     from mrp_sumo.maps.costmap import costmap
-    from mrp_sumo.maps.sumo import build_network
-    from mrp_sumo.metrics.audit import audit
-    from mrp_sumo.metrics.evaluate import evaluate
 
-    def report(stage: str, done: float = 0.0, of: float = 0.0) -> None:
-        if progress:
-            progress(stage, done, of)
-
+    report = progress or _silent
     check_replaceable(out)
-    report("loading the map")
-    setup = set_up(file)
-    scenario = file.scenario
-    report("planning")
-    solution = solve(setup)
-    with TemporaryDirectory(prefix="mrp_sumo_") as scratch:
-        report("building the SUMO network")
-        network = build_network(solution.problem.graph, Path(scratch) / "network.net.xml")
-        execution, note = None, solution.result.message
-        if solution.result.plan is not None:
-            execution, note = _execute(scenario, solution, network, report, gui)
-        report("measuring")
-        audited = audit(execution, solution.problem.fleet) if execution else None
-        metrics = evaluate(
-            solution.problem,
-            solution.result,
-            solution.verdict,
-            execution,
-            audited,
-            assignment_time_s=solution.assignment_time_s,
-            time_limit_s=scenario.execution.time_limit_s,
-            tolerance_m=scenario.execution.goal_tolerance_m,
-        )
-        report("writing the run folder")
+    with Workshop() as workshop:
+        outcome = carry_out(file, workshop, progress=progress, gui=gui)
+        setup, solution = outcome.setup, outcome.solution
+        report("writing the run folder", 0.0, 0.0)
         return write_run(
             out,
-            status=_status(solution, execution, audited),
-            note=note,
-            scenario=scenario,
+            status=outcome.status,
+            note=outcome.note,
+            scenario=setup.scenario,
             problem=solution.problem,
             result=solution.result,
             verdict=solution.verdict,
-            execution=execution,
-            metrics=metrics,
-            audit=audited,
-            network=network,
+            execution=outcome.execution,
+            metrics=outcome.metrics,
+            audit=outcome.audit,
+            network=workshop.network(solution.problem.graph),
             nav=setup.map.nav,
             costmap=costmap(setup.map.building, setup.map.nav.level_names[0]) if setup.map.building else None,
         )
+
+
+def carry_out(
+    file: ScenarioFile, workshop: Workshop, *, execute: bool = True, progress: Progress | None = None, gui: bool = False
+) -> Outcome:
+    """Run a scenario and measure it; writes nothing.
+
+    Parameters
+    ----------
+    file
+        The scenario.
+    workshop
+        Where maps and networks come from; give the same one to many runs.
+    execute
+        Drive the plan; without, a plan that was found ends the run with status `planned`.
+    progress
+        Called now and then with the stage and how far it is.
+    gui
+        Drive in sumo-gui.
+
+    Raises
+    ------
+    MrpSumoError
+        When the scenario cannot be run at all.
+    """
+    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.evaluate import evaluate
+
+    report = progress or _silent
+    report("loading the map", 0.0, 0.0)
+    setup = set_up(file, workshop)
+    scenario = file.scenario
+    report("planning", 0.0, 0.0)
+    solution = solve(setup)
+    execution, note = None, solution.result.message
+    if execute and solution.result.plan is not None:
+        report("building the SUMO network", 0.0, 0.0)
+        network = workshop.network(solution.problem.graph)
+        execution, note = _execute(scenario, solution, network, report, gui)
+    report("measuring", 0.0, 0.0)
+    audited = audit(execution, solution.problem.fleet) if execution else None
+    metrics = evaluate(
+        solution.problem,
+        solution.result,
+        solution.verdict,
+        execution,
+        audited,
+        assignment_time_s=solution.assignment_time_s,
+        time_limit_s=scenario.execution.time_limit_s,
+        tolerance_m=scenario.execution.goal_tolerance_m,
+    )
+    status = _status(solution, execution, audited) if execute or solution.result.plan is None else "planned"
+    return Outcome(setup, status, note, solution, execution, audited, metrics)
+
+
+def _silent(stage: str, done: float, of: float) -> None:
+    """Nobody wants to know."""
 
 
 def _execute(scenario: Scenario, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
@@ -266,12 +299,6 @@ def _status(solution: Solution, execution: Execution | None, audited: dict[str, 
     if audited is not None and not audited["passed"]:
         return "audit_failed"
     return str(execution.outcome)
-
-
-def _load(file: ScenarioFile) -> Map:
-    choice = file.scenario.map
-    path = find_map(choice.file, file.folder)
-    return load_map(path, graph=choice.graph, level=choice.level, meters_per_pixel=choice.meters_per_pixel)
 
 
 def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
