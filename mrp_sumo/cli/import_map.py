@@ -1,0 +1,155 @@
+"""Make a nav graph, a SUMO network and a picture of a map, and tell its key facts.
+
+FILE is an RMF building or nav graph, or the name of a bundled map. --out gets NAME.net.xml
+(and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each chosen graph, NAME.png
+and facts.json, whole or not at all. With --check only findings are printed, and the exit code is 2 if the map is refused.
+"""
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.errors import MapError
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.finding import Finding
+    from mrp_sumo.maps.map import Map
+
+FACTS = "facts.json"  # written last: a folder with it was made by this command
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument("file", metavar="FILE", help="a map file, or the name of a bundled map")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results; one that an earlier import made is replaced")
+    add_choice(parser)
+    parser.add_argument("--cell", metavar="M", type=float, default=0.4, help="cell length the grid is counted with (default: 0.4 m)")
+    parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
+    parser.add_argument("--check", action="store_true", help="only report findings")
+
+
+def add_choice(parser: argparse.ArgumentParser) -> None:
+    """Arguments that choose what of a map is taken."""
+    parser.add_argument(
+        "--graph", metavar="N|all", type=_graph, help="graph of a building; all of them united (default: the only or lowest one)"
+    )
+    parser.add_argument("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
+    parser.add_argument("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Import, and print what came of it."""
+    from mrp_sumo.maps.catalogue import find_map
+    from mrp_sumo.maps.facts import facts
+    from mrp_sumo.maps.load import load_map
+
+    path = find_map(options.file, Path())
+    if options.check:
+        return _check(path, options)
+    if options.out is None and not options.json:
+        raise MapError("say where to write with --out DIR, or use --json or --check to print only")
+    if options.out is not None:
+        _require_replaceable(options.out)
+    map_ = load_map(path, graph=options.graph, level=options.level, meters_per_pixel=options.meters_per_pixel)
+    told = facts(map_, options.cell)
+    if options.out is not None:
+        _write(map_, told, options.out)
+    if options.json:
+        print(json.dumps(told, indent=2))
+    else:
+        _print(map_, told, options.out)
+    return 0
+
+
+def _graph(text: str) -> int | str:
+    if text == "all":
+        return text
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a number nor 'all'")
+    return int(text)
+
+
+def _check(path: Path, options: argparse.Namespace) -> int:
+    from mrp_sumo.maps.check import check_file
+
+    findings = check_file(path, options.meters_per_pixel)
+    refused = any(finding.severity == "refuse" for finding in findings)
+    if options.json:
+        print(json.dumps({"file": path.name, "refused": refused, "warnings": [finding.document() for finding in findings]}, indent=2))
+    elif not findings:
+        print(f"{path.name}: nothing to report")
+    else:
+        for finding in findings:
+            print(f"{path.name}: {finding.severity}: {finding.line}")
+    return 2 if refused else 0
+
+
+def _require_replaceable(out: Path) -> None:
+    if out.exists() and not (out.is_dir() and ((out / FACTS).is_file() or not any(out.iterdir()))):
+        raise MapError(f"{out} exists and is no folder of an earlier import: choose another --out")
+
+
+def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
+    """Write everything to a folder beside `out`, then put it in its place."""
+    from mrp_sumo.maps.nav_graph import write_nav_graph
+    from mrp_sumo.maps.sumo import build_network
+    from mrp_sumo.reports.map_picture import draw_map
+
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
+            work = Path(folder) / "import"
+            work.mkdir()
+            build_network(map_.nav, work / f"{map_.name}.net.xml", map_.building)
+            for graph, document in map_.documents.items():
+                write_nav_graph(document, work / f"{graph}.nav.yaml")
+            draw_map(map_, work / f"{map_.name}.png")
+            (work / FACTS).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+            if out.exists():
+                shutil.rmtree(out)
+            work.replace(out)
+    except OSError as error:
+        raise MapError(f"{out}: {(error.strerror or str(error)).lower()}") from None
+
+
+def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
+    """A short table a person likes to read."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=f"[bold]{escape(map_.name)}[/]", title_justify="left")
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+
+    def row(name: str, text: str) -> None:
+        table.add_row(name, escape(text))
+
+    row("file", str(map_.path))
+    row("level", ", ".join(told["levels"]))
+    row(
+        "graph",
+        f"{', '.join(map(str, map_.chosen))} of {', '.join(map(str, map_.graphs))}" if len(map_.graphs) > 1 else str(map_.graphs[0]),
+    )
+    row("extent", "{:.2f} x {:.2f} m, lanes {:.2f} x {:.2f} m".format(*told["extent_m"], *told["lane_extent_m"]))
+    row("vertices", str(told["vertices"]))
+    row("edges", str(told["edges"]))
+    row("components", str(told["components"]))
+    if grid := told["grid"]:
+        row("grid", "{width} x {height} cells of {cell_m:g} m, {free} of {total} free".format(**grid))
+    for finding in map_.findings:
+        table.add_row(*_told(finding))
+    row("files", str(out))
+    console.print(table)
+
+
+def _told(finding: "Finding") -> tuple[str, str]:
+    from rich.markup import escape
+
+    colour = "yellow" if finding.severity == "warn" else "dim"
+    return ("warning" if finding.severity == "warn" else "note"), f"[{colour}]{escape(finding.line)}[/]"

@@ -1,0 +1,86 @@
+"""`mrp-sumo import`."""
+
+import json
+
+import pytest
+
+from mrp_sumo.cli.main import main
+
+SQUARE = """
+name: square
+coordinate_system: cartesian_meters
+levels:
+  L1:
+    vertices: [[0, 0, 0, a], [4, 0, 0, b], [4, 4, 0, c], [0, 4, 0, d, {is_charger: [4, true]}]]
+    walls: [[0, 1, {}]]
+    lanes:
+      - [0, 1, {graph_idx: [2, 0], bidirectional: [4, true]}]
+      - [1, 2, {graph_idx: [2, 0], bidirectional: [4, true]}]
+      - [2, 3, {graph_idx: [2, 2], bidirectional: [4, true]}]
+"""
+
+
+@pytest.fixture
+def square(tmp_path):
+    path = tmp_path / "square.building.yaml"
+    path.write_text(SQUARE)
+    return path
+
+
+def test_writes_network_nav_graph_picture_and_facts(square, tmp_path, capsys):
+    out = tmp_path / "new" / "square"
+    for _ in range(2):  # the second time over the first
+        assert main(["import", str(square), "--out", str(out)]) == 0
+    assert sorted(f.name for f in out.iterdir()) == ["0.nav.yaml", "facts.json", "square.net.xml", "square.png", "square.poly.xml"]
+    assert list(out.parent.iterdir()) == [out]
+    text = capsys.readouterr().out
+    assert "several graphs" in text
+    assert "4.00 x 4.00 m" in text
+
+
+def test_json_prints_exactly_the_key_facts_and_writes_nothing(square, tmp_path, capsys):
+    assert main(["import", str(square), "--json", "--graph", "all"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told) == {"levels", "graphs", "vertices", "edges", "components", "extent_m", "lane_extent_m", "warnings", "grid"}
+    assert (told["graphs"], told["vertices"], told["edges"], told["components"]) == ([0, 2], 5, 3, 1)
+    assert told["grid"]["width"] == 11
+    assert [f.name for f in tmp_path.iterdir()] == [square.name]
+
+
+def test_check_reports_and_tells_refusals_by_its_exit_code(square, tmp_path, capsys):
+    assert main(["import", "--check", str(square)]) == 0
+    assert "warn: several graphs: graph 0: 2 lanes; graph 2: 1 lanes" in capsys.readouterr().out
+    broken = tmp_path / "broken.building.yaml"
+    broken.write_text("<<<<<<< HEAD\nname: x\n=======\n")
+    assert main(["import", "--check", "--json", str(broken)]) == 2
+    told = json.loads(capsys.readouterr().out)
+    assert told["refused"]
+    assert told["warnings"][0]["kind"] == "not_yaml"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--json", "--graph", "1"], "square.building.yaml has no lane in graph 1; graphs with lanes: 0 (2 lanes), 2 (1 lanes)"),
+        (["--json", "--level", "L7"], "square.building.yaml has no level 'L7' (known: L1)"),
+        (["--json", "--graph", "x"], "'x' is neither a number nor 'all'"),
+        (["--json", "--cell", "0"], "the cell length is 0 m, expected at least 0.01 m"),
+        ([], "say where to write with --out DIR"),
+        (["--out", "occupied"], "occupied exists and is no folder of an earlier import"),
+    ],
+)
+def test_bad_requests_end_with_one_line_and_nothing_written(square, tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "occupied").mkdir()
+    (tmp_path / "occupied" / "letter.txt").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["import", str(square), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_missing_files_name_the_nearest_bundled_map(capsys):
+    assert main(["import", "ofice", "--json"]) == 2
+    assert "did you mean 'office'" in capsys.readouterr().err

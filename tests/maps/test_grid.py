@@ -1,0 +1,78 @@
+"""The paper's grid, cell by cell, and grids of any occupancy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.facts import facts
+from mrp_sumo.maps.grid import grid_facts, grid_graph, paper_grid
+from mrp_sumo.maps.load import load_map
+
+SHARED = Path(__file__).resolve().parents[2] / "../shared"
+MAPS = SHARED / "maps/corpus/boschresearch+mrp_bench"
+needs_maps = pytest.mark.skipif(not MAPS.is_dir(), reason="the paper's maps are not here")
+PAPER = {  # vertices, edges, total and free cells at 0.4 m, total and free at 0.35 m
+    "office": (29, 32, 1025, 333, 1288, 391),
+    "warehouse": (54, 40, 3009, 788, 3886, 914),
+    "airport_terminal": (210, 211, 105700, 7645, 137600, 8772),
+}
+
+
+@needs_maps
+@pytest.mark.parametrize("name", PAPER)
+def test_counts_are_those_of_the_paper(name):
+    found = load_map(MAPS / f"{name}.building.yaml", graph="all")
+    at_40, at_35 = facts(found, 0.4), grid_facts(found.nav, 0.35)
+    assert (at_40["vertices"], at_40["edges"]) == PAPER[name][:2]
+    assert (at_40["grid"]["total"], at_40["grid"]["free"], at_35["total"], at_35["free"]) == PAPER[name][2:]
+    assert at_40["grid"]["blocked"] == at_40["grid"]["total"] - at_40["grid"]["free"]
+
+
+@needs_maps
+@pytest.mark.parametrize("name", PAPER)
+def test_cells_are_those_of_the_published_grids(name):
+    rows = (SHARED / f"planning/instances/{name}_0.4.map").read_text().splitlines()[4:]
+    expected = np.array([[cell in ".GS" for cell in row] for row in rows])
+    grid = paper_grid(load_map(MAPS / f"{name}.building.yaml", graph="all").nav)
+    column, row = np.floor((grid.xy - grid.xy.min(axis=0)) / 0.4 + 0.5).astype(int).T
+    found = np.zeros_like(expected)
+    found[row, column] = True
+    assert (found == expected).all()
+
+
+@needs_maps
+def test_airport_united_has_two_pieces_although_duplicates_have_no_lanes():
+    found = load_map(MAPS / "airport_terminal.building.yaml", graph="all")
+    assert facts(found)["components"] == 2
+    assert found.chosen == (0, 1, 2, 4)
+
+
+def test_a_grid_joins_the_four_neighbours():
+    # . . x
+    # . x .   row 0 is the lower one
+    grid = grid_graph(np.array([[True, False, True], [True, True, False]]), 0.5, (10.0, 20.0))
+    assert grid.xy.tolist() == [[10.25, 20.25], [11.25, 20.25], [10.25, 20.75], [10.75, 20.75]]
+    assert sorted(zip(grid.tail.tolist(), grid.head.tolist())) == [(0, 2), (2, 0), (2, 3), (3, 2)]
+    assert (grid.length_m == 0.5).all()
+    assert grid.vertex_of_station.tolist() == [0, 1, 2, 3]
+    assert paper_grid(grid) is grid
+    assert grid_facts(grid) == {"cell_m": 0.5, "width": 3, "height": 2, "total": 6, "free": 4, "blocked": 2}
+
+
+def test_a_straight_lane_is_two_cells_wide():
+    nav = nav_graph(name="line", xy=[[0, 0], [0, 2]], lanes=[[0, 1], [1, 0]], vertex_name=["south", "north"])
+    grid = paper_grid(nav, 0.4)
+    # 1 column and 6 rows; there is no column to the left to widen into
+    assert grid_facts(nav, 0.4) == {"cell_m": 0.4, "width": 1, "height": 6, "total": 6, "free": 6, "blocked": 0}
+    assert [grid.vertex_name[v] for v in grid.vertex_of_station] == ["south", "north"]
+
+
+def test_grids_of_several_levels_and_of_too_small_cells_are_refused():
+    two = nav_graph(name="tower", xy=[[0, 0], [1, 0]], lanes=[[0, 1]], level_names=["L1", "L2"], level=[0, 1])
+    with pytest.raises(MapError, match="a grid holds one level, but graph 'tower' is on L1, L2"):
+        paper_grid(two)
+    with pytest.raises(MapError, match="cell length is 0 m"):
+        paper_grid(nav_graph(name="line", xy=[[0, 0], [1, 0]], lanes=[[0, 1]]), 0.0)

@@ -1,0 +1,48 @@
+"""Lanes cut into steps."""
+
+import pytest
+
+from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.roadmap import cut_lanes
+
+
+def test_a_lane_and_its_reverse_share_their_cuts():
+    nav = nav_graph(name="line", xy=[[0, 0], [1.3, 0]], lanes=[[0, 1], [1, 0]], vertex_name=["a", "b"])
+    graph = cut_lanes(nav, 0.4)  # 1.3 / 0.4 = 3.25: three steps
+    assert graph.num_vertices == 4
+    assert graph.xy[2:, 0].tolist() == pytest.approx([1.3 / 3, 2.6 / 3])
+    assert sorted(zip(graph.tail.tolist(), graph.head.tolist())) == [(0, 2), (1, 3), (2, 0), (2, 3), (3, 1), (3, 2)]
+    assert graph.length_m.tolist() == pytest.approx([1.3 / 3] * 6)
+    assert graph.nav_lane.tolist() == [-1, -1, 0, 0]
+    assert graph.offset_m.tolist() == pytest.approx([0, 0, 1.3 / 3, 2.6 / 3])
+    assert graph.kind == "roadmap"
+
+
+def test_one_way_lanes_stay_one_way_and_keep_speed_and_options():
+    nav = nav_graph(name="line", xy=[[0, 0], [0.8, 0]], lanes=[[1, 0]], speed_mps=[0.5], lane_options=[{"door_name": "gate"}])
+    graph = cut_lanes(nav, 0.4)
+    assert sorted(zip(graph.tail.tolist(), graph.head.tolist())) == [(1, 2), (2, 0)]
+    assert graph.speed_mps.tolist() == [0.5, 0.5]
+    assert {options["door_name"] for options in graph.lane_options} == {"gate"}
+
+
+def test_short_lanes_stay_whole():
+    nav = nav_graph(name="short", xy=[[0, 0], [0.1, 0]], lanes=[[0, 1], [1, 0]])
+    assert cut_lanes(nav, 0.4).num_vertices == 2
+
+
+def test_a_vertex_without_lanes_stands_for_its_twin():
+    nav = nav_graph(name="twins", xy=[[0, 0], [1, 0], [0, 0]], lanes=[[1, 2], [2, 1]])
+    assert cut_lanes(nav, 0.5).vertex_of_station.tolist() == [2, 1, 2]
+
+
+def test_a_plan_graph_comes_through_unchanged():
+    graph = cut_lanes(nav_graph(name="line", xy=[[0, 0], [1, 0]], lanes=[[0, 1]]), 0.4)
+    assert cut_lanes(graph, 0.2) is graph
+
+
+@pytest.mark.parametrize("cell_m", [0.0, -1.0, float("nan")])
+def test_cells_of_no_length_are_refused(cell_m):
+    with pytest.raises(MapError, match="expected at least"):
+        cut_lanes(nav_graph(name="line", xy=[[0, 0], [1, 0]], lanes=[[0, 1]]), cell_m)
