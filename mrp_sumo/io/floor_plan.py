@@ -1,0 +1,122 @@
+"""What robots drove on, kept in the run folder so that logs can be made of it when the map is gone.
+
+`floor.json`: the nav graph, the plan graph and the fleet; `map.png` with `map.yaml`: the walls, in the
+form Nav2's map_server reads. Read back they give the same arrays. Refuses files of another schema.
+"""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.costmap import Costmap
+
+SCHEMA_VERSION = 1
+FLEET_ARRAYS = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
+
+
+def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None) -> None:
+    """Write `floor.json`."""
+    about = {"kind": graph.kind, "cell_m": graph.cell_m, "vertex_of_station": graph.vertex_of_station.tolist()}
+    document = {
+        "schema_version": SCHEMA_VERSION,
+        "units": "m, s, rad",
+        "fleet": {"robot_name": list(fleet.robot_name), **{key: getattr(fleet, key).tolist() for key in FLEET_ARRAYS}},
+        "plan_graph": {**_graph_document(graph), **about},
+        "nav_graph": _graph_document(nav) if nav is not None else None,
+    }
+    path.write_text(json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
+    """Read `floor.json` back.
+
+    Raises
+    ------
+    MrpSumoError
+        For a file that is missing, damaged, or of another schema.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MrpSumoError(f"{path}: no such file") from None
+    except ValueError as error:
+        raise MrpSumoError(f"{path}: not JSON: {error}") from None
+    found = document.get("schema_version") if isinstance(document, dict) else None
+    if found != SCHEMA_VERSION:
+        raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
+    plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
+    graph = PlanGraph(
+        **vars(_graph(plan)),
+        kind=plan["kind"],
+        cell_m=plan["cell_m"],
+        vertex_of_station=frozen(np.array(plan["vertex_of_station"], np.int64)),
+    )
+    arrays = {key: frozen(np.array(fleet[key], np.float64)) for key in FLEET_ARRAYS}
+    return graph, Fleet(tuple(fleet["robot_name"]), **arrays), _graph(nav) if nav else None
+
+
+def write_walls(folder: Path, costmap: "Costmap") -> None:
+    """Write `map.png` and `map.yaml` into a folder."""
+    from PIL import Image
+
+    pixels = np.where(costmap.occupied[::-1], 0, 255).astype(np.uint8)  # a picture's first row is the highest y
+    Image.fromarray(pixels).convert("1").save(folder / "map.png")
+    about = {
+        "image": "map.png",
+        "mode": "trinary",
+        "resolution": float(costmap.resolution_m),
+        "origin": [float(costmap.origin_m[0]), float(costmap.origin_m[1]), 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.25,
+    }
+    (folder / "map.yaml").write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
+
+
+def read_walls(folder: Path) -> "Costmap | None":
+    """The walls of a run folder; None where it has none."""
+    from PIL import Image
+
+    from mrp_sumo.maps.costmap import Costmap
+
+    if not (folder / "map.yaml").is_file():
+        return None
+    about = yaml.safe_load((folder / "map.yaml").read_text(encoding="utf-8"))
+    with Image.open(folder / about["image"]) as image:
+        occupied = np.asarray(image.convert("L"))[::-1] < 128
+    return Costmap((about["origin"][0], about["origin"][1]), about["resolution"], frozen(occupied))
+
+
+def _graph_document(graph: NavGraph) -> dict[str, Any]:
+    """Names are kept for the vertices that have one; lanes as pairs, lengths where they are not straight."""
+    straight = np.hypot(*(graph.xy[graph.head] - graph.xy[graph.tail]).T) if graph.num_lanes else np.zeros(0)
+    return {
+        "name": graph.name,
+        "level_names": list(graph.level_names),
+        "xy": graph.xy.tolist(),
+        "level": graph.level.tolist() if graph.level.any() else None,
+        "vertex_name": {str(v): name for v, name in enumerate(graph.vertex_name) if name},
+        "lanes": np.column_stack((graph.tail, graph.head)).tolist(),
+        "length_m": graph.length_m.tolist() if not np.array_equal(straight, graph.length_m) else None,
+    }
+
+
+def _graph(document: dict[str, Any]) -> NavGraph:
+    names = document["vertex_name"]
+    return nav_graph(
+        name=document["name"],
+        level_names=document["level_names"],
+        xy=document["xy"],
+        level=document["level"],
+        vertex_name=[names.get(str(v), "") for v in range(len(document["xy"]))],
+        lanes=document["lanes"],
+        length_m=document["length_m"],
+    )

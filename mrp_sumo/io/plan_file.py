@@ -1,0 +1,97 @@
+"""Plans as JSON: per robot its timed visits, with the vertices' names and places so that a reader needs no map.
+
+`{"schema_version", "step_s", "units", "robots": [{"name", "start", "goal", "visits": [{"vertex", "name",
+"x", "y", "arrive_s", "depart_s"}]}]}`; `depart_s` is null at the end, where the robot stays. Refuses files
+of another schema, and plans whose robots are not the fleet's.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.graph import frozen
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+
+SCHEMA_VERSION = 1
+
+
+def write_plan(path: Path, problem: Problem, plan: Plan) -> None:
+    """Write a plan, one robot a line.
+
+    Parameters
+    ----------
+    path
+        To be written.
+    problem
+        The plan's, with its assignment.
+    plan
+        Times in s.
+    """
+    graph, lines = problem.graph, []
+    for r in range(plan.num_robots):
+        visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
+        rows = zip(plan.vertex[visits].tolist(), plan.arrive_s[visits].tolist(), plan.depart_s[visits].tolist())
+        document = {
+            "name": problem.fleet.robot_name[r],
+            "start": graph.label(int(problem.start[r])),
+            "goal": graph.label(int(problem.target[r])),
+            "visits": [
+                {
+                    "vertex": v,
+                    "name": graph.label(v),
+                    "x": float(graph.xy[v, 0]),
+                    "y": float(graph.xy[v, 1]),
+                    "arrive_s": arrive,
+                    "depart_s": depart if np.isfinite(depart) else None,
+                }
+                for v, arrive, depart in rows
+            ],
+        }
+        lines.append(json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False))
+    head = json.dumps({"schema_version": SCHEMA_VERSION, "step_s": problem.step_s, "units": "m, s"}, allow_nan=False)
+    path.write_text(head[:-1] + ', "robots": [\n' + ",\n".join(lines) + "\n]}\n", encoding="utf-8")
+
+
+def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
+    """Read a plan back, on the vertices of the graph it was made for.
+
+    Parameters
+    ----------
+    path
+        A plan file.
+    robot_name
+        The fleet's, to check against and order by; the file's own order by default.
+
+    Raises
+    ------
+    PlanError
+        For a file that is missing, damaged, of another schema, or for other robots.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise PlanError(f"{path}: no such file") from None
+    except ValueError as error:
+        raise PlanError(f"{path}: not JSON: {error}") from None
+    found = document.get("schema_version") if isinstance(document, dict) else None
+    if found != SCHEMA_VERSION:
+        raise PlanError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
+    robots = document["robots"]
+    if robot_name is not None:
+        by_name = {robot["name"]: robot for robot in robots}
+        if set(by_name) != set(robot_name):
+            odd = sorted(set(by_name) ^ set(robot_name))[0]
+            raise PlanError(f"{path}: robot '{odd}' is not in both the plan and the fleet")
+        robots = [by_name[name] for name in robot_name]
+    visits = [visit for robot in robots for visit in robot["visits"]]
+    depart = [np.inf if visit["depart_s"] is None else visit["depart_s"] for visit in visits]
+    return Plan(
+        first=frozen(np.cumsum([0, *(len(robot["visits"]) for robot in robots)]).astype(np.int64)),
+        vertex=frozen(np.array([visit["vertex"] for visit in visits], np.int64)),
+        arrive_s=frozen(np.array([visit["arrive_s"] for visit in visits], np.float64)),
+        depart_s=frozen(np.array(depart, np.float64)),
+    )

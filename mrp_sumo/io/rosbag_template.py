@@ -1,0 +1,85 @@
+"""Fast CDR: a message of fixed layout is serialised once, and from then on only its numbers are overwritten.
+
+The layout of a message does not change while its strings and array lengths stay the same. A template
+serialises one with random numbers through the library, looks where they went, and keeps the places. The
+bytes are the library's own; tests compare them for every type written.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+KINDS = ("<f8", "<f4", "<i4", "<u4", "<u8")
+HEADER = 4  # bytes before the body; CDR aligns from the end of them
+
+
+class Template:
+    """A serialised message whose numbers can be set by kind, in the order in which `make` takes them.
+
+    Parameters
+    ----------
+    typestore
+        Serialises.
+    typename
+        Of the message.
+    make
+        Builds a message from a list of numbers.
+    kinds
+        The dtype of each of these numbers, one of KINDS.
+
+    Raises
+    ------
+    RuntimeError
+        When a number is not found exactly once in the message; that is a mistake in `make` or `kinds`.
+    """
+
+    def __init__(self, typestore: Any, typename: str, make: Callable[[list[Any]], Any], kinds: Sequence[str]) -> None:
+        kind_of = np.asarray(kinds)
+        for seed in range(20):
+            if self._located(typestore, typename, make, kind_of, seed):
+                return
+        raise RuntimeError(f"{typename}: a number does not occur exactly once in the message")
+
+    def _located(self, typestore: Any, typename: str, make: Callable[[list[Any]], Any], kind_of: NDArray[np.str_], seed: int) -> bool:
+        """Try with one set of random numbers; False when they are ambiguous."""
+        rng = np.random.default_rng(seed)
+        marks = np.empty(len(kind_of), object)
+        for kind in np.unique(kind_of):
+            count = int((kind_of == kind).sum())
+            drawn = rng.uniform(1e6, 9e6, count) if kind[1] == "f" else rng.integers(2**20, 2**31 - 1, count)
+            marks[kind_of == kind] = list(drawn.astype(kind))
+        raw = bytes(typestore.serialize_cdr(make(list(marks)), typename))
+        self._size = len(raw)
+        # the body begins at byte 8 here, so that views of 8-byte numbers are aligned as CDR aligns them
+        self._buffer = np.zeros(2 * HEADER + -(-self._size // 8) * 8, np.uint8)
+        self._buffer[HEADER : HEADER + self._size] = np.frombuffer(raw, np.uint8)
+        body = self._buffer[2 * HEADER :]
+        self._view: dict[str, NDArray[Any]] = {}
+        self._index: dict[str, Any] = {}
+        for kind in np.unique(kind_of):
+            size = np.dtype(kind).itemsize
+            view, wanted = body[: len(body) // size * size].view(kind), np.array(list(marks[kind_of == kind]), kind)
+            order = np.argsort(view, kind="stable")
+            at = order[np.minimum(np.searchsorted(view[order], wanted), len(view) - 1)]
+            if (view[at] != wanted).any() or np.isin(view, wanted).sum() != len(wanted):
+                return False
+            step = np.diff(at)
+            regular = len(at) > 1 and step[0] > 0 and (step == step[0]).all()
+            self._view[str(kind)] = view
+            self._index[str(kind)] = slice(int(at[0]), int(at[-1]) + 1, int(step[0])) if regular else at
+        return True
+
+    def set(self, kind: str, values: Any) -> None:
+        """Set all numbers of a kind, in order; a scalar sets them all."""
+        self._view[kind][self._index[kind]] = values
+
+    def message(self) -> bytes:
+        """The serialised message with the numbers of now."""
+        return self._buffer[HEADER : HEADER + self._size].tobytes()
+
+    def bytes_before_end(self, count: int, after: int) -> NDArray[np.uint8]:
+        """View of the `count` bytes that are followed by the last `after` bytes: a payload to overwrite."""
+        end = HEADER + self._size - after
+        return self._buffer[end - count : end]

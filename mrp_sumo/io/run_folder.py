@@ -1,0 +1,270 @@
+"""The run folder: everything one run leaves on disk, written whole or not at all.
+
+It is made under a temporary name beside its place and renamed when complete; `result.json` is its last
+file, so that its presence says that a run is complete. Replaces run folders only: anything else that is
+in the way is refused.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from platform import python_version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mrp_sumo import __version__
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.referee import Conflict, Verdict
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.events import write_events
+from mrp_sumo.io.floor_plan import write_floor, write_walls
+from mrp_sumo.io.plan_file import write_plan
+from mrp_sumo.io.record import Record
+from mrp_sumo.io.scenario import Scenario
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.costmap import Costmap
+
+SCHEMA_VERSION = 1
+RESULT = "result.json"
+LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # that shape results
+LISTED_CONFLICTS = 20
+
+
+def check_replaceable(out: Path) -> None:
+    """Refuse a place for a run folder that holds something else.
+
+    Raises
+    ------
+    MrpSumoError
+        When it is neither free, nor an empty folder, nor a run folder; or below something that is no folder.
+    """
+    out = out.resolve()
+    if not out.exists():
+        above = next(parent for parent in out.parents if parent.exists())
+        if not above.is_dir():
+            raise MrpSumoError(f"{out}: {above} is not a folder")
+        if not os.access(above, os.W_OK):
+            raise MrpSumoError(f"{out}: no permission to write in {above}")
+        return
+    if not out.is_dir():
+        raise MrpSumoError(f"{out}: is a file, expected a folder for the run")
+    if any(out.iterdir()) and not _is_run(out):
+        raise MrpSumoError(f"{out}: is not empty and not a run folder (no {RESULT} of a run), so it is not replaced; choose another place")
+
+
+def write_run(
+    out: Path,
+    *,
+    status: str,
+    note: str,
+    scenario: Scenario,
+    problem: Problem,
+    result: PlanResult,
+    verdict: Verdict | None,
+    execution: Execution | None,
+    metrics: Mapping[str, Any],
+    audit: Mapping[str, Any] | None,
+    network: Path,
+    nav: NavGraph | None,
+    costmap: "Costmap | None",
+) -> dict[str, Any]:
+    """Write the run folder.
+
+    Parameters
+    ----------
+    out
+        Where; a run folder that is there already is replaced.
+    status, note
+        How the run ended, for machines and for people.
+    scenario
+        As it was run, overrides applied.
+    problem, result, verdict, execution, metrics, audit
+        Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag.
+    network
+        The SUMO network, copied.
+    nav, costmap
+        The map as drawn, and its walls.
+
+    Returns
+    -------
+    dict
+        What `result.json` holds.
+
+    Raises
+    ------
+    MrpSumoError
+        When `out` holds something else, or the disk refuses. Nothing half-written stays.
+    """
+    check_replaceable(out)
+    out = out.resolve()
+    new = out.parent / f".{out.name}.new-{os.getpid()}"
+    try:
+        new.mkdir(parents=True)
+        document = {
+            "schema_version": SCHEMA_VERSION,
+            "status": status,
+            "note": note,
+            "policy": execution.policy if execution else None,
+            "outcome": str(execution.outcome) if execution else None,
+            "scenario": scenario.model_dump(mode="json"),
+            "seed": scenario.seed,
+            "versions": versions(),
+            "metrics": dict(metrics),
+            "audit": dict(audit) if audit is not None else None,
+            "plan": _told(problem, result, verdict),
+            "robots": _robots(problem, execution),
+            "findings": list(execution.findings) if execution else [],
+        }
+        shutil.copyfile(network, new / "network.net.xml")
+        write_floor(new / "floor.json", problem.graph, problem.fleet, nav)
+        if costmap is not None:
+            write_walls(new, costmap)
+        if result.plan is not None:
+            write_plan(new / "plan.json", problem, result.plan)
+        if execution is not None:
+            _write_logs(new, scenario, problem, result, execution, nav, costmap)
+        document["files"] = _files(new)
+        told: dict[str, Any] = plain(document)
+        (new / RESULT).write_text(laid_out(told) + "\n", encoding="utf-8")
+        _put_in_place(new, out)
+    except OSError as error:
+        raise MrpSumoError(f"{out}: cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+    return told
+
+
+def versions() -> dict[str, str]:
+    """Of Python, of this package and of the libraries that shape results."""
+    found = {"python": python_version(), "mrp_sumo": __version__}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON knows it: arrays as lists, numbers that are not finite as null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
+def laid_out(value: Any, depth: int = 0) -> str:
+    """JSON with a line for each key and for each object of a list, and arrays of numbers in one line."""
+    inner, outer = "\n" + "  " * (depth + 1), "\n" + "  " * depth
+    if isinstance(value, dict) and value:
+        rows = (f"{json.dumps(key, ensure_ascii=False)}: {laid_out(item, depth + 1)}" for key, item in value.items())
+        return "{" + inner + f",{inner}".join(rows) + outer + "}"
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return "[" + inner + f",{inner}".join(json.dumps(item, ensure_ascii=False, allow_nan=False) for item in value) + outer + "]"
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _write_logs(
+    folder: Path,
+    scenario: Scenario,
+    problem: Problem,
+    result: PlanResult,
+    execution: Execution,
+    nav: NavGraph | None,
+    costmap: "Costmap | None",
+) -> None:
+    """Trajectory, events and bag."""
+    from mrp_sumo.io.trajectory import write_trajectory
+
+    about = {"scenario": scenario.name, "seed": scenario.seed, "versions": versions()}
+    write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about)
+    write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
+    if scenario.record.bag and len(execution.t_s):
+        from mrp_sumo.io.rosbag import BagOptions, write_bag
+
+        record = Record(
+            name=scenario.name,
+            seed=scenario.seed,
+            fleet=problem.fleet,
+            graph=problem.graph,
+            target=problem.target,
+            plan=result.plan,
+            execution=execution,
+            nav=nav,
+            costmap=costmap,
+        )
+        write_bag(folder / "bag", record, BagOptions(rmf=scenario.record.rmf_messages))
+
+
+def _told(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:
+    """What planner and referee said."""
+
+    def conflict(c: Conflict) -> dict[str, Any]:
+        names, graph = problem.fleet.robot_name, problem.graph
+        told = {"kind": c.kind, "robots": [names[c.robot], names[c.other]], "vertex": graph.label(c.vertex), "t_s": c.t_s}
+        return told | ({"next_vertex": graph.label(c.next_vertex)} if c.next_vertex >= 0 else {})
+
+    return {
+        "status": str(result.status),
+        "message": result.message,
+        "stats": dict(result.stats),
+        "step_s": problem.step_s,
+        "summary": verdict.summary(problem) if verdict else None,
+        "faults": list(verdict.faults) if verdict else [],
+        "conflicts": [conflict(c) for c in verdict.conflicts[:LISTED_CONFLICTS]] if verdict else [],
+    }
+
+
+def _robots(problem: Problem, execution: Execution | None) -> list[dict[str, Any]]:
+    """Each robot's name, start, goal and when it came to stand there."""
+    graph, goal_s = problem.graph, execution.goal_s.tolist() if execution else [None] * problem.num_robots
+    ends = zip(problem.fleet.robot_name, problem.start.tolist(), problem.target.tolist(), goal_s)
+    return [{"name": name, "start": graph.label(a), "goal": graph.label(b), "goal_s": t} for name, a, b, t in ends]
+
+
+def _files(folder: Path) -> dict[str, dict[str, Any]]:
+    """Size and SHA-256 of every file, by its path in the folder."""
+    found = {}
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        found[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": digest}
+    return found
+
+
+def _is_run(folder: Path) -> bool:
+    try:
+        document = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(document, dict) and {"status", "scenario", "metrics"} <= set(document)
+
+
+def _put_in_place(new: Path, out: Path) -> None:
+    """Rename `new` to `out`; what was there goes once the new one stands."""
+    old = out.parent / f".{out.name}.old-{os.getpid()}"
+    if out.exists():
+        out.rename(old)
+    try:
+        new.rename(out)
+    except OSError:
+        if old.exists():
+            old.rename(out)
+        raise
+    shutil.rmtree(old, ignore_errors=True)

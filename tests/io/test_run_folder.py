@@ -1,0 +1,144 @@
+"""Run folders are whole or absent, strict JSON, and never replace what is not a run."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from record_of_four import record_of_four
+
+from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.referee import judge
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io import run_folder
+from mrp_sumo.io.floor_plan import read_floor, read_walls
+from mrp_sumo.io.plan_file import read_plan
+from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain, write_run
+from mrp_sumo.io.scenario import Scenario
+
+
+def run_of_four(out, network, *, executed=True, **changes):
+    record = record_of_four(seconds=3.0)
+    problem = Problem(
+        graph=record.graph, fleet=record.fleet, start=np.array([0, 8, 16, 24]), goal=record.target, goal_of=np.arange(4), step_s=1.0, seed=7
+    )
+    network.write_text("<net/>")
+    given = {
+        "status": "completed",
+        "note": "",
+        "scenario": Scenario.model_validate({"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}}),
+        "problem": problem,
+        "result": PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time"),
+        "verdict": judge(problem, record.plan) if executed else None,
+        "execution": record.execution if executed else None,
+        "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
+        "audit": {"passed": True} if executed else None,
+        "network": network,
+        "nav": record.nav,
+        "costmap": record.costmap,
+    }
+    return write_run(out, **{**given, **changes})
+
+
+def strict(path):
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(path.read_text(), parse_constant=refuse)
+
+
+def test_everything_is_there_and_listed(tmp_path):
+    told = run_of_four(tmp_path / "run", tmp_path / "x.net.xml")
+    out = tmp_path / "run"
+    result = strict(out / "result.json")
+    assert result == told
+    assert {"status", "scenario", "seed", "versions", "metrics", "audit", "files"} <= set(result)
+    names = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
+    assert names == set(result["files"]) | {"result.json"}
+    assert {"plan.json", "trajectory.parquet", "events.jsonl", "network.net.xml", "bag/bag.mcap", "bag/metadata.yaml"} <= names
+    for name, about in result["files"].items():
+        assert hashlib.sha256((out / name).read_bytes()).hexdigest() == about["sha256"]
+    assert result["metrics"] == {"min_distance_m": 1.5, "real_time_factor": None, "time_blocked_s": [0.0, 1.0], "flag": True}
+    assert {"python", "mrp_sumo", "libsumo", "numpy", "ortools", "rosbags", "numba"} <= set(result["versions"])
+    assert list(tmp_path.iterdir()) == [tmp_path / "x.net.xml", out] or {p.name for p in tmp_path.iterdir()} == {"x.net.xml", "run"}
+
+
+def test_plan_floor_and_walls_come_back(tmp_path):
+    run_of_four(tmp_path / "run", tmp_path / "x.net.xml")
+    record = record_of_four()
+    plan = read_plan(tmp_path / "run" / "plan.json", record.fleet.robot_name)
+    for name in ("first", "vertex", "arrive_s", "depart_s"):
+        assert np.array_equal(getattr(plan, name), getattr(record.plan, name))
+    visit = strict(tmp_path / "run" / "plan.json")["robots"][1]["visits"][2]
+    assert visit == {"vertex": 10, "name": "v10", "x": 2.0, "y": 1.0, "arrive_s": 2.0, "depart_s": 2.0}
+    graph, fleet, nav = read_floor(tmp_path / "run" / "floor.json")
+    for name in ("xy", "tail", "head", "length_m", "reverse", "vertex_of_station"):
+        assert np.array_equal(getattr(graph, name), getattr(record.graph, name)), name
+    assert graph.vertex_name == record.graph.vertex_name and (graph.kind, graph.cell_m) == ("grid", 1.0)
+    assert fleet.robot_name == record.fleet.robot_name and np.array_equal(fleet.gap_m, record.fleet.gap_m)
+    assert nav is not None and np.array_equal(nav.xy, record.nav.xy)
+    walls = read_walls(tmp_path / "run")
+    assert walls is not None and np.array_equal(walls.occupied, record.costmap.occupied)
+    assert walls.origin_m == record.costmap.origin_m and walls.resolution_m == record.costmap.resolution_m
+
+
+def test_a_run_without_a_plan_is_a_result_too(tmp_path):
+    told = run_of_four(tmp_path / "run", tmp_path / "x.net.xml", executed=False, status="planning_timed_out")
+    assert set(told["files"]) == {"floor.json", "map.png", "map.yaml", "network.net.xml"}
+    assert told["plan"]["message"] == "no time" and told["audit"] is None
+
+
+def test_equal_runs_give_equal_files(tmp_path):
+    first = run_of_four(tmp_path / "a", tmp_path / "x.net.xml")
+    second = run_of_four(tmp_path / "b", tmp_path / "x.net.xml")
+    assert first == second
+
+
+def test_a_run_is_replaced_and_leftovers_of_it_go(tmp_path):
+    out = tmp_path / "run"
+    run_of_four(out, tmp_path / "x.net.xml")
+    (out / "mine.txt").write_text("made from the old run")
+    run_of_four(out, tmp_path / "x.net.xml", executed=False)
+    assert not (out / "mine.txt").exists() and not (out / "bag").exists()
+    assert {p.name for p in tmp_path.iterdir()} == {"x.net.xml", "run"}
+
+
+def test_other_folders_and_files_are_not_replaced(tmp_path):
+    thesis = tmp_path / "thesis"
+    thesis.mkdir()
+    check_replaceable(thesis)  # empty
+    check_replaceable(tmp_path / "new" / "deep")
+    (thesis / "chapter_1.tex").write_text("...")
+    with pytest.raises(MrpSumoError, match="thesis: is not empty and not a run folder"):
+        check_replaceable(thesis)
+    (thesis / "result.json").write_text("[1]")
+    with pytest.raises(MrpSumoError, match="not a run folder"):
+        check_replaceable(thesis)
+    with pytest.raises(MrpSumoError, match="is a file"):
+        check_replaceable(thesis / "chapter_1.tex")
+    with pytest.raises(MrpSumoError, match=r"chapter_1\.tex is not a folder"):
+        check_replaceable(thesis / "chapter_1.tex" / "run")
+
+
+def test_nothing_stays_when_the_disk_is_full(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    out = tmp_path / "run"
+    run_of_four(out, tmp_path / "x.net.xml")
+    before = (out / "result.json").read_bytes()
+    monkeypatch.setattr(run_folder, "write_events", full)
+    with pytest.raises(MrpSumoError, match="run: cannot be written: No space left on device"):
+        run_of_four(out, tmp_path / "x.net.xml")
+    assert (out / "result.json").read_bytes() == before
+    assert {p.name for p in tmp_path.iterdir()} == {"x.net.xml", "run"}
+
+
+def test_numbers_become_plain_and_arrays_stay_in_a_line():
+    value = plain({"a": np.arange(3), "b": {"c": np.nan, "d": Path("x")}, "e": [{"f": (1, 2)}, {"g": None}]})
+    assert value == {"a": [0, 1, 2], "b": {"c": None, "d": "x"}, "e": [{"f": [1, 2]}, {"g": None}]}
+    text = laid_out(value)
+    assert json.loads(text) == value
+    assert '"a": [0, 1, 2],' in text.splitlines()[1]
