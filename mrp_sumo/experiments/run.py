@@ -29,6 +29,8 @@ from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.sim.policy import needs_sound_plan, policy_of
+from mrp_sumo.sim.settings import ExecutionSettings
 
 ASSIGNMENT = 3  # purpose of the stream of chance, beside those of planning.draw
 
@@ -44,6 +46,7 @@ class SetUp:
     problem: Problem
     assigner: Assigner
     planner: Planner
+    settings: ExecutionSettings
 
     @property
     def scenario(self) -> Scenario:
@@ -87,6 +90,7 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     model = _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder))
     chosen_planner = _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters))
     chosen_assigner = _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters))
+    settings = _settings(file)
     _require_fit(file, graph, model)
     start, goal = _places(file, map_.nav, graph)
     fleet = fleet_of(model, len(start))
@@ -105,7 +109,7 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     )
     if scenario.robots.starts is not None:
         _require_reachable(file, problem)
-    return SetUp(file, map_, problem, chosen_assigner, chosen_planner)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings)
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
@@ -229,7 +233,7 @@ def carry_out(
     if execute and solution.result.plan is not None:
         report("building the SUMO network", 0.0, 0.0)
         network = workshop.network(solution.problem.graph)
-        execution, note = _execute(scenario, solution, network, report, gui)
+        execution, note = _execute(setup, solution, network, report, gui)
     report("measuring", 0.0, 0.0)
     audited = audit(execution, solution.problem.fleet) if execution else None
     metrics = evaluate(
@@ -250,21 +254,12 @@ def _silent(stage: str, done: float, of: float) -> None:
     """Nobody wants to know."""
 
 
-def _execute(scenario: Scenario, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
+def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.sim.loop import simulate
-    from mrp_sumo.sim.policy import needs_sound_plan
-    from mrp_sumo.sim.settings import ExecutionSettings
 
-    plan, verdict = solution.result.plan, solution.verdict
+    plan, verdict, settings = solution.result.plan, solution.verdict, setup.settings
     assert plan is not None and verdict is not None
-    settings = ExecutionSettings(
-        policy=scenario.execution.policy,
-        step_length_s=scenario.execution.step_length_s,
-        time_limit_s=scenario.execution.time_limit_s,
-        record_period_s=scenario.record.period_s,
-        seed=scenario.seed,
-    )
 
     def drive(settings: ExecutionSettings) -> Execution:
         def progress(t_s: float, at_goal: int) -> None:
@@ -272,22 +267,20 @@ def _execute(scenario: Scenario, solution: Solution, network: Path, report: Prog
 
         return simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
 
-    unsound = ""
-    if needs_sound_plan(settings.policy):
-        if verdict.faults:
-            return None, f"not executed: {verdict.summary(solution.problem)}"
-        if not verdict.valid:
-            unsound = verdict.summary(solution.problem, limit=1)
-        else:
-            try:
-                return drive(settings), ""
-            except PlanError as error:  # a schedule that nobody can keep
-                unsound = str(error)
-        if scenario.execution.invalid_plan == "refuse":
-            return None, f"not executed: policy '{settings.policy}' needs a sound plan; {unsound}"
-        note = f"driven with open_loop, since policy '{settings.policy}' needs a sound plan; {unsound}"
-        return drive(replace(settings, policy="open_loop")), note
-    return drive(settings), ""
+    if verdict.faults:
+        return None, f"not executed: {verdict.summary(solution.problem)}"
+    if not needs_sound_plan(settings.policy):
+        return drive(settings), ""
+    unsound = "" if verdict.valid else verdict.summary(solution.problem, limit=1)
+    if not unsound:
+        try:
+            return drive(settings), ""
+        except PlanError as error:  # an order that nobody can keep
+            unsound = str(error)
+    if setup.scenario.execution.invalid_plan == "refuse":
+        return None, f"not executed: policy '{settings.policy}' needs a sound plan; {unsound}"
+    note = f"driven with open_loop, since policy '{settings.policy}' needs a sound plan; {unsound}"
+    return drive(replace(settings, policy="open_loop")), note
 
 
 def _status(solution: Solution, execution: Execution | None, audited: dict[str, Any] | None) -> str:
@@ -299,6 +292,23 @@ def _status(solution: Solution, execution: Execution | None, audited: dict[str, 
     if audited is not None and not audited["passed"]:
         return "audit_failed"
     return str(execution.outcome)
+
+
+def _settings(file: ScenarioFile) -> ExecutionSettings:
+    execution = file.scenario.execution
+    _located(file, ("execution", "policy"), lambda: policy_of(execution.policy))
+    settings: ExecutionSettings = _located(
+        file,
+        ("execution",),
+        lambda: ExecutionSettings(
+            policy=execution.policy,
+            step_length_s=execution.step_length_s,
+            time_limit_s=execution.time_limit_s,
+            record_period_s=file.scenario.record.period_s,
+            seed=file.scenario.seed,
+        ),
+    )
+    return settings
 
 
 def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:

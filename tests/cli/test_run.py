@@ -1,0 +1,187 @@
+"""`mrp-sumo run`, from the command line to the run folder, on the bundled maps."""
+
+import hashlib
+import json
+
+import pytest
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+
+METRICS = [
+    "plan_success",
+    "plan_valid",
+    "planning_time_s",
+    "assignment_time_s",
+    "makespan_steps",
+    "cost_steps",
+    "soc_steps",
+    "lower_bound_steps",
+    "num_robots",
+    "goals_reached",
+    "all_goals_reached",
+    "execution_time_s",
+    "execution_timed_out",
+    "min_distance_m",
+    "min_distance_at_start_m",
+    "min_distance_delta_m",
+    "time_blocked_total_s",
+    "time_blocked_s",
+    "min_clearance_m",
+    "num_overlaps",
+    "lateness_mean_s",
+    "lateness_p95_s",
+    "lateness_max_s",
+    "sim_time_s",
+    "wall_time_s",
+    "cpu_time_s",
+    "real_time_factor",
+    "robot_seconds_per_cpu_second",
+]
+
+
+def run(out, *arguments):
+    code = main(["run", *arguments, "--out", str(out)])
+    return code, json.loads((out / "result.json").read_text()) if (out / "result.json").exists() else None
+
+
+def digests(folder):
+    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "office"
+    return out, *run(out, "office_5")
+
+
+def test_run_reaches_all_goals_and_says_so(office):
+    _, code, result = office
+    assert code == 0
+    assert result["status"] == "completed"
+    assert result["metrics"]["goals_reached"] == result["metrics"]["num_robots"] == 5
+    assert result["audit"]["passed"]
+
+
+def test_run_folder_is_complete(office):
+    out, _, result = office
+    assert set(METRICS) <= set(result["metrics"])
+    assert {"status", "scenario", "seed", "versions", "metrics", "audit", "files"} <= set(result)
+    for name in ("plan.json", "trajectory.parquet", "events.jsonl", "network.net.xml", "bag"):
+        assert (out / name).exists(), name
+    assert result["seed"] == 3000
+    assert len(result["metrics"]["time_blocked_s"]) == 5
+
+
+def test_paper_counts_and_standard_counts_agree(office):
+    metrics = office[2]["metrics"]
+    assert metrics["cost_steps"] == metrics["soc_steps"] + metrics["num_robots"]
+    assert metrics["lower_bound_steps"] <= metrics["soc_steps"]
+
+
+def test_same_seed_gives_the_same_bytes(office, tmp_path):
+    out, _, first = office
+    _, second = run(tmp_path / "again", "office_5")
+    same = [name for name in first["metrics"] if name not in MACHINE_DEPENDENT]
+    assert {name: first["metrics"][name] for name in same} == {name: second["metrics"][name] for name in same}
+    before, after = digests(out), digests(tmp_path / "again")
+    renamed = {name.replace("again", out.name): digest for name, digest in after.items()}
+    differing = {name for name in before if before[name] != renamed.get(name)} | (set(renamed) - set(before))
+    assert differing <= {"result.json"}
+
+
+def test_other_seed_gives_another_run(office, tmp_path):
+    _, result = run(tmp_path / "other", "office_5", "--seed", "1")
+    assert result["seed"] == 1
+    assert result["metrics"]["min_distance_at_start_m"] != office[2]["metrics"]["min_distance_at_start_m"]
+
+
+def test_uncoordinated_plan_is_labelled_and_still_driven(tmp_path, capsys):
+    code, result = run(tmp_path / "out", "warehouse_9", "--planner", "astar")
+    assert result["metrics"]["plan_valid"] is False
+    assert result["policy"] == "open_loop"
+    assert "plan has conflicts" in capsys.readouterr().out
+    assert code == (0 if result["metrics"]["all_goals_reached"] and result["status"] == "completed" else 1)
+
+
+def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
+    scenario = tmp_path / "short.yaml"
+    scenario.write_text("map: office\nrobots: {count: 3}\nplanner: astar\nexecution: {time_limit_s: 5}\n")
+    code, result = run(tmp_path / "out", str(scenario))
+    assert (code, result["status"]) == (1, "time_limit")
+    assert result["metrics"]["execution_timed_out"] is True
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("map: ofice\nrobots: {count: 3}", "case.yaml:1: map: no map 'ofice': neither a file nor a bundled map (did you mean 'office'?)"),
+        ("map: office\nrobots: {count: 3}\nplanner: cbz", "case.yaml:3: planner.name: unknown planner 'cbz' (did you mean 'cbs'?)"),
+        (
+            "map: office\nrobots: {count: 3}\nplanner: {name: cbs, parameters: {bypas: true}}",
+            "case.yaml:3: planner.name: planner 'cbs': unknown parameter 'bypas' (did you mean 'bypass'?)",
+        ),
+        ("map: office\nrobots: {count: 400}", "case.yaml:2: robots.count: cannot draw 400 robots"),
+        ("map: office\nrobots: {count: 30, draw: mrp_bench}", "case.yaml:2: robots.count: cannot draw 30 robots: there are 29 vertices"),
+        ("map: office\nrobots: {starts: [nowhere], goals: [v3]}", "case.yaml:2: robots.starts[0]: 'nowhere' is not a vertex of 'office'"),
+        ("map: office\nrobots: {starts: [v1, v1], goals: [v3, v4]}", "robot_0 and robot_1 both start at"),
+        (
+            "map: office\nrobots: {count: 3}\nexecution: {policy: agd}",
+            "case.yaml:3: execution.policy: unknown policy 'agd' (did you mean 'adg'?)",
+        ),
+        (
+            "map: office\nrobots: {count: 3}\nexecution: {step_length_s: 0.3}",
+            "case.yaml:3: execution: record_period_s is 0.1, expected a whole number of steps",
+        ),
+        ("map: {file: office, graph: 4}\nrobots: {count: 3}", "office.building.yaml has no lane in graph 4"),
+        ("map: {file: office, level: L7}\nrobots: {count: 3}", "has no level 'L7'"),
+        ("map: office\nrobots: {count: 3}\ndiscretisation: {cell_m: 0.2}", "'turtlebot3_burger' does not fit"),
+        ("map: office\nrobots: {count: 3, type: turtlebot}", "robots.type: 'turtlebot' is neither a robot type nor a file"),
+        ("map: office\nrobots: {count: 3}\nassignment: {solver: lsa}", "assignment.solver: unknown assigner 'lsa'"),
+    ],
+)
+def test_bad_input_is_one_line_exit_2_and_nothing_written(tmp_path, capsys, text, words):
+    scenario = tmp_path / "case.yaml"
+    scenario.write_text(text)
+    code, _ = run(tmp_path / "out", str(scenario))
+    told = capsys.readouterr().err
+    assert code == 2
+    assert words in told
+    assert len(told.splitlines()) == 1
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["case.yaml"]
+
+
+def test_folder_that_is_no_run_is_never_replaced(tmp_path, capsys):
+    (tmp_path / "thesis.txt").write_text("three years of work")
+    assert main(["run", "office_5", "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "thesis.txt").read_text() == "three years of work"
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_table_has_what_a_person_asks_for(office, tmp_path, capsys):
+    run(tmp_path / "out", "office_5")
+    told = capsys.readouterr().out
+    for words in (
+        "planner",
+        "planning time",
+        "makespan",
+        "cost",
+        "lower bound",
+        "goals reached",
+        "5 of 5",
+        "minimum distance",
+        "blocked time",
+        "real-time factor",
+        "files",
+    ):
+        assert words in told, words
+
+
+def test_schema_is_json(capsys):
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "Scenario"
+
+
+def test_unknown_command_names_the_nearest(capsys):
+    assert main(["imprt"]) == 2
+    assert capsys.readouterr().err == "mrp-sumo: unknown command 'imprt' (did you mean 'import'?)\n"
