@@ -7,6 +7,9 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
 
+# what a robot's second can be spent on, the columns of `Execution.booked_s`
+BOOKINGS = ("moving", "turning", "planned_wait", "dependency_wait", "yielding", "blocked", "disturbed", "at_goal")
+
 
 class Outcome(StrEnum):
     """How an execution ended."""
@@ -48,6 +51,7 @@ class Execution:
     cpu_time_s: float  # of the process, in the loop
     events: tuple[Event, ...] = ()
     findings: tuple[str, ...] = field(default=())  # what SUMO itself complained of (collisions)
+    booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
 
     @property
     def num_robots(self) -> int:

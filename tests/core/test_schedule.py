@@ -87,7 +87,7 @@ def needs_of(*resources, num_resources, on_lane=()):
 
 
 def test_consecutive_visits_of_one_zone_are_one_passage():
-    problem, plan = world(*line(4), [[0, 1, 2, 3]])
+    _, plan = world(*line(4), [[0, 1, 2, 3]])
     schedule = order_of(plan, needs_of([0], [1, 4], [2, 4], [3], num_resources=5))
     assert passing(plan, schedule, 4) == [0]
     passage = schedule.first[4]

@@ -1,0 +1,114 @@
+"""The edges SUMO is told of: a few ahead of each robot, renewed as it advances.
+
+SUMO looks along the whole remaining route in every step, so long routes are its largest cost. A route
+reaches one edge beyond the last vertex the robot may enter, since SUMO removes a vehicle at its route's end.
+Where no lane leads on from a robot's last vertex, the route ends in an endless stop.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray, NavGraph
+from mrp_sumo.errors import ExecutionError
+from mrp_sumo.maps.sumo import edge_name
+from mrp_sumo.sim import _control
+from mrp_sumo.sim.sumo import Sumo
+
+AHEAD = 5  # edges in a renewed route
+
+
+@dataclass
+class Routes:
+    """Routes of R robots in a running SUMO."""
+
+    graph: NavGraph
+    path: _control.Path
+    sumo: Sumo
+    edge: list[str] = field(init=False)  # [L]
+    last: IntArray = field(init=False)  # [R] last visit whose edge is in the route, one beyond the path's end when complete
+
+    def __post_init__(self) -> None:
+        self.edge = [edge_name(a, b) for a, b in zip(self.graph.tail.tolist(), self.graph.head.tolist())]
+        self.last = np.zeros(len(self.path.first) - 1, np.int64)
+        self._lanes: list[int] = self.path.lane.tolist()
+
+    def check(self) -> None:
+        """Refuse a network whose lanes on the robots' paths are not those of the graph."""
+        for lane in np.unique(self.path.lane[self.path.lane >= 0]).tolist():
+            found, expected = self.sumo.lane_length_m(self.edge[lane]), self.graph.length_m[lane]
+            if abs(found - expected) > 1e-5:
+                raise ExecutionError(
+                    f"edge '{self.edge[lane]}' of the network is {found:g} m long, expected {expected:g} m: it was not made of this graph"
+                )
+
+    def insert_all(self, kinds: list[int]) -> None:
+        """Put every robot on its first vertex: at the end of the incoming edge most in line with its first move."""
+        graph, path = self.graph, self.path
+        by_head = np.argsort(graph.head, kind="stable")
+        into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
+        along = graph.xy[graph.head] - graph.xy[graph.tail]
+        heading = np.arctan2(along[:, 1], along[:, 0])
+        for robot in range(len(self.last)):
+            begin = int(path.first[robot])
+            vertex = int(path.vertex[begin])
+            incoming = by_head[into[vertex] : into[vertex + 1]]
+            ahead, stops = self._ahead(robot, begin)
+            if len(incoming):
+                away = np.abs((heading[incoming] - path.heading[begin] + np.pi) % (2 * np.pi) - np.pi)
+                lane = int(incoming[np.argmin(np.round(away, 6))])
+                if not ahead:  # it stays: the route leads on to anywhere
+                    ahead = self._exit(lane)
+                    stops = not ahead
+                self.sumo.insert(robot, kinds[robot], [self.edge[lane], *ahead], True, stops)
+            else:
+                if not ahead:
+                    lane = int(graph.first[vertex])
+                    ahead = [self.edge[lane], *self._exit(lane)]
+                self.sumo.insert(robot, kinds[robot], ahead, False, stops)
+
+    def renew(self, state: _control.State) -> None:
+        """Lengthen the routes of robots that may soon drive on their last edge."""
+        due = (state.won + state.on_lane >= self.last) & (self.last < self.path.first[1:])
+        for robot in np.flatnonzero(due).tolist():
+            here = self.sumo.edge(robot)
+            visit = int(state.nx[robot])  # within a millimetre of a vertex SUMO may have it before or behind
+            for k in (visit, visit - 1, visit + 1):
+                if self.path.first[robot] < k < self.path.first[robot + 1] and self.edge[self._lanes[k]] == here:
+                    visit = k
+                    break
+            else:
+                visit -= 1  # still on the edge it was inserted on
+            ahead, stops = self._ahead(robot, visit)
+            self.sumo.set_route(robot, [here, *ahead], stops)
+
+    def _ahead(self, robot: int, visit: int) -> tuple[list[str], bool]:
+        """The edges after a visit's, and whether the route has to end in a stop."""
+        end = int(self.path.first[robot + 1])
+        until = min(visit + AHEAD, end - 1)
+        edges = [self.edge[lane] for lane in self._lanes[visit + 1 : until + 1]]
+        self.last[robot] = until
+        if until < end - 1:
+            return edges, False
+        self.last[robot] = end
+        if self._lanes[until] < 0:
+            return edges, False
+        beyond = self._exit(self._lanes[until])
+        return edges + beyond, not beyond
+
+    def _exit(self, lane: int) -> list[str]:
+        """An edge that leads on from a lane's end, back if possible."""
+        if self.graph.reverse[lane] >= 0:
+            return [self.edge[int(self.graph.reverse[lane])]]
+        head = int(self.graph.head[lane])
+        onward = range(int(self.graph.first[head]), int(self.graph.first[head + 1]))
+        return [self.edge[onward[0]]] if onward else []
+
+
+def insert(graph: NavGraph, path: _control.Path, sumo: Sumo, kinds: list[int]) -> Routes:
+    """Check the network and put all robots on it."""
+    routes = Routes(graph, path, sumo)
+    routes.check()
+    routes.insert_all(kinds)
+    sumo.begin()
+    return routes
