@@ -6,6 +6,7 @@ One Boolean a pair; each robot, or each goal where they are fewer, in exactly on
 from dataclasses import dataclass
 
 import numpy as np
+from ortools.sat.python import cp_model
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import PlanError
@@ -20,8 +21,6 @@ class CpSat:
 
     def assign(self, cost: FloatArray, time_limit_s: float) -> IntArray:
         """See `Assigner`; a good assignment that is not proven best is used at the time limit."""
-        from ortools.sat.python import cp_model
-
         robot, goal, whole = candidates(cost, self.objective)
         num_robots, num_goals = cost.shape
         goal_of = np.full(num_robots, -1, np.int64)

@@ -6,6 +6,7 @@ Source: Goldberg, "An efficient implementation of a scaling minimum-cost flow al
 from dataclasses import dataclass
 
 import numpy as np
+from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import PlanError
@@ -20,8 +21,6 @@ class MinCostFlow:
 
     def assign(self, cost: FloatArray, time_limit_s: float) -> IntArray:
         """See `Assigner`. The time limit is not needed: a matrix of 1000 x 1000 takes seconds at most."""
-        from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
-
         robot, goal, whole = candidates(cost, self.objective)
         num_robots, num_goals = cost.shape
         wanted = min(num_robots, num_goals)

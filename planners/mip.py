@@ -6,6 +6,7 @@ One binary variable a pair, each robot and goal at most once, as many pairs as t
 from dataclasses import dataclass
 
 import numpy as np
+from ortools.linear_solver import pywraplp
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import PlanError
@@ -20,8 +21,6 @@ class Mip:
 
     def assign(self, cost: FloatArray, time_limit_s: float) -> IntArray:
         """See `Assigner`; a good assignment that is not proven best is used at the time limit."""
-        from ortools.linear_solver import pywraplp
-
         robot, goal, whole = candidates(cost, self.objective)
         num_robots, num_goals = cost.shape
         goal_of = np.full(num_robots, -1, np.int64)

@@ -25,6 +25,7 @@ from mrp_sumo.experiments.workshop import Workshop
 from mrp_sumo.io.scenario import Scenario, ScenarioFile, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
+from mrp_sumo.planning import distance
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
@@ -127,16 +128,17 @@ def solve(setup: SetUp) -> Solution:
     """Assign and plan within the time limit, and judge the plan."""
     scenario, problem = setup.scenario, setup.problem
     began = time.perf_counter()
+    distance.prepare()
+    setup.planner.prepare()
+    prepare_time_s = time.perf_counter() - began
+    began = time.perf_counter()
     try:
         if not setup.planner.assigns:
             problem = problem.assigned(_assignment(setup))
     except PlanError as error:
-        spent = time.perf_counter() - began
-        return Solution(problem, PlanResult(Status.INFEASIBLE, message=str(error)), None, spent)
+        result = PlanResult(Status.INFEASIBLE, prepare_time_s=prepare_time_s, message=str(error))
+        return Solution(problem, result, None, time.perf_counter() - began)
     assignment_time_s = time.perf_counter() - began
-    began = time.perf_counter()
-    setup.planner.prepare()
-    prepare_time_s = time.perf_counter() - began
     result = setup.planner.plan(problem, scenario.planner.time_limit_s)
     result = replace(result, prepare_time_s=prepare_time_s)
     verdict = None
