@@ -17,6 +17,7 @@ from mrp_sumo.errors import MrpSumoError, nearest
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
     "import": ("mrp_sumo.cli.import_map", "make a nav graph, a SUMO network and a picture of a map"),
+    "generate": ("mrp_sumo.cli.generate", "make a warehouse, grid, ring or random map of any size"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
 

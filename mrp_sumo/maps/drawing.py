@@ -5,6 +5,8 @@ of an empty canvas with a margin around the building, and carries two measuremen
 Refuses two stations on one spot or of one name, and lanes between unknown stations.
 """
 
+import json
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -15,13 +17,15 @@ Point = tuple[float, float]
 
 METERS_PER_PIXEL = 0.05  # the editor's own scale for a canvas without a drawing
 MARGIN_M = 1.0  # around the building
+PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+NOT_TEXT = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"})
 
-WALL = "{alpha: [3, 1], texture_height: [3, 2.5], texture_name: [1, default], texture_scale: [3, 1], texture_width: [3, 1]}"
+WALL = "{alpha: [3, 1], texture_name: [1, default]}"
 FLOOR = (
     "{ceiling_scale: [3, 1], ceiling_texture: [1, blue_linoleum], indoor: [2, 0], texture_name: [1, %s], "
     "texture_rotation: [3, 0], texture_scale: [3, 1]}"
 )
-LANE = '{bidirectional: [4, %s], demo_mock_floor_name: [1, ""], demo_mock_lift_name: [1, ""], graph_idx: [2, 0], mutex: [1, ""], orientation: [1, ""], speed_limit: [3, 0]}'  # noqa: E501
+LANE = '{bidirectional: [4, %s], graph_idx: [2, 0], orientation: [1, ""]}'
 DOOR = (
     "{motion_axis: [1, start], motion_degrees: [3, 90], motion_direction: [2, %d], name: [1, %s], plugin: [1, normal], "
     "right_left_ratio: [3, 1], type: [1, %s]}"
@@ -104,7 +108,7 @@ class Drawing:
         lines = ["coordinate_system: reference_image", "graphs:", "  {}", "levels:", "  L1:"]
         if self.doors:
             lines.append("    doors:")
-            lines += [f"      - [{first + a}, {first + b}, {DOOR % (turn, name, kind)}]" for a, b, name, kind, turn in self.doors]
+            lines += [f"      - [{first + a}, {first + b}, {DOOR % (turn, _scalar(name), kind)}]" for a, b, name, kind, turn in self.doors]
         lines += ["    elevation: 0", "    floors:"]
         for corners, texture in self.floors:
             lines += [f"      - parameters: {FLOOR % texture}", f"        vertices: [{', '.join(str(first + c) for c in corners)}]"]
@@ -113,16 +117,16 @@ class Drawing:
         lines += [f"      - [{a}, {b}, {single if one_way else both}]" for a, b, one_way in self.lanes]
         lines += ["    layers:", "      {}", "    measurements:"]
         for k, distance_m in ((0, self.width_m), (2, self.height_m)):
-            lines.append(f"      - [{first + rulers[k]}, {first + rulers[k + 1]}, {{distance: [3, {_number(distance_m)}]}}]")
+            lines.append(f"      - [{first + rulers[k]}, {first + rulers[k + 1]}, {{distance: [3, {round(distance_m, 6):.10g}]}}]")
         lines.append("    vertices:")
         for x, y, name, properties in self.stations:
-            lines.append(f"      - [{self._pixels(x, y)}, 0, {name or _scalar('')}{f', {{{properties}}}' if properties else ''}]")
+            lines.append(f"      - [{self._pixels(x, y)}, 0, {_scalar(name)}{f', {{{properties}}}' if properties else ''}]")
         lines += [f'      - [{self._pixels(x, y)}, 0, ""]' for x, y in self._corners]
         if self.walls:
             lines.append("    walls:")
             lines += [f"      - [{first + a}, {first + b}, {WALL}]" for a, b in self.walls]
         lines += [f"    x_meters: {_number(self.width_m + 2 * MARGIN_M)}", f"    y_meters: {_number(self.height_m + 2 * MARGIN_M)}"]
-        lines += ["lifts: {}", f"name: {self.name}"]
+        lines += ["lifts: {}", f"name: {_scalar(self.name)}"]
         return "\n".join(lines) + "\n"
 
     def write(self, path: Path) -> None:
@@ -155,4 +159,7 @@ def _tag(value: bool | int | float | str) -> int:
 
 
 def _scalar(value: bool | int | float | str) -> str:
-    return str(value).lower() if isinstance(value, bool) else '""' if value == "" else str(value)
+    """As the editor writes it; text in quotes where YAML could take it for something else."""
+    if isinstance(value, str):
+        return value if PLAIN.match(value) and value.lower() not in NOT_TEXT else json.dumps(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)

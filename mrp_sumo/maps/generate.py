@@ -5,7 +5,7 @@ least sizes: the last row or aisle is completed. Refuses sizes below what a shap
 """
 
 from collections.abc import Callable
-from math import ceil, inf, log, pi, sqrt
+from math import ceil, log, pi, sqrt
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -18,10 +18,11 @@ from mrp_sumo.maps.drawing import Drawing
 
 VERTICES_A_ROBOT = 10  # room to move: about 30 cells of 0.4 m a robot in a warehouse
 MAX_VERTICES = 250_000
-LEAST_SPACING_M = 0.8  # between vertices: two cells, so that robots can stand on neighbours
+LEAST_SPACING_M = 0.8  # between vertices: two cells
 
 PITCH_M = 2.8  # of aisles: 1.6 m to drive and pick, 1.2 m of racks back to back
 BAY_M = 1.2
+SPUR_M = 1.6  # from a lane to the station beside it
 SHIFT_M = 0.2  # half a cell: puts the outermost lanes off the lattice, so that no lane lies between two cells
 
 
@@ -66,9 +67,9 @@ def rack_warehouse(num_vertices: int, *, one_way: bool = False, cross_aisles: in
             picks = [d.station(x, cross_y[k] + 1.6 + BAY_M * b, f"pick_{i + 1}_{k + 1}_{b + 1}") for b in range(bays)]
             way = [junction[k][i], *picks, junction[k + 1][i]]
             d.lane(*(way[::-1] if i % 2 and one_way else way), one_way=one_way)
-        d.lane(junction[0][i], d.station(x, 1.8, f"dock_{i + 1}"))
+        d.lane(junction[0][i], d.station(x, 1.8, f"dock_{i + 1}", dock_name=f"dock_{i + 1}"))
         charger = i % 3 == 0
-        d.lane(junction[-1][i], d.station(x, cross_y[-1] + 1.6, f"{'charger' if charger else 'parking'}_{i + 1}", **_place(charger)))
+        d.lane(junction[-1][i], d.station(x, cross_y[-1] + SPUR_M, f"{'charger' if charger else 'parking'}_{i + 1}", **_place(charger)))
 
     _outer_walls(d)
     for y in cross_y[:-1]:
@@ -101,12 +102,11 @@ def ring(num_vertices: int, *, one_way: bool = False, spacing_m: float = 2.0) ->
     """A loop with a station beside each of its vertices; one-way, it turns counter-clockwise."""
     _check_size("ring", num_vertices, least=12, spacing_m=spacing_m)
     num_stations = ceil(num_vertices / 2)
-    spur_m = max(1.6, LEAST_SPACING_M)
     radius_m = spacing_m / (2 * np.sin(pi / num_stations))
-    middle_m = radius_m + spur_m + 1.2
+    middle_m = radius_m + SPUR_M + 1.2
     d = Drawing("ring", 2 * middle_m, 2 * middle_m)
     angle = 2 * pi * np.arange(num_stations) / num_stations
-    ends = [np.stack([middle_m + r * np.cos(angle), middle_m + r * np.sin(angle)], axis=1).tolist() for r in (radius_m, radius_m + spur_m)]
+    ends = [np.stack([middle_m + r * np.cos(angle), middle_m + r * np.sin(angle)], axis=1).tolist() for r in (radius_m, radius_m + SPUR_M)]
     loop = [d.station(x, y) for x, y in ends[0]]
     d.lane(*loop, loop[0], one_way=one_way)
     for k, (x, y) in enumerate(ends[1]):
@@ -154,11 +154,13 @@ GENERATORS: dict[str, Callable[..., Drawing]] = {
 }
 
 
-def _check_size(kind: str, num_vertices: int, least: int, spacing_m: float = inf) -> None:
+def _check_size(kind: str, num_vertices: int, least: int, spacing_m: float = LEAST_SPACING_M) -> None:
     if not least <= num_vertices <= MAX_VERTICES:
         raise MapError(f"a map of kind '{kind}' has {least} to {MAX_VERTICES} vertices, not {num_vertices}")
-    if not spacing_m >= LEAST_SPACING_M:
-        raise MapError(f"vertices {spacing_m:g} m apart leave no room for robots: expected a spacing of {LEAST_SPACING_M:g} m or more")
+    if not LEAST_SPACING_M <= spacing_m <= 100:
+        raise MapError(
+            f"a spacing of {spacing_m:g} m: expected {LEAST_SPACING_M:g} m or more, so that robots can stand on neighbours, and up to 100 m"
+        )
 
 
 def _warehouse_shape(num_vertices: int, one_way: bool, cross_aisles: int | None, bays: int, block_m: float) -> tuple[int, int]:

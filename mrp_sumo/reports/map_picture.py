@@ -35,7 +35,7 @@ COMPONENTS = (BLUE, ORANGE, GREEN, PURPLE, SKY, "#7f7f3f", "#8c564b")
 DOOR, FURNITURE = "#b5651d", "#8b8f97"
 
 NARROW_M = 4.0
-MANY = 5000  # vertices or lanes beyond which junctions and names are not drawn
+MANY = 5000  # vertices or lanes beyond which only stations of a kind are drawn, and no names
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, p
     spacing_pt = float(np.median(nav.length_m)) * points_per_m if nav.num_lanes else 20.0
     shrink = float(np.clip(spacing_pt / 28, 0.35, 1.0))
     for kind in (JUNCTION, NAMED, *reversed(KINDS)):
-        if kind.name not in groups or (kind is JUNCTION and len(panel.vertices) > MANY):
+        if kind.name not in groups or (kind in (JUNCTION, NAMED) and len(panel.vertices) > MANY):
             continue
         at = np.array(groups[kind.name][1])
         edge = colours[at] if kind is JUNCTION else PAPER
