@@ -173,6 +173,7 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
     MrpSumoError
         When the scenario cannot be run at all; nothing is written.
     """
+    from mrp_sumo.io.outline import outline_of
     from mrp_sumo.io.run_folder import check_replaceable, write_run
     from mrp_sumo.maps.costmap import costmap
 
@@ -196,6 +197,7 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
             network=workshop.network(solution.problem.graph),
             nav=setup.map.nav,
             costmap=costmap(setup.map.building, setup.map.nav.level_names[0]) if setup.map.building else None,
+            outline=outline_of(setup.map.building, setup.map.nav.level_names) if setup.map.building else None,
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -104,19 +104,21 @@ def _graph_document(graph: NavGraph) -> dict[str, Any]:
         "xy": graph.xy.tolist(),
         "level": graph.level.tolist() if graph.level.any() else None,
         "vertex_name": {str(v): name for v, name in enumerate(graph.vertex_name) if name},
+        "vertex_options": {str(v): dict(options) for v, options in enumerate(graph.vertex_options) if options},
         "lanes": np.column_stack((graph.tail, graph.head)).tolist(),
         "length_m": graph.length_m.tolist() if not np.array_equal(straight, graph.length_m) else None,
     }
 
 
 def _graph(document: dict[str, Any]) -> NavGraph:
-    names = document["vertex_name"]
+    names, options = document["vertex_name"], document.get("vertex_options", {})
     return nav_graph(
         name=document["name"],
         level_names=document["level_names"],
         xy=document["xy"],
         level=document["level"],
         vertex_name=[names.get(str(v), "") for v in range(len(document["xy"]))],
+        vertex_options=[options.get(str(v), NO_OPTIONS) for v in range(len(document["xy"]))],
         lanes=document["lanes"],
         length_m=document["length_m"],
     )

@@ -26,6 +26,7 @@ from mrp_sumo.core.referee import Conflict, Verdict
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
+from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.plan_file import write_plan
 from mrp_sumo.io.record import Record
 from mrp_sumo.io.scenario import Scenario
@@ -76,6 +77,7 @@ def write_run(
     network: Path,
     nav: NavGraph | None,
     costmap: "Costmap | None",
+    outline: Outline | None = None,
 ) -> dict[str, Any]:
     """Write the run folder.
 
@@ -91,8 +93,8 @@ def write_run(
         Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag.
     network
         The SUMO network, copied.
-    nav, costmap
-        The map as drawn, and its walls.
+    nav, costmap, outline
+        The map as drawn, and its walls as sensors see them and as drawn.
 
     Returns
     -------
@@ -128,6 +130,8 @@ def write_run(
         write_floor(new / "floor.json", problem.graph, problem.fleet, nav)
         if costmap is not None:
             write_walls(new, costmap)
+        if outline is not None:
+            write_outline(new / "building.json", outline)
         if result.plan is not None:
             write_plan(new / "plan.json", problem, result.plan)
         if execution is not None:
@@ -191,9 +195,12 @@ def _write_logs(
 ) -> None:
     """Trajectory, events and bag."""
     from mrp_sumo.io.trajectory import write_trajectory
+    from mrp_sumo.io.visits import write_visits
 
     about = {"scenario": scenario.name, "seed": scenario.seed, "versions": versions()}
     write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about)
+    if result.plan is not None:
+        write_visits(folder / "visits.parquet", problem, result.plan, execution)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if scenario.record.bag and len(execution.t_s):
         from mrp_sumo.io.rosbag import BagOptions, write_bag
