@@ -57,7 +57,15 @@ def test_everything_is_there_and_listed(tmp_path):
     assert {"status", "scenario", "seed", "versions", "metrics", "audit", "files"} <= set(result)
     names = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
     assert names == set(result["files"]) | {"result.json"}
-    assert {"plan.json", "trajectory.parquet", "events.jsonl", "network.net.xml", "bag/bag.mcap", "bag/metadata.yaml"} <= names
+    assert {
+        "plan.json",
+        "visits.parquet",
+        "trajectory.parquet",
+        "events.jsonl",
+        "network.net.xml",
+        "bag/bag.mcap",
+        "bag/metadata.yaml",
+    } <= names
     for name, about in result["files"].items():
         assert hashlib.sha256((out / name).read_bytes()).hexdigest() == about["sha256"]
     assert result["metrics"] == {"min_distance_m": 1.5, "real_time_factor": None, "time_blocked_s": [0.0, 1.0], "flag": True}

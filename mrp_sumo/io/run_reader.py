@@ -1,0 +1,190 @@
+"""Reading run folders back: arrays for programs, DataFrames for notebooks.
+
+Files are read when they are asked for. Refuses folders without a complete run.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.events import events_of_documents, read_events
+from mrp_sumo.io.floor_plan import read_floor, read_walls
+from mrp_sumo.io.plan_file import read_plan
+from mrp_sumo.io.record import Record
+
+if TYPE_CHECKING:
+    import pandas
+
+    from mrp_sumo.io.trajectory import Trajectory
+    from mrp_sumo.maps.costmap import Costmap
+
+RESULT = "result.json"
+
+
+def load_run(folder: str | Path) -> "Run":
+    """The run in a folder.
+
+    Parameters
+    ----------
+    folder
+        As `mrp-sumo run --out` made it.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is no complete run.
+    """
+    folder = Path(folder)
+    path = folder / RESULT
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        what = "holds no complete run (no result.json)" if folder.is_dir() else "no such folder"
+        raise MrpSumoError(f"{folder}: {what}") from None
+    except NotADirectoryError:
+        raise MrpSumoError(f"{folder}: is a file, expected a run folder") from None
+    except ValueError as error:
+        raise MrpSumoError(f"{path}: not JSON: {error}") from None
+    if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
+        raise MrpSumoError(f"{path}: is not the result of a run")
+    return Run(folder, result)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run on disk."""
+
+    folder: Path
+    result: dict[str, Any]  # of result.json
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        return dict(self.result["metrics"])
+
+    @property
+    def audit(self) -> dict[str, Any] | None:
+        return self.result["audit"]
+
+    @property
+    def executed(self) -> bool:
+        """Whether there is a trajectory."""
+        return (self.folder / "trajectory.parquet").is_file()
+
+    @cached_property
+    def _floor(self) -> tuple[PlanGraph, Fleet, NavGraph | None]:
+        return read_floor(self.folder / "floor.json")
+
+    @property
+    def graph(self) -> PlanGraph:
+        """The graph that was planned on."""
+        return self._floor[0]
+
+    @property
+    def fleet(self) -> Fleet:
+        return self._floor[1]
+
+    @property
+    def nav(self) -> NavGraph | None:
+        """The map as drawn."""
+        return self._floor[2]
+
+    @cached_property
+    def costmap(self) -> "Costmap | None":
+        """The walls."""
+        return read_walls(self.folder)
+
+    @cached_property
+    def plan(self) -> Plan | None:
+        """Visits as arrays; None when there is no plan."""
+        path = self.folder / "plan.json"
+        return read_plan(path, self.fleet.robot_name) if path.is_file() else None
+
+    @cached_property
+    def samples(self) -> "Trajectory":
+        """The trajectory as arrays [T, R]."""
+        from mrp_sumo.io.trajectory import read_trajectory
+
+        self._require_trajectory()
+        return read_trajectory(self.folder / "trajectory.parquet")
+
+    @cached_property
+    def execution(self) -> Execution:
+        """Trajectory, arrivals and events as the simulation gave them; clocks from the metrics."""
+        from mrp_sumo.io.visits import read_arrivals
+
+        samples, told = self.samples, self.metrics
+        documents = read_events(self.folder / "events.jsonl")
+        goal_s = [robot["goal_s"] for robot in self.result["robots"]]
+        return Execution(
+            t_s=frozen(samples.t_s),
+            x_m=frozen(samples.x_m),
+            y_m=frozen(samples.y_m),
+            yaw_rad=frozen(samples.yaw_rad),
+            speed_mps=frozen(samples.speed_mps),
+            arrived_s=frozen(read_arrivals(self.folder / "visits.parquet")),
+            goal_s=frozen(np.array(goal_s, np.float64)),
+            outcome=Outcome(self.result["outcome"]),
+            policy=self.result["policy"],
+            sim_time_s=told["sim_time_s"],
+            wall_time_s=told["wall_time_s"] or 0.0,
+            cpu_time_s=told["cpu_time_s"] or 0.0,
+            events=events_of_documents(documents, self.fleet, self.graph),
+            findings=tuple(self.result["findings"]),
+        )
+
+    @property
+    def record(self) -> Record:
+        """Everything logs are made of."""
+        goals = [self.graph.vertex_of_name[robot["goal"]] for robot in self.result["robots"]]
+        return Record(
+            name=self.result["scenario"]["name"],
+            seed=self.result["seed"],
+            fleet=self.fleet,
+            graph=self.graph,
+            target=frozen(np.array(goals, np.int64)),
+            plan=self.plan,
+            execution=self.execution,
+            nav=self.nav,
+            costmap=self.costmap,
+        )
+
+    @property
+    def trajectory(self) -> "pandas.DataFrame":
+        """One row a robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
+        import pyarrow.parquet as pq
+
+        self._require_trajectory()
+        frame: pandas.DataFrame = pq.read_table(self.folder / "trajectory.parquet").to_pandas()
+        frame.insert(0, "t_s", frame.pop("t_ns") / 1e9)
+        return frame
+
+    @property
+    def events(self) -> "pandas.DataFrame":
+        """One row an event."""
+        import pandas as pd
+
+        columns = ["t_s", "kind", "robot", "vertex", "x_m", "y_m", "other", "duration_s", "text"]
+        path = self.folder / "events.jsonl"
+        return pd.DataFrame(read_events(path) if path.is_file() else [], columns=columns)
+
+    @property
+    def visits(self) -> "pandas.DataFrame":
+        """One row a planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
+        import pyarrow.parquet as pq
+
+        self._require_trajectory()
+        frame: pandas.DataFrame = pq.read_table(self.folder / "visits.parquet").to_pandas()
+        return frame
+
+    def _require_trajectory(self) -> None:
+        if not self.executed:
+            raise MrpSumoError(f"{self.folder}: the run was not executed ({self.result['status']}), so it has no trajectory")

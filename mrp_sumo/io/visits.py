@@ -1,0 +1,49 @@
+"""Planned against driven, visit by visit, as Parquet: the plan in one table, with the times it was kept at.
+
+Columns: `robot`, `visit` (0 is the start), `vertex` (name), `x_m`, `y_m`, `arrive_s`, `depart_s` (null at the
+end, where the robot stays), `arrived_s` (null for a visit that was not reached).
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+
+
+def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution) -> None:
+    """Write the table.
+
+    Parameters
+    ----------
+    path
+        To be made.
+    problem, plan, execution
+        Of one run.
+    """
+    graph = problem.graph
+    arrived = execution.arrived_s if len(execution.arrived_s) == plan.num_visits else np.full(plan.num_visits, np.nan)
+    names = pa.array(list(problem.fleet.robot_name), pa.string())
+    columns = {
+        "robot": pa.DictionaryArray.from_arrays(pa.array(plan.robot, pa.int32()), names),
+        "visit": pa.array(np.arange(plan.num_visits) - plan.first[plan.robot]),
+        "vertex": pa.array([graph.label(v) for v in plan.vertex.tolist()], pa.string()).dictionary_encode(),
+        "x_m": pa.array(graph.xy[plan.vertex, 0]),
+        "y_m": pa.array(graph.xy[plan.vertex, 1]),
+        "arrive_s": pa.array(plan.arrive_s),
+        "depart_s": pa.array(plan.depart_s, mask=~np.isfinite(plan.depart_s)),
+        "arrived_s": pa.array(arrived, mask=~np.isfinite(arrived)),
+    }
+    pq.write_table(pa.table(columns), path, compression="zstd")
+
+
+def read_arrivals(path: Path) -> FloatArray:
+    """[N] when each visit was reached, NaN if never."""
+    column = pq.read_table(path, columns=["arrived_s"])["arrived_s"]
+    arrived: FloatArray = column.to_numpy(zero_copy_only=False).astype(np.float64)
+    return arrived

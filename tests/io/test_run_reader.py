@@ -1,0 +1,62 @@
+"""What was written comes back, as arrays and as DataFrames."""
+
+import numpy as np
+import pytest
+from record_of_four import record_of_four
+from test_run_folder import run_of_four
+
+import mrp_sumo
+from mrp_sumo.errors import MrpSumoError
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    metrics = {"sim_time_s": 3.0, "wall_time_s": 0.1, "cpu_time_s": 0.1, "num_robots": 4}
+    run_of_four(folder / "run", folder / "x.net.xml", metrics=metrics)
+    return mrp_sumo.load_run(folder / "run")
+
+
+def test_record_is_the_one_that_was_written(run):
+    wanted, found = record_of_four(seconds=3.0), run.record
+    for name in ("x_m", "y_m", "yaw_rad", "speed_mps", "arrived_s", "goal_s"):
+        assert np.array_equal(getattr(found.execution, name), getattr(wanted.execution, name), equal_nan=True), name
+    assert found.execution.t_s == pytest.approx(wanted.execution.t_s, abs=1e-12)
+    assert found.execution.events == wanted.execution.events
+    assert np.array_equal(found.target, wanted.target) and np.array_equal(found.plan.depart_s, wanted.plan.depart_s)
+    assert (found.name, found.seed, found.execution.outcome) == ("four", 7, wanted.execution.outcome)
+
+
+def test_frames_have_a_row_a_sample_an_event_a_visit(run):
+    assert list(run.trajectory.columns) == ["t_s", "robot", "x_m", "y_m", "yaw_rad", "speed_mps"]
+    assert len(run.trajectory) == 4 * 31
+    assert run.trajectory.groupby("robot", observed=True).x_m.max()["robot_0"] == 3.0
+    assert run.events.kind.tolist() == ["started", "blocked", "goal"] and run.events.other[1] == "robot_2"
+    assert run.visits.groupby("robot", observed=True).visit.max().tolist() == [7, 7, 7, 0]
+    assert run.visits.depart_s.isna().sum() == 4
+    assert run.metrics["num_robots"] == 4 and run.audit == {"passed": True}
+
+
+def test_a_bag_made_later_is_the_bag_of_the_run(run, tmp_path):
+    from mrp_sumo.io.rosbag import write_bag
+
+    write_bag(tmp_path / "bag", run.record)
+    assert (tmp_path / "bag" / "bag.mcap").read_bytes() == (run.folder / "bag" / "bag.mcap").read_bytes()
+
+
+def test_folders_without_a_run_are_refused(tmp_path):
+    with pytest.raises(MrpSumoError, match="holds no complete run"):
+        mrp_sumo.load_run(tmp_path)
+    with pytest.raises(MrpSumoError, match="no such folder"):
+        mrp_sumo.load_run(tmp_path / "x")
+    (tmp_path / "result.json").write_text("{")
+    with pytest.raises(MrpSumoError, match="not JSON"):
+        mrp_sumo.load_run(tmp_path)
+
+
+def test_a_run_that_was_not_executed_says_so(tmp_path):
+    run_of_four(tmp_path / "run", tmp_path / "x.net.xml", executed=False, status="planning_timed_out")
+    run = mrp_sumo.load_run(tmp_path / "run")
+    assert run.plan is None and len(run.events) == 0
+    with pytest.raises(MrpSumoError, match=r"was not executed \(planning_timed_out\)"):
+        _ = run.trajectory
