@@ -61,7 +61,8 @@ def _overlap(low: Array, high: Array, other_low: Array, other_high: Array) -> Ar
 
 def _covered(low: Array, high: Array, line: Array) -> Array:
     """[C] how many strokes each box covers some of (clipping after Liang and Barsky)."""
-    start, step = line[:, 0], line[:, 1] - line[:, 0]
+    near = ((line.min(1) < high.max(0)) & (line.max(1) > low.min(0))).all(1)
+    start, step = line[near, 0], line[near, 1] - line[near, 0]
     step = np.where(np.abs(step) < 1e-12, 1e-12, step)
     t0, t1 = (low[:, None] - start) / step, (high[:, None] - start) / step
     enter = np.minimum(t0, t1).max(2)

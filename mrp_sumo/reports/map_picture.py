@@ -253,7 +253,7 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
     paired = nav.reverse[lanes] >= 0
     drawn = lanes[~paired | (nav.tail[lanes] < nav.head[lanes])]
     ends = np.stack([nav.xy[nav.tail[drawn]], nav.xy[nav.head[drawn]]], axis=1)
-    lw = float(np.clip(0.12 * points_per_m, 0.7, 2.4))
+    lw = float(np.clip(0.12 * points_per_m, 0.5, 2.4 * _shrink(nav, points_per_m)))
     colour_of = colours[nav.tail[drawn]]
     for colour in np.unique(colour_of):
         _draw_strokes(ax, ends[colour_of == colour], str(colour), lw, 3)
@@ -273,6 +273,12 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
     ax.add_collection(PolyCollection(list(heads), facecolors=list(colours[nav.tail[one_way]]), edgecolor="none", zorder=3.2), autolim=False)
 
 
+def _shrink(nav: NavGraph, points_per_m: float) -> float:
+    """How much smaller signs are where vertices stand close on the page."""
+    spacing_pt = float(np.median(nav.length_m)) * points_per_m if nav.num_lanes else 28.0
+    return float(np.clip(spacing_pt / 28, 0.35, 1.0))
+
+
 def _lane_key(colours: np.ndarray) -> str:
     """The colour of lanes in the legend: grey where they have several."""
     return BLUE if (colours == BLUE).all() else MUTED
@@ -283,8 +289,7 @@ def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, p
     for v in panel.vertices:
         kind = _kind(nav, int(v))
         groups.setdefault(kind.name, (kind, []))[1].append(int(v))
-    spacing_pt = float(np.median(nav.length_m)) * points_per_m if nav.num_lanes else 20.0
-    shrink = float(np.clip(spacing_pt / 28, 0.35, 1.0))
+    shrink = _shrink(nav, points_per_m)
     for kind in (JUNCTION, NAMED, *reversed(KINDS)):
         if kind.name not in groups or (kind in (JUNCTION, NAMED) and len(panel.vertices) > MANY):
             continue
@@ -314,6 +319,9 @@ def _write_names(ax: Axes, panel: Panel, nav: NavGraph, ranked: list[int], point
         return
     font_pt = float(np.clip(7.2 * shrink + 0.6, 4.6, 7.2))
     on_page = (nav.xy - panel.low) * points_per_m
+    room = float(np.prod(panel.size)) * points_per_m**2 / (1.15 * font_pt) ** 2  # in characters, roughly two for each
+    if sum(len(nav.vertex_name[v]) for v in ranked) > room / 2:
+        ranked = [v for v in ranked if _kind(nav, v) is not NAMED]
     names = [nav.vertex_name[v] for v in ranked]
     size = np.array([(0.58 * font_pt * len(name) + 1, 1.15 * font_pt) for name in names])
     lines = np.stack([on_page[nav.tail[panel.lanes]], on_page[nav.head[panel.lanes]]], axis=1)

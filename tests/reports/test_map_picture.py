@@ -11,6 +11,7 @@ from PIL import Image
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.drawing import Drawing
 from mrp_sumo.maps.finding import Finding
+from mrp_sumo.maps.generate import rack_warehouse
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.labels import place_labels
@@ -70,6 +71,13 @@ def test_same_map_same_bytes(tmp_path: Path, suffix: str) -> None:
     map_ = small_map(tmp_path)
     first = draw_map(map_, tmp_path / f"a.{suffix}").read_bytes()
     assert draw_map(map_, tmp_path / f"b.{suffix}").read_bytes() == first
+
+
+def test_dense_map_names_only_stations_of_a_kind(tmp_path: Path) -> None:
+    rack_warehouse(1500).write(tmp_path / "dense.building.yaml")
+    text = words(load_map(tmp_path / "dense.building.yaml"), tmp_path)
+    assert {"dock_1", "charger_1", "parking_2"} <= set(text)
+    assert not any(word.startswith("pick_") for word in text)
 
 
 def test_long_map_gives_a_long_picture(tmp_path: Path) -> None:
