@@ -72,7 +72,8 @@ class Run:
 
     @property
     def audit(self) -> dict[str, Any] | None:
-        return self.result["audit"]
+        audit: dict[str, Any] | None = self.result["audit"]
+        return audit
 
     @property
     def executed(self) -> bool:
