@@ -21,7 +21,7 @@ class Status(StrEnum):
     SOLVED = "solved"
     TIMED_OUT = "timed_out"
     INFEASIBLE = "infeasible"
-    INVALID = "invalid"  # the referee found conflicts
+    GAVE_UP = "gave_up"  # an incomplete method ran out of things to try
 
 
 @dataclass(frozen=True, eq=False)
