@@ -88,10 +88,7 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     scenario = file.scenario
     map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder))
     graph = workshop.graph(map_, scenario.discretisation)
-    model = _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder))
-    chosen_planner = _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters))
-    chosen_assigner = _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters))
-    settings = _settings(file)
+    model, chosen_planner, chosen_assigner, settings = choices(file)
     _require_fit(file, graph, model)
     start, goal = _places(file, map_.nav, graph)
     fleet = fleet_of(model, len(start))
@@ -111,6 +108,23 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     if scenario.robots.starts is not None:
         _require_reachable(file, problem)
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings)
+
+
+def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
+    """What a scenario chooses by name, apart from its map.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, naming file and key.
+    """
+    scenario = file.scenario
+    return (
+        _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
+        _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters)),
+        _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters)),
+        _settings(file),
+    )
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:

@@ -1,0 +1,197 @@
+"""Make the runs of a suite: in parallel, resumable, one result a run.
+
+Started again with the same suite and folder, it goes on where it was. Ctrl-C ends it after the runs under
+way, a second Ctrl-C at once. Exit code 0 when every run has a result, 1 when some crashed, took too much or
+cannot be run, 2 for bad input, 130 when it was interrupted.
+"""
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.errors import BatchError
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.batch import Batch, Watcher
+    from mrp_sumo.experiments.suite import SuiteFile
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo batch`."""
+    parser.add_argument("suite", help="suite file, or the name of a bundled suite such as paper_comparison")
+    parser.add_argument("--out", metavar="DIR", help="folder of the results (default: runs/<suite>)")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core)")
+    parser.add_argument("--dry-run", action="store_true", help="print how many runs, which, and roughly how long; run nothing")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="let the workers of this Dask scheduler make the runs, such as tcp://host:8786"
+    )
+    parser.add_argument("--retries", type=int, default=1, metavar="N", help="how often a run that crashed is tried again (default: 1)")
+    parser.add_argument("--time-limit", type=float, metavar="S", help="wall time of a run, instead of the suite's limit")
+    parser.add_argument("--memory-limit", type=float, metavar="MB", help="memory of a run, instead of the suite's limit")
+    parser.add_argument("-v", "--verbose", action="store_true", help="with --dry-run: list every run")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the batch, or say what it would do."""
+    from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
+    from mrp_sumo.experiments.suite import find_suite, read_suite
+
+    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
+    for name, value, least in (("--workers", workers, 1), ("--retries", options.retries, 0)):
+        if value < least:
+            raise BatchError(f"{name}: found {value}, expected {least} or more")
+    for name, limit in (("--time-limit", options.time_limit), ("--memory-limit", options.memory_limit)):
+        if limit is not None and not limit > 0:
+            raise BatchError(f"{name}: found {limit:g}, expected more than 0")
+    file = read_suite(find_suite(options.suite))
+    folder = Path(options.out) if options.out else Path("runs") / file.name
+    if options.dry_run:
+        _print_plan(file, folder, workers, options)
+        return 0
+    with _stoppable() as stop, _watcher() as watcher:
+        batch = run_batch(
+            file,
+            folder,
+            watcher,
+            workers=workers,
+            scheduler=options.scheduler,
+            retries=options.retries,
+            wall_s=options.time_limit,
+            memory_mb=options.memory_limit,
+            stop=stop,
+        )
+    if len(batch.status) < len(batch.runs):
+        again = f"mrp-sumo batch {options.suite} --out {folder}"
+        print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)
+        return 130
+    print(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
+    return 1 if any(batch.counts()[status] for status in BROKEN) else 0
+
+
+def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse.Namespace) -> None:
+    from mrp_sumo.experiments.batch import estimate_s, open_batch
+
+    batch = open_batch(file, folder, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
+    todo = batch.todo(options.retries)
+    print(f"{file.name}: {len(batch.runs)} runs, {len(batch.runs) - len(todo)} done, {len(todo)} to make")
+    if file.suite.description:
+        print(" ".join(file.suite.description.split()))
+    for key, values in file.axes:
+        listed = [_told(value) for value in values]
+        print(f"  {key}: {', '.join(listed if len(listed) <= 8 else [*listed[:3], '...', listed[-1]])} ({len(listed)})")
+    if file.suite.repeat > 1:
+        print(f"  each {file.suite.repeat} times")
+    shown = batch.runs if options.verbose or len(batch.runs) <= 12 else [*batch.runs[:5], None, *batch.runs[-2:]]
+    for planned in shown:
+        print(f"    {planned.key}  {_differs(batch, planned)}" if planned else "    ... (-v lists all)")
+    seconds, source = estimate_s(batch, workers, options.retries)
+    print(f"about {_duration(seconds)} on {workers} workers ({source}); into {folder}")
+
+
+def _differs(batch: "Batch", planned: Any) -> str:
+    """The values of a run that the suite varies."""
+    import json
+
+    from mrp_sumo.io.columns import parameter_columns
+
+    columns = parameter_columns(json.loads(planned.scenario))
+    parts = []
+    for key, _ in batch.file.axes:
+        parts += [f"{name}={value}" for name, value in columns.items() if name == key or (key in ("map", "planner") and name == key)]
+        parts += [f"{name.rsplit('.', 1)[-1]}={value}" for name, value in columns.items() if name.startswith(f"{key}.parameters.")]
+    return " ".join(parts + ([f"repeat={planned.repeat}"] if batch.file.suite.repeat > 1 else []))
+
+
+def _told(value: object) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_told(inner)}" for key, inner in value.items()) + "}"
+    return str(value)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def _stoppable() -> Iterator[Callable[[], int]]:
+    """Ctrl-C or SIGTERM once: finish what runs; twice: stop now."""
+    asked = 0
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        asked += 1
+        if asked == 1:
+            print("\nmrp-sumo: ending after the runs under way; once more to stop now", file=sys.stderr)
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: min(asked, 2)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class _Quiet:
+    """For a pipe: what a person should know, and no more."""
+
+    def begin(self, num_runs: int, num_done: int) -> None:
+        if num_done:
+            print(f"mrp-sumo: going on: {num_done} of {num_runs} runs done", file=sys.stderr)
+
+    def ended(self, record: dict[str, Any]) -> None:
+        pass
+
+    def told(self, line: str) -> None:
+        print(f"mrp-sumo: {line}", file=sys.stderr)
+
+
+@contextmanager
+def _watcher() -> "Iterator[Watcher]":
+    """A progress bar on a terminal, nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield _Quiet()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("runs"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[failures]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=None, rate="", failures="")
+
+        class Shown:
+            num_ended = num_failed = 0
+
+            def begin(self, num_runs: int, num_done: int) -> None:
+                bar.update(task, total=num_runs, completed=num_done)
+                if num_done:
+                    bar.console.print(f"going on: {num_done} of {num_runs} runs done")
+
+            def ended(self, record: dict[str, Any]) -> None:
+                self.num_ended += 1
+                self.num_failed += not record["success"]
+                elapsed = bar.tasks[task].elapsed or 0.0
+                rate = f"{self.num_ended / elapsed:.1f}/s" if elapsed else ""
+                failures = f"[yellow]{self.num_failed} without success[/]" if self.num_failed else ""
+                bar.update(task, advance=1, rate=rate, failures=failures)
+
+            def told(self, line: str) -> None:
+                bar.console.print(line, style="yellow", highlight=False, markup=False)
+
+        yield Shown()

@@ -1,0 +1,55 @@
+"""Ask the results of a batch in SQL (DuckDB); they are the table `results`, a row a run.
+
+    mrp-sumo query DIR "select planner, avg(makespan_s) from results group by planner"
+
+Columns with dots are quoted: "robots.count". Without SQL the columns and the suite's views are listed.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo query`."""
+    parser.add_argument("folder", metavar="DIR", help="folder of a batch, or a results.parquet")
+    parser.add_argument("sql", nargs="?", metavar="SQL", help="a query, or the name of a view of the suite")
+    parser.add_argument("--csv", action="store_true", help="print CSV instead of a table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print what the query selects."""
+    from mrp_sumo.errors import BatchError, nearest
+    from mrp_sumo.io.results import load_results, query, read_plan
+
+    def told(line: str) -> None:
+        print(f"mrp-sumo: {line}", file=sys.stderr)
+
+    folder = Path(options.folder)
+    views = read_plan(folder)["views"] if folder.is_dir() else {}
+    if options.sql is None:
+        frame = load_results(folder, told)
+        print(f"{len(frame)} rows; columns:")
+        for name, kind in frame.dtypes.items():
+            print(f"  {name}  ({kind})")
+        for name, sql in views.items():
+            print(f"view {name}: {' '.join(sql.split())}")
+        return 0
+    if len(options.sql.split()) == 1 and options.sql not in views:
+        raise BatchError(f"'{options.sql}' is neither SQL nor a view of the suite{nearest(options.sql, views)}")
+    frame = query(folder, views.get(options.sql, options.sql), told)
+    if options.csv:
+        frame.to_csv(sys.stdout, index=False)
+        return 0
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for name, kind in frame.dtypes.items():
+        table.add_column(str(name), justify="right" if kind.kind in "iuf" else "left")
+    for row in frame.itertuples(index=False):
+        table.add_row(
+            *("" if value is None or value != value else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row)
+        )
+    Console(highlight=False, width=None if sys.stdout.isatty() else 200).print(table)
+    return 0

@@ -1,0 +1,45 @@
+"""Say how a batch stands: how many runs ended how, and whether it is under way.
+
+Exit code 0 when every run has a result, 1 when some are missing, 2 for bad input.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo status`."""
+    parser.add_argument("folder", metavar="DIR", help="folder of a batch")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print a line about the batch, and one about each status."""
+    from mrp_sumo.experiments.batch import is_under_way
+    from mrp_sumo.io.results import read_plan, records_in
+
+    folder = Path(options.folder)
+    plan = read_plan(folder)
+    keys = set(plan["keys"])
+    statuses: Counter[str] = Counter()
+    reasons: dict[str, str] = {}
+    wall_s = 0.0
+    for record in records_in(folder, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr)):
+        if record["key"] in keys:
+            statuses[record["status"]] += 1
+            wall_s += record["run_wall_s"] or 0.0
+            if not record["success"] and record["reason"]:
+                reasons.setdefault(record["status"], f"{record['key']}: {record['reason']}")
+    done = statuses.total()
+    state = "under way" if is_under_way(folder) else "complete" if done == len(keys) else "not under way"
+    print(f"{plan['suite']}: {done} of {len(keys)} runs done, {state} (mrp_sumo {plan['code']})")
+    for status, count in statuses.most_common():
+        example = f"  such as {reasons[status]}" if status in reasons else ""
+        print(f"  {count:>7}  {status.replace('_', ' ')}{example}")
+    if done:
+        print(f"  {wall_s / done:.2f} s a run on average")
+    quarantined = len(list((folder / "quarantine").glob("*"))) if (folder / "quarantine").is_dir() else 0
+    if quarantined:
+        print(f"  {quarantined} result files in quarantine")
+    return 0 if done == len(keys) else 1

@@ -1,0 +1,355 @@
+"""Batches: the runs of a suite, made by many workers, each result kept the moment it is there.
+
+A batch that was ended by whatever means goes on where it was: a run with a record is done, a run without
+one is made. A run that crashed is made again a stated number of times, over all sessions of the batch.
+"""
+
+import errno
+import fcntl
+import json
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from mrp_sumo.errors import BatchError
+from mrp_sumo.experiments.cluster import Cluster
+from mrp_sumo.experiments.identity import code_version, library_versions
+from mrp_sumo.experiments.processes import Makers, Processes
+from mrp_sumo.experiments.suite import Run, SuiteFile, runs_of
+from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
+from mrp_sumo.io.results import (
+    PLAN,
+    TABLE,
+    Record,
+    drop_tables,
+    read_plan,
+    read_record,
+    record_path,
+    records_in,
+    write_record,
+    write_tables,
+    write_whole,
+)
+
+BROKEN = (CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT)  # runs that say nothing about planner or policy
+GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
+
+
+class Watcher(Protocol):
+    """Who is told how a batch goes."""
+
+    def begin(self, num_runs: int, num_done: int) -> None:
+        """Called once, before the first run."""
+
+    def ended(self, record: Record) -> None:
+        """Called when a run has ended and is kept."""
+
+    def told(self, line: str) -> None:
+        """Called with what a person should know."""
+
+
+@dataclass
+class Batch:
+    """A suite's runs and the folder of their results."""
+
+    file: SuiteFile
+    folder: Path
+    runs: list[Run]
+    code: str
+    status: dict[str, str] = field(default_factory=dict)  # of each run that has a record, by key
+    attempts: dict[str, int] = field(default_factory=dict)
+    num_foreign: int = 0  # records of runs that the suite does not have
+
+    def todo(self, retries: int) -> list[Run]:
+        """Runs without a record, then those that crashed and may be tried again."""
+        fresh = [run for run in self.runs if run.key not in self.status]
+        again = [run for run in self.runs if self.status.get(run.key) == CRASHED and self.attempts[run.key] <= retries]
+        return fresh + again
+
+    def counts(self) -> Counter[str]:
+        """How many runs ended how."""
+        return Counter(self.status.values())
+
+
+def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> Batch:
+    """Plan a suite and see which of its runs are in the folder already.
+
+    Raises
+    ------
+    MrpSumoError
+        For faults of the suite, and for the folder of another suite or of another version of the code.
+    """
+    batch = Batch(file, folder, runs_of(file, code_version()), code_version())
+    if folder.exists():
+        _require_ours(batch)
+    keys = {run.key for run in batch.runs}
+    for record in records_in(folder, told, quarantine=quarantine):
+        if record["key"] in keys:
+            batch.status[record["key"]] = record["status"]
+            batch.attempts[record["key"]] = record["attempts"]
+        else:
+            batch.num_foreign += 1
+    return batch
+
+
+def run_batch(
+    file: SuiteFile,
+    folder: Path,
+    watcher: Watcher,
+    *,
+    workers: int,
+    scheduler: str | None = None,
+    retries: int = 1,
+    wall_s: float | None = None,
+    memory_mb: float | None = None,
+    stop: Callable[[], int] = lambda: GO_ON,
+    function: str = MEASURE,
+) -> Batch:
+    """Make all runs of a suite that have no result yet, and the tables of all.
+
+    Parameters
+    ----------
+    file
+        The suite.
+    folder
+        Where results are kept.
+    watcher
+        Told how it goes.
+    workers
+        Processes on this machine.
+    scheduler
+        Address of a Dask scheduler, whose workers make the runs instead.
+    retries
+        How often a run that crashed is tried again.
+    wall_s, memory_mb
+        Limits of a run, instead of the suite's.
+    stop
+        Asked several times a second; FINISH ends the batch after the runs under way, NOW without them.
+    function
+        `module:name` of what makes a run.
+
+    Raises
+    ------
+    MrpSumoError
+        For a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far stay.
+    """
+    with _locked(folder):
+        batch = open_batch(file, folder, watcher.told, quarantine=True)
+        log = _Log(folder / "batch.log")
+        try:
+            _write_plan(batch)
+            if batch.num_foreign:
+                watcher.told(f"{folder}: {batch.num_foreign} results are of runs that the suite does not have (any more); left alone")
+            todo = deque(batch.todo(retries))
+            watcher.begin(len(batch.runs), len(batch.runs) - len(todo))
+            log.add(
+                f"{len(todo)} of {len(batch.runs)} runs to make, {f'on {scheduler}' if scheduler else f'{workers} workers'}, {batch.code}"
+            )
+            if todo:
+                drop_tables(folder)
+                makers: Makers = Cluster(scheduler, function) if scheduler else Processes(min(workers, len(todo)), function)
+                try:
+                    _make(batch, todo, makers, watcher, log, retries, _limits(file, wall_s, memory_mb), stop)
+                finally:
+                    makers.close()
+            if len(batch.status) == len(batch.runs) and not (folder / TABLE).is_file():
+                write_tables(folder, _in_order(batch))
+            log.add(", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
+        except OSError as error:
+            full = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror or str(error)
+            raise BatchError(f"{folder}: {full}; {len(batch.status)} of {len(batch.runs)} results are kept, start again to go on") from None
+        finally:
+            log.close()
+    return batch
+
+
+def summary(batch: Batch) -> str:
+    """How a batch stands, in a line."""
+    counts = batch.counts()
+    broken = [f"{counts[status]} {status.replace('_', ' ')}" for status in BROKEN if counts[status]]
+    return ", ".join([f"{len(batch.status)} of {len(batch.runs)} runs done", *broken])
+
+
+def estimate_s(batch: Batch, workers: int, retries: int) -> tuple[float, str]:
+    """Roughly how long the rest takes, and where that comes from."""
+    todo = batch.todo(retries)
+    known: list[float] = []
+    if (batch.folder / "runs").is_dir():
+        known = [r["run_wall_s"] for r in records_in(batch.folder, lambda line: None) if r["run_wall_s"] is not None]
+    each = sum(known) / len(known) if known else {"map": 0.1, "plan": 0.2, "execution": 0.6}[batch.file.suite.until]
+    source = f"from {len(known)} runs in the folder" if known else "a guess for small maps and few robots"
+    return len(todo) * each / workers, source
+
+
+def _make(
+    batch: Batch,
+    todo: deque[Run],
+    makers: Makers,
+    watcher: Watcher,
+    log: "_Log",
+    retries: int,
+    limits: Callable[[dict[str, Any]], dict[str, float | None]],
+    stop: Callable[[], int],
+) -> None:
+    """The loop: hand out runs, keep what comes back."""
+    under_way: dict[str, Run] = {}
+
+    def hand_out() -> None:
+        for _ in range(makers.free if todo and stop() == GO_ON else 0):
+            if todo:
+                run = todo.popleft()
+                under_way[run.key] = run
+                makers.submit(_job(batch, run, limits))
+
+    hand_out()
+    while (under_way or todo) and stop() != NOW:
+        if stop() == FINISH and not under_way:
+            break
+        ended = makers.wait(0.2)
+        finished = [(under_way.pop(job["key"]), answer) for job, answer in ended]
+        hand_out()  # before the results are written: workers need not wait for the disk
+        for run, answer in finished:
+            attempts = batch.attempts.get(run.key, 0) + 1
+            record = _record(batch, run, answer, attempts)
+            write_record(batch.folder, record)
+            batch.status[run.key], batch.attempts[run.key] = record["status"], attempts
+            log.add(f"{run.key} {record['status']} {record['reason']}".rstrip())
+            if record["status"] == CRASHED and attempts <= retries:
+                todo.append(run)
+            else:
+                watcher.ended(record)
+        if finished:
+            hand_out()
+
+
+def _job(batch: Batch, run: Run, limits: Callable[[dict[str, Any]], dict[str, float | None]]) -> Job:
+    return {
+        "key": run.key,
+        "scenario": run.scenario,
+        "repeat": run.repeat,
+        "until": batch.file.suite.until,
+        "folder": str(batch.file.folder),
+        **limits(json.loads(run.scenario)),
+    }
+
+
+def _limits(file: SuiteFile, wall_s: float | None, memory_mb: float | None) -> Callable[[dict[str, Any]], dict[str, float | None]]:
+    """What each run may take."""
+    limits = file.suite.limits
+
+    def of(scenario: dict[str, Any]) -> dict[str, float | None]:
+        generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * scenario["execution"]["time_limit_s"]
+        return {"wall_s": wall_s or limits.wall_s or generous, "memory_mb": memory_mb or limits.memory_mb}
+
+    return of
+
+
+def _record(batch: Batch, run: Run, answer: Answer, attempts: int) -> Record:
+    return {
+        "key": run.key,
+        "scenario_key": run.scenario_key,
+        "status": answer["status"],
+        "success": answer["success"],
+        "reason": answer["reason"],
+        "scenario": json.loads(run.scenario),
+        "repeat": run.repeat,
+        "until": batch.file.suite.until,
+        "metrics": answer["metrics"],
+        "code": batch.code,
+        **library_versions(),
+        "attempts": attempts,
+        "ended_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        **{name: answer[name] for name in ("machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb")},
+    }
+
+
+def _in_order(batch: Batch) -> Iterator[Record]:
+    return (read_record(record_path(batch.folder, run.key)) for run in batch.runs)
+
+
+def _write_plan(batch: Batch) -> None:
+    suite = batch.file.suite
+    plan = {
+        "format": 1,
+        "suite": batch.file.name,
+        "description": suite.description,
+        "until": suite.until,
+        "code": batch.code,
+        "axes": {key: list(values) for key, values in batch.file.axes},
+        "repeat": suite.repeat,
+        "views": suite.views,
+        "keys": [run.key for run in batch.runs],
+    }
+    data = json.dumps(plan).encode()
+    path = batch.folder / PLAN
+    if not path.is_file() or path.read_bytes() != data:
+        drop_tables(batch.folder)  # they may tell of other runs
+        write_whole(path, data)
+
+
+def _require_ours(batch: Batch) -> None:
+    folder = batch.folder
+    if not folder.is_dir():
+        raise BatchError(f"{folder} is not a folder; give another --out")
+    if not (folder / PLAN).exists():
+        if any(entry.name not in ("batch.lock", "batch.log") for entry in folder.iterdir()):
+            raise BatchError(f"{folder}: holds files, but is not the folder of a batch; give another --out")
+        return
+    plan = read_plan(folder)
+    if plan["suite"] != batch.file.name:
+        raise BatchError(f"{folder}: holds the batch '{plan['suite']}', not '{batch.file.name}'; give another --out")
+    if plan["code"] != batch.code:
+        raise BatchError(f"{folder}: made by mrp_sumo {plan['code']}, this is {batch.code}; give another --out, or go on with that version")
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """One batch a folder at a time; the lock goes with the process, however it ends."""
+    try:
+        made = not folder.exists()
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "batch.lock").open("a")
+    except OSError as error:
+        raise BatchError(f"{folder}: cannot be written to: {error.strerror}") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise BatchError(f"{folder}: another batch is under way there") from None
+        try:
+            yield
+        finally:
+            if made and not (folder / PLAN).exists():  # refused: leave nothing behind
+                (folder / "batch.lock").unlink(missing_ok=True)
+                (folder / "batch.log").unlink(missing_ok=True)
+                folder.rmdir()
+
+
+def is_under_way(folder: Path) -> bool:
+    """Whether a batch is writing to the folder now."""
+    try:
+        with (folder / "batch.lock").open("a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+class _Log:
+    """Lines with times, appended to a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("a", encoding="utf-8")
+
+    def add(self, line: str) -> None:
+        self._file.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {' '.join(line.split())}\n")
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()

@@ -1,0 +1,114 @@
+"""Runs on an existing Dask cluster. Each thread of a Dask worker keeps a process of its own for runs.
+
+So a run may crash, take too long or too much memory there as here, and the Dask worker lives on. The
+machines need the same version of mrp_sumo, and maps that are files at the same path.
+"""
+
+import queue
+import threading
+from typing import Any
+
+from mrp_sumo.errors import BatchError
+from mrp_sumo.experiments.identity import code_version
+from mrp_sumo.experiments.processes import Processes
+from mrp_sumo.experiments.worker import CRASHED, Answer, Job, failure, machine
+
+PATIENCE_S = 10.0  # for the scheduler to answer
+_WRONG_VERSION = "wrong_version"
+
+_here = threading.local()  # the process of this thread of a Dask worker
+_all_here: list[Processes] = []
+
+
+class Cluster:
+    """A Dask cluster that makes runs.
+
+    Raises
+    ------
+    BatchError
+        When there is no scheduler at the address, or dask.distributed is not installed.
+    """
+
+    def __init__(self, address: str, function: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise BatchError("--scheduler needs dask.distributed: pip install 'mrp-sumo[cluster]'") from None
+        connect: Any = Client
+        try:
+            self._client = connect(address, timeout=PATIENCE_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise BatchError(f"no Dask scheduler at '{address}': {_line(error)}") from None
+        self._address = address
+        self._function = function
+        self._under_way: dict[Any, Job] = {}
+        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._count = 0
+
+    @property
+    def running(self) -> int:
+        return len(self._under_way)
+
+    @property
+    def free(self) -> int:
+        threads = sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values())
+        return int(2 * threads) - self.running  # the next is there when one ends
+
+    def submit(self, job: Job) -> None:
+        self._count += 1
+        name = f"{job['key']}-{self._count}"
+        future: Any = self._client.submit(make_here, job, self._function, code_version(), key=name, pure=False)
+        self._under_way[name] = job
+        future.add_done_callback(self._ended.put)
+
+    def wait(self, timeout_s: float) -> list[tuple[Job, Answer]]:
+        ended = []
+        try:
+            ended.append(self._answer(self._ended.get(timeout=timeout_s)))
+            while True:
+                ended.append(self._answer(self._ended.get_nowait()))
+        except queue.Empty:
+            pass
+        if not ended and self._client.status != "running":
+            raise BatchError(f"the Dask scheduler at '{self._address}' is gone")
+        return ended
+
+    def close(self) -> None:
+        if self._client.status == "running":
+            self._client.run(_close_here)
+        self._client.close()
+
+    def _answer(self, future: Any) -> tuple[Job, Answer]:
+        job = self._under_way.pop(future.key)
+        if future.status == "finished":
+            answer: Answer = future.result()
+            if answer["status"] == _WRONG_VERSION:
+                raise BatchError(answer["reason"])
+            return job, answer
+        if future.status == "cancelled":
+            raise BatchError(f"the Dask scheduler at '{self._address}' is gone")
+        took = {"run_wall_s": None, "run_cpu_s": None, "peak_memory_mb": None}
+        return job, {**failure(CRASHED, f"Dask: {_line(future.exception())}"), **took, **machine()}
+
+
+def make_here(job: Job, function: str, code: str) -> Answer:
+    """Make a run on this thread of a Dask worker."""
+    if code != code_version():
+        reason = f"{machine()['machine']}: has mrp_sumo {code_version()}, the batch {code}; install the same on all machines"
+        return failure(_WRONG_VERSION, reason)
+    if not hasattr(_here, "process"):
+        _here.process = Processes(1, function)
+        _all_here.append(_here.process)
+    _here.process.submit(job)
+    while True:
+        if ended := _here.process.wait(1.0):
+            return dict(ended[0][1])
+
+
+def _close_here() -> None:
+    for process in _all_here:
+        process.close()
+
+
+def _line(error: BaseException | None) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

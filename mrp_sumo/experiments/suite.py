@@ -1,0 +1,396 @@
+"""Suites: a base scenario and lists of values over any of its keys, as YAML; all combinations are the runs.
+
+Refuses unknown keys, empty lists, values that a scenario refuses, and exclusions that exclude nothing,
+one line each with file and line.
+"""
+
+import itertools
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+
+from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
+from mrp_sumo.experiments.identity import input_hash, run_key, scenario_key
+from mrp_sumo.io.columns import MAIN_KEYS, parameter_columns
+from mrp_sumo.io.documents import Document, Place, read_document, validated
+from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, read_scenario
+from mrp_sumo.maps.catalogue import bundled_folder, find_map
+
+MAX_RUNS = 1_000_000
+_RANGE = re.compile(r"(\d+)\.\.(\d+)")
+
+Until = Literal["map", "plan", "execution"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Limits(_Strict):
+    """What one run may take before it is killed with its children."""
+
+    wall_s: Annotated[float, Field(gt=0)] | None = Field(
+        None, description="Wall time; by default a minute, twice the planner's time limit and twice the execution's."
+    )
+    memory_mb: Annotated[float, Field(gt=0)] | None = Field(None, description="Resident memory; unlimited by default.")
+
+
+class Suite(_Strict):
+    """What a suite file says."""
+
+    name: str = Field("", pattern=r"^[\w.+-]*$", description="The file's name by default.")
+    description: str = ""
+    base: str | dict[str, Any] = Field(description="A scenario file, relative to the suite, the name of a bundled one, or one written out.")
+    grid_search: dict[str, list[Any] | str] = Field(
+        {},
+        validation_alias=AliasChoices("grid_search", "grid"),
+        description="Lists of values by dotted key; 0..53 is a range, ends included. All combinations are run.",
+    )
+    exclude: list[dict[str, Any]] = Field(
+        [], description="Runs to leave out: those with all these values; a list stands for any of its values."
+    )
+    repeat: Annotated[int, Field(ge=1, le=100_000)] = Field(1, description="How often each run is made.")
+    until: Until = Field("execution", description="How far runs go: 'map' loads and counts it, 'plan' does not drive.")
+    limits: Limits = Limits()
+    views: dict[str, str] = Field({}, description="Named SQL queries on the table `results`, for `mrp-sumo query`.")
+
+
+@dataclass(frozen=True)
+class SuiteFile:
+    """A checked suite and where it came from."""
+
+    suite: Suite
+    document: Document
+    base: dict[str, Any]  # the scenario's document, paths relative to the suite's folder
+    axes: tuple[tuple[str, tuple[Any, ...]], ...]  # dotted key -> values
+    places: "_AxisPlaces"
+
+    @property
+    def name(self) -> str:
+        return self.suite.name or self.document.path.stem
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths of its runs begin."""
+        return self.document.path.resolve().parent
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run of a suite. Its scenario stays JSON: there may be many."""
+
+    key: str  # of scenario, inputs and code
+    scenario_key: str  # of the scenario alone: equal in other versions of the code
+    scenario: str  # JSON, the same for the same scenario
+    repeat: int
+
+
+def find_suite(name_or_path: str) -> Path:
+    """The file of a suite: a path, or the name of a bundled one.
+
+    Raises
+    ------
+    ScenarioError
+        When there is neither.
+    """
+    path = Path(name_or_path)
+    folder = bundled_folder("scenarios") / "suites"
+    if path.is_file() or path.suffix:
+        return path
+    if (folder / f"{name_or_path}.yaml").is_file():
+        return folder / f"{name_or_path}.yaml"
+    known = nearest(name_or_path, (p.stem for p in sorted(folder.glob("*.yaml"))), limit=20)
+    raise ScenarioError(f"no suite '{name_or_path}': neither a file nor a bundled suite{known}")
+
+
+def read_suite(path: Path) -> SuiteFile:
+    """Read and check a suite file; its runs are checked by `runs_of`.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault.
+    """
+    document = read_document(path)
+    suite = validated(document, Suite)
+    if not suite.grid_search and suite.repeat == 1:
+        raise ScenarioError(f"{document.at(('grid_search',))}: nothing to vary; give lists by key, or repeat")
+    faults: list[str] = []
+    axes = []
+    section = "grid_search" if "grid_search" in document.content else "grid"
+    places = _AxisPlaces(document, {tuple(key.split(".")): (section, key) for key in suite.grid_search})
+    for key, values in suite.grid_search.items():
+        place = document.at((section, key))
+        if told := _unknown_key(key):
+            faults.append(f"{place}: {told}")
+        try:
+            axes.append((key, tuple(_expanded(values))))
+        except ValueError as error:
+            faults.append(f"{place}: {error}")
+    for (a, _), (b, _) in itertools.permutations(axes, 2):
+        if a.startswith(b + ".") and [k for k, _ in axes].index(a) < [k for k, _ in axes].index(b):
+            faults.append(f"{document.at((section, b))}: would undo '{a}' above it; put it first")
+    if faults:
+        raise ScenarioError(*faults)
+    return SuiteFile(suite, document, _base(document, suite, path), tuple(axes), places)
+
+
+def runs_of(file: SuiteFile, code: str) -> list[Run]:
+    """Every run of a suite, in the order of its axes, the last fastest.
+
+    Parameters
+    ----------
+    file
+        The suite.
+    code
+        Version of the code that will run, part of the keys.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault of a scenario.
+    """
+    count = file.suite.repeat
+    for _, values in file.axes:
+        count *= len(values)
+    if count > MAX_RUNS:
+        raise ScenarioError(f"{file.document.path.name}: {count} runs, expected at most {MAX_RUNS}")
+    _check_axes(file)
+    excluded = _Exclusions(file)
+    runs, seen = [], set()
+    inputs: dict[tuple[str, ...], str] = {}
+    for values in itertools.product(*(values for _, values in file.axes)):
+        scenario = _scenario_of(file, values)
+        canonical = scenario.model_dump_json()
+        if excluded(canonical):
+            continue
+        chosen = _chosen(scenario)
+        if chosen not in inputs:
+            inputs[chosen] = _inputs(file, scenario)
+        for repeat in range(file.suite.repeat):
+            shared = scenario_key(canonical, file.suite.until, repeat)
+            if shared in seen:  # two values that mean the same
+                continue
+            seen.add(shared)
+            runs.append(Run(run_key(shared, inputs[chosen], code), shared, canonical, repeat))
+    excluded.require_used()
+    if not runs:
+        raise ScenarioError(f"{file.document.at(('exclude',))}: nothing is left to run")
+    return runs
+
+
+def _unknown_key(key: str) -> str:
+    """What is wrong with a dotted key of scenarios, '' if nothing is."""
+    model: Any = Scenario
+    for i, part in enumerate(parts := key.split(".")):
+        if model is None or model is dict:
+            return "" if model is dict else f"'{'.'.join(parts[:i])}' has no keys"
+        if part not in model.model_fields:
+            return f"unknown key{nearest(key, _all_keys(Scenario), limit=20)}"
+        annotation = model.model_fields[part].annotation
+        kinds = [annotation, *getattr(annotation, "__args__", ())]
+        inner = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
+        model = inner[0] if inner else dict if str(annotation).startswith("dict") else None
+    return ""
+
+
+def _all_keys(model: type[BaseModel], above: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        yield above + name
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _all_keys(field.annotation, f"{above}{name}.")
+
+
+def _expanded(values: list[Any] | str) -> Iterator[Any]:
+    """The values of an axis, ranges written out.
+
+    Raises
+    ------
+    ValueError
+        For what is neither a list nor a range, and for nothing.
+    """
+    if isinstance(values, str) and not _RANGE.fullmatch(values):
+        raise ValueError(f"found {values!r}, expected a list or a range such as 0..53")
+    found = [values] if isinstance(values, str) else values
+    if not found:
+        raise ValueError("an empty list: give at least one value")
+    for value in found:
+        if isinstance(value, str) and (span := _RANGE.fullmatch(value)):
+            first, last = int(span[1]), int(span[2])
+            if last < first:
+                raise ValueError(f"the range {value} is empty")
+            if last - first >= MAX_RUNS:
+                raise ValueError(f"the range {value} has {last - first + 1} values, expected at most {MAX_RUNS}")
+            yield from range(first, last + 1)
+        else:
+            yield value
+
+
+def _base(document: Document, suite: Suite, path: Path) -> dict[str, Any]:
+    """The base scenario as keys and values, its relative paths made relative to the suite."""
+    if isinstance(suite.base, dict):
+        return suite.base
+    beside = path.parent / suite.base
+    try:
+        file = read_scenario(beside if beside.is_file() else find_scenario(suite.base))
+    except MrpSumoError as error:
+        raise ScenarioError(*(f"{document.at(('base',))}: {line}" for line in str(error).splitlines())) from None
+    base: dict[str, Any] = file.scenario.model_dump()
+    for section, key in (("map", "file"), ("robots", "type")):
+        value = base[section][key]
+        if isinstance(value, str) and (file.folder / value).is_file():
+            base[section][key] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
+    return base
+
+
+def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> Scenario:
+    """The scenario of a combination of values. It has no name: a name is no reason to run it again."""
+    data = dict(file.base)
+    for (key, _), value in zip(file.axes, values, strict=True):
+        _put(data, key.split("."), value)
+    data["name"] = ""
+    for section in ("planner", "assignment"):  # the model keeps the order of other keys
+        inner = data.get(section)
+        if isinstance(inner, dict) and isinstance(inner.get("parameters"), dict) and inner["parameters"]:
+            data[section] = {**inner, "parameters": dict(sorted(inner["parameters"].items()))}
+    return validated(file.document, Scenario, data, options=file.places)
+
+
+def _put(data: dict[str, Any], key: list[str], value: Any) -> None:
+    """Set a dotted key in `data`, whose inner mappings are shared and therefore copied.
+
+    Naming another planner or map drops what belongs to the one before: parameters, level, graph.
+    """
+    section = key[0]
+    if len(key) == 1 and section in MAIN_KEYS and isinstance(value, str):
+        key = [section, MAIN_KEYS[section]]
+    if len(key) == 1:
+        old = data.get(section)
+        if isinstance(old, dict) and isinstance(value, dict):
+            kept = {k: v for k, v in old.items() if not (k == "parameters" and MAIN_KEYS.get(section) in value)}
+            value = {} if section == "map" else kept | value
+        data[section] = value
+        return
+    inner = data.get(section)
+    if isinstance(inner, str) and section in MAIN_KEYS:
+        inner = {MAIN_KEYS[section]: inner}
+    if key == ["map", "file"]:
+        inner = {}
+    copied: dict[str, Any] = dict(inner) if isinstance(inner, dict) else {}
+    if key == ["planner", "name"]:
+        copied.pop("parameters", None)
+    if len(key) == 2:
+        copied[key[1]] = value
+    else:
+        _put(copied, key[1:], value)
+    data[section] = copied
+
+
+class _AxisPlaces(dict[Place, str]):
+    """`file:line: key` of a place in a run's scenario: the axis that set it, else the base."""
+
+    def __init__(self, document: Document, axes: Mapping[Place, Place]) -> None:
+        super().__init__({place: document.at(axis) for place, axis in axes.items()})
+        self._document = document
+
+    def get(self, place: Place, default: Any = None) -> Any:
+        for end in range(len(place), 0, -1):
+            if place[:end] in self:
+                return self[place[:end]]
+        return self._document.at(("base", *place) if isinstance(self._document.content.get("base"), dict) else ("base",))
+
+
+def _check_axes(file: SuiteFile) -> None:
+    """Try every value once beside the first of the others, so that all faults are told at once."""
+    first = tuple(values[0] for _, values in file.axes)
+    faults: dict[str, None] = {}
+    checked: set[tuple[str, ...]] = set()
+    for i, (_, values) in enumerate(file.axes):
+        for value in values:
+            try:
+                scenario = _scenario_of(file, (*first[:i], value, *first[i + 1 :]))
+                if _chosen(scenario) not in checked:
+                    checked.add(_chosen(scenario))
+                    _inputs(file, scenario)
+            except MrpSumoError as error:
+                faults.update(dict.fromkeys(str(error).splitlines()))
+            if len(faults) >= 10:
+                break
+    if faults:
+        raise ScenarioError(*faults)
+
+
+class _Exclusions:
+    """Tells which runs are excluded, and which exclusion did nothing."""
+
+    def __init__(self, file: SuiteFile) -> None:
+        self._file = file
+        self._rules = [
+            {_short(key): value if isinstance(value, list) else [value] for key, value in rule.items()} for rule in file.suite.exclude
+        ]
+        self._used = [False] * len(self._rules)
+        faults = []
+        for i, rule in enumerate(file.suite.exclude):
+            for key, value in rule.items():
+                if told := _unknown_key(key):
+                    faults.append(f"{file.document.at(('exclude', i, key))}: {told}")
+                elif isinstance(value, list) or (isinstance(value, str) and _RANGE.fullmatch(value)):
+                    self._rules[i][_short(key)] = list(_expanded(value))
+        if faults:
+            raise ScenarioError(*faults)
+
+    def __call__(self, scenario: str) -> bool:
+        if not self._rules:
+            return False
+        have = parameter_columns(json.loads(scenario))
+        hits = [i for i, rule in enumerate(self._rules) if all(have.get(key) in values for key, values in rule.items())]
+        for i in hits:
+            self._used[i] = True
+        return bool(hits)
+
+    def require_used(self) -> None:
+        unused = [self._file.document.at(("exclude", i)) for i, used in enumerate(self._used) if not used]
+        if unused:
+            raise ScenarioError(*(f"{place}: no run has these values" for place in unused))
+
+
+def _short(key: str) -> str:
+    """The column of a key: `planner` for `planner.name`."""
+    section, _, inner = key.partition(".")
+    return section if MAIN_KEYS.get(section) == inner else key
+
+
+def _chosen(scenario: Scenario) -> tuple[str, ...]:
+    """What a scenario names: files, planner, assigner, policy. Checked once for all runs with the same."""
+    return (
+        scenario.map.file,
+        str(scenario.robots.type),
+        scenario.planner.name,
+        str(scenario.planner.parameters),
+        scenario.assignment.solver,
+        str(scenario.assignment.parameters),
+        str(scenario.execution),
+        str(scenario.record.period_s),
+    )
+
+
+def _inputs(file: SuiteFile, scenario: Scenario) -> str:
+    """Hash of the files that a scenario reads; raises for names of nothing."""
+    from mrp_sumo.experiments.run import choices
+
+    whole = ScenarioFile(scenario, file.document, file.places)
+    choices(whole)
+    try:
+        paths = [find_map(scenario.map.file, file.folder)]
+    except MrpSumoError as error:
+        raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
+    if isinstance(name := scenario.robots.type, str):
+        bundled = bundled_folder("robots") / f"{name}.yaml"
+        paths.append(bundled if bundled.is_file() else file.folder / name)
+    return input_hash(paths)

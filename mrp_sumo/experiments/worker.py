@@ -1,0 +1,153 @@
+"""The process that makes the runs of a batch, one after the other.
+
+    python -m mrp_sumo.experiments.worker SOCKET FUNCTION PARENT
+
+It is handed runs as JSON over the socket it inherits, answers with JSON, and ends with its parent. Expected
+failures of a run are answers like any other; so is an exception, which is a bug. Whoever started it
+watches its time and memory.
+"""
+
+import importlib
+import json
+import math
+import os
+import platform
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import cache
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError, ScenarioError
+from mrp_sumo.experiments.workshop import Workshop
+
+Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
+Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, and what the run took
+Function = Callable[[Job, Workshop], Answer]
+
+MEASURE = "mrp_sumo.experiments.worker:measure"
+CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_of_memory", "bad_input"
+
+
+def measure(job: Job, workshop: Workshop) -> Answer:
+    """Make a run as far as its suite says, and measure it."""
+    from mrp_sumo.experiments.run import carry_out
+    from mrp_sumo.io.documents import Document
+    from mrp_sumo.io.scenario import Scenario, ScenarioFile
+
+    scenario = Scenario.model_validate_json(job["scenario"])
+    file = ScenarioFile(scenario, Document(Path(job["folder"], "suite"), {}, {}), {})
+    try:
+        if job["until"] == "map":
+            return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, workshop)}
+        outcome = carry_out(file, workshop, execute=job["until"] == "execution")
+    except MrpSumoError as error:
+        lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
+        return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines))
+    metrics = outcome.metrics
+    success = outcome.status == "planned" or (outcome.status == "completed" and metrics["all_goals_reached"])
+    return {"status": outcome.status, "success": bool(success), "reason": outcome.note, "metrics": metrics}
+
+
+def failure(status: str, reason: str) -> Answer:
+    """The answer of a run that came to nothing."""
+    return {"status": status, "success": False, "reason": reason, "metrics": {}}
+
+
+@cache
+def machine() -> dict[str, str]:
+    """Where runs are made."""
+    model = platform.processor()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model)
+    except OSError:
+        pass
+    return {"machine": f"{platform.node()}, {model}, {os.cpu_count()} cores", "python": platform.python_version()}
+
+
+def _map_facts(file: Any, workshop: Workshop) -> dict[str, Any]:
+    """What the paper's Table I counts."""
+    from mrp_sumo.maps.facts import facts
+
+    scenario = file.scenario
+    found = facts(workshop.map(scenario.map, file.folder), scenario.discretisation.cell_m)
+    grid = found["grid"] or {}
+    return {
+        **{f"num_{name}": found[name] for name in ("vertices", "edges", "components")},
+        **dict(zip(("extent_x_m", "extent_y_m"), found["extent_m"])),
+        **{f"num_cells_{name}": grid.get(name) for name in ("total", "free", "blocked")},
+        **{f"grid_{name}_cells": grid.get(name) for name in ("width", "height")},
+    }
+
+
+def main() -> None:
+    """Make runs until there are no more."""
+    connection = Connection(int(sys.argv[1]))
+    _end_with(int(sys.argv[3]))
+    module, _, name = sys.argv[2].partition(":")
+    function: Function = getattr(importlib.import_module(module), name)
+    connection.send_bytes(b"ready")
+    with Workshop() as workshop:
+        while True:
+            try:
+                job = json.loads(connection.recv_bytes())
+            except EOFError:
+                return
+            connection.send_bytes(json.dumps(_plain(_timed(function, job, workshop))).encode())
+
+
+def _timed(function: Function, job: Job, workshop: Workshop) -> Answer:
+    _forget_peak_memory()
+    wall, cpu = time.perf_counter(), os.times()
+    try:
+        answer = function(job, workshop)
+    except Exception as error:
+        traceback.print_exc()  # to the log
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        answer = failure(CRASHED, f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})")
+    took = sum(b - a for a, b in zip(cpu[:4], os.times()[:4]))
+    return {**answer, "run_wall_s": time.perf_counter() - wall, "run_cpu_s": took, "peak_memory_mb": _peak_memory_mb(), **machine()}
+
+
+def _plain(value: Any) -> Any:
+    """JSON's kinds only: numbers of numpy become Python's, what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _end_with(parent: int) -> None:
+    """Have the system kill this process when its parent ends, even by SIGKILL; elsewhere than on Linux it ends after its run."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        sys.exit("the parent is gone")
+
+
+def _forget_peak_memory() -> None:
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak_memory_mb() -> float | None:
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return None
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:")), None)
+
+
+if __name__ == "__main__":
+    main()
