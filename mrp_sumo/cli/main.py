@@ -17,7 +17,12 @@ from mrp_sumo.errors import MrpSumoError, nearest
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
     "import": ("mrp_sumo.cli.import_map", "make a nav graph, a SUMO network and a picture of a map"),
+    "convert": ("mrp_sumo.cli.convert", "convert a map to another format"),
     "generate": ("mrp_sumo.cli.generate", "make a warehouse, grid, ring or random map of any size"),
+    "batch": ("mrp_sumo.cli.batch", "make the runs of a suite in parallel; started again, go on where it was"),
+    "status": ("mrp_sumo.cli.status", "say how a batch stands"),
+    "query": ("mrp_sumo.cli.query", "ask the results of a batch in SQL"),
+    "compare": ("mrp_sumo.cli.compare", "compare two result folders run by run; exit code 1 when the second is worse"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
 

@@ -250,7 +250,7 @@ def carry_out(
     execution, note = None, solution.result.message
     if execute and solution.result.plan is not None:
         report("building the SUMO network", 0.0, 0.0)
-        network = workshop.network(solution.problem.graph)
+        network = workshop.network(solution.problem.graph, setup.map.building if gui else None)
         execution, note = _execute(setup, solution, network, report, gui)
     report("measuring", 0.0, 0.0)
     audited = audit(execution, solution.problem.fleet) if execution else None

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.io.scenario import Discretisation, MapChoice
+from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.maps.load import Map, load_map
 
@@ -48,8 +49,8 @@ class Workshop:
         make = paper_grid if choice.kind == "grid" else cut_lanes
         return self._once((id(nav), choice), lambda: make(nav, choice.cell_m), nav)
 
-    def network(self, graph: PlanGraph) -> Path:
-        """The SUMO network of a plan graph."""
+    def network(self, graph: PlanGraph, backdrop: Building | None = None) -> Path:
+        """The SUMO network of a plan graph, with a building drawn behind it for those who look."""
         from mrp_sumo.maps.sumo import build_network
 
         self._count += 1
@@ -57,9 +58,9 @@ class Workshop:
 
         def make() -> Path:
             path.parent.mkdir()
-            return build_network(graph, path)
+            return build_network(graph, path, backdrop)
 
-        return self._once(("network", id(graph)), make, graph)
+        return self._once(("network", id(graph), backdrop is None), make, graph)
 
     def _once(self, key: Hashable, make: Callable[[], T], of: object = None) -> T:
         """What was made under `key`, or is made now; `of` is kept alive with it, so that its id stays its own."""

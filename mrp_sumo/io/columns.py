@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 MAIN_KEYS = {"map": "file", "planner": "name", "discretisation": "kind"}  # what a section's short form stands for
+SECTIONS = ("seed", "map", "discretisation", "robots", "assignment", "planner", "execution", "record")  # first parts of scenario columns
 
 
 def parameter_columns(scenario: Mapping[str, Any]) -> dict[str, Any]:

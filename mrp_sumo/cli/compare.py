@@ -1,0 +1,71 @@
+"""Compare two result folders run by run: the same scenarios and seeds, A before and B after.
+
+Exit code 0 when B is no worse, 1 when it is, 2 for bad input. B is worse when a metric got worse by more than
+the tolerance and that is unlikely by chance; with --strict, when any single run got worse.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo compare`."""
+    parser.add_argument("first", metavar="A", help="folder of a batch, or a results.parquet")
+    parser.add_argument("second", metavar="B", help="the one that is judged")
+    parser.add_argument("--metric", action="append", metavar="NAME", help="compare this column; may be given several times")
+    parser.add_argument("--alpha", type=float, default=0.05, metavar="P", help="accepted chance of a false alarm (default: 0.05)")
+    parser.add_argument(
+        "--tolerance", type=float, default=1.0, metavar="PERCENT", help="worsening of a mean that does not matter (default: 1)"
+    )
+    parser.add_argument("--strict", action="store_true", help="count every run that got worse by more than the tolerance")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the differences."""
+    from dataclasses import asdict
+
+    from mrp_sumo.errors import BatchError
+    from mrp_sumo.experiments.compare import DEFAULT_METRICS, compare
+    from mrp_sumo.io.results import load_results
+
+    if not 0 < options.alpha < 1:
+        raise BatchError(f"--alpha: found {options.alpha:g}, expected a number between 0 and 1")
+    if not options.tolerance >= 0:
+        raise BatchError(f"--tolerance: found {options.tolerance:g}, expected 0 or more")
+
+    def told(line: str) -> None:
+        print(f"mrp-sumo: {line}", file=sys.stderr)
+
+    a, b = (load_results(Path(path), told) for path in (options.first, options.second))
+    metrics = options.metric or DEFAULT_METRICS
+    found = compare(a, b, metrics, alpha=options.alpha, tolerance=options.tolerance / 100, strict=options.strict)
+    if options.json:
+        print(json.dumps({**asdict(found), "worse": found.worse}, indent=2))
+        return int(found.worse)
+    from rich.console import Console
+    from rich.table import Table
+
+    print(f"{found.num_pairs} runs in common, {found.num_only_first} only in A, {found.num_only_second} only in B")
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for name in ("metric", "runs", "A", "B", "B - A [95 %]", "effect", "p", "worse runs", ""):
+        table.add_column(name, justify="left" if name in ("metric", "") else "right", no_wrap=True)
+    for d in found.differences:
+        p = d.paired
+        effect = f"{p.only_second} gained, {p.only_first} lost" if hasattr(p, "only_first") else f"r = {p.rank_biserial:+.2f}"
+        verdict = "[red]worse[/]" if d.worse else ""
+        table.add_row(
+            d.metric,
+            str(p.count),
+            f"{p.first:.4g}",
+            f"{p.second:.4g}",
+            f"{p.difference.value:+.4g} [{p.difference.low:+.4g}, {p.difference.high:+.4g}]".replace("[", "\\["),
+            effect,
+            f"{d.p_value:.2g}",
+            str(d.num_worse),
+            verdict,
+        )
+    Console(highlight=False, width=None if sys.stdout.isatty() else 140).print(table)
+    return int(found.worse)

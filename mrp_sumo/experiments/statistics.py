@@ -1,0 +1,290 @@
+"""Statistics of runs: intervals for rates and means, paired comparisons with effect sizes, and the benchmark's own rates.
+
+Two planners or two versions are compared on the same scenarios and seeds, run by run. Rates are those
+of a set of runs in which every run counts, time-outs included. Functions take arrays; `rates` and `pairs` take
+the table of `mrp_sumo.load_results`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+if TYPE_CHECKING:
+    import pandas
+
+MAX_ENUMERATED = 13  # pairs up to which the signed-rank test looks at every assignment of signs
+MAX_WALSH = 1500  # pairs up to which the Hodges-Lehmann estimate is taken of all averages
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate and its confidence interval; NaN where there is nothing to estimate from."""
+
+    value: float
+    low: float
+    high: float
+    count: int  # of observations
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
+
+
+@dataclass(frozen=True)
+class PairedRates:
+    """Two yes-or-no outcomes of the same runs. Differences are second minus first."""
+
+    count: int
+    first: float
+    second: float
+    only_first: int  # runs that only the first did
+    only_second: int
+    difference: Interval
+    odds_ratio: float  # only_second / only_first; inf when only the second did any, NaN when they never differ
+    p_value: float
+
+
+@dataclass(frozen=True)
+class PairedValues:
+    """Two measurements of the same runs. Differences are second minus first."""
+
+    count: int
+    first: float  # means
+    second: float
+    difference: Interval  # of the mean, by bootstrap
+    shift: float  # Hodges-Lehmann: the median of averages of two differences
+    rank_biserial: float  # -1: the second is smaller in every run, 1: larger in every run
+    p_value: float
+
+
+def wilson(successes: int, count: int, confidence: float = 0.95) -> Interval:
+    """A rate with Wilson's score interval (Wilson, JASA 1927), which holds for few runs and rates near 0 or 1."""
+    if count == 0:
+        return Interval(math.nan, math.nan, math.nan, 0)
+    z = float(stats.norm.ppf((1 + confidence) / 2))
+    rate = successes / count
+    middle = rate + z * z / (2 * count)
+    half = z * math.sqrt(rate * (1 - rate) / count + z * z / (4 * count * count))
+    scale = 1 + z * z / count
+    low = 0.0 if successes == 0 else (middle - half) / scale
+    return Interval(rate, low, 1.0 if successes == count else (middle + half) / scale, count)
+
+
+def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, resamples: int = 10_000, seed: int = 0) -> Interval:
+    """A mean with its bias-corrected and accelerated bootstrap interval (Efron, JASA 1987); NaN values are left out."""
+    x = np.asarray(values, np.float64)
+    x = x[np.isfinite(x)]
+    if not len(x):
+        return Interval(math.nan, math.nan, math.nan, 0)
+    mean = float(x.mean())
+    if len(x) == 1:
+        return Interval(mean, math.nan, math.nan, 1)
+    if np.ptp(x) == 0:
+        return Interval(mean, mean, mean, len(x))
+    rng = np.random.default_rng([seed, len(x)])
+    share = max(1, 2_000_000 // len(x))  # resamples at a time: bounded memory
+    means = np.concatenate([x[rng.integers(0, len(x), (min(share, resamples - at), len(x)))].mean(1) for at in range(0, resamples, share)])
+    below = np.clip((np.count_nonzero(means < mean) + np.count_nonzero(means == mean) / 2) / resamples, 1e-6, 1 - 1e-6)
+    bias = stats.norm.ppf(below)
+    without = (x.sum() - x) / (len(x) - 1)  # jackknife means
+    away = without.mean() - without
+    acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
+    z = bias + stats.norm.ppf([(1 - confidence) / 2, (1 + confidence) / 2])
+    low, high = np.quantile(means, stats.norm.cdf(bias + z / (1 - acceleration * z)))
+    return Interval(mean, float(low), float(high), len(x))
+
+
+def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:
+    """Whether two yes-or-no outcomes of the same runs differ: McNemar's test, exact.
+
+    The interval of the difference is Newcombe's tenth (Statistics in Medicine 17, 1998, 2635-2650).
+
+    Parameters
+    ----------
+    first, second
+        [N] outcomes, run by run.
+    confidence
+        Of the interval.
+    """
+    a, b = np.asarray(first, np.bool_), np.asarray(second, np.bool_)
+    n = len(a)
+    both, only_a, only_b, neither = (int(np.count_nonzero(c)) for c in (a & b, a & ~b, b & ~a, ~a & ~b))
+    if n == 0:
+        nothing = Interval(math.nan, math.nan, math.nan, 0)
+        return PairedRates(0, math.nan, math.nan, 0, 0, nothing, math.nan, 1.0)
+    p_value = float(stats.binomtest(only_a, only_a + only_b, 0.5).pvalue) if only_a + only_b else 1.0
+    odds = math.nan if not only_a + only_b else math.inf if not only_a else only_b / only_a
+    one, two = wilson(both + only_a, n, confidence), wilson(both + only_b, n, confidence)
+    margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
+    excess = both * neither - only_a * only_b
+    corrected = max(excess - n / 2, 0.0) if excess > 0 else excess
+    phi = corrected / math.sqrt(margins) if margins else 0.0
+    difference = two.value - one.value
+    low = difference - _joint(two.value - two.low, one.high - one.value, phi)
+    high = difference + _joint(two.high - two.value, one.value - one.low, phi)
+    return PairedRates(n, one.value, two.value, only_a, only_b, Interval(difference, low, high, n), odds, p_value)
+
+
+def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed: int = 0) -> PairedValues:
+    """Whether two measurements of the same runs differ: Wilcoxon's signed-rank test, exact for few runs.
+
+    The effect size is the matched-pairs rank-biserial correlation (Kerby, Comprehensive Psychology 3, 2014).
+    Runs without both values are left out.
+
+    Parameters
+    ----------
+    first, second
+        [N] values, run by run.
+    confidence
+        Of the bootstrap interval of the mean difference.
+    seed
+        Of the bootstrap.
+    """
+    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    there = np.isfinite(a) & np.isfinite(b)
+    a, b = a[there], b[there]
+    if not len(a):
+        nothing = bootstrap_mean([])
+        return PairedValues(0, math.nan, math.nan, nothing, math.nan, math.nan, 1.0)
+    d = b - a
+    moved = d[d != 0]
+    p_value, rank_biserial = 1.0, 0.0
+    if len(moved):
+        ranks = stats.rankdata(np.abs(moved))
+        rank_biserial = float((ranks[moved > 0].sum() - ranks[moved < 0].sum()) / ranks.sum())
+        few = len(moved) <= MAX_ENUMERATED
+        method: Any = stats.PermutationMethod(n_resamples=2**MAX_ENUMERATED, rng=seed) if few else "approx"
+        p_value = float(stats.wilcoxon(moved, method=method).pvalue)
+    return PairedValues(
+        len(a), float(a.mean()), float(b.mean()), bootstrap_mean(d, confidence, seed=seed), _hodges_lehmann(d), rank_biserial, p_value
+    )
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """p-values of several tests adjusted so that the chance of any false alarm stays as stated (Holm 1979)."""
+    adjusted = [0.0] * len(p_values)
+    least = 0.0
+    for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        least = max(least, min(1.0, (len(p_values) - rank) * p_values[i]))
+        adjusted[i] = least
+    return adjusted
+
+
+def success_rates(planned: ArrayLike, succeeded: ArrayLike, confidence: float = 0.95) -> tuple[Interval, Interval]:
+    """MRP-Bench's two success rates of executed runs.
+
+    Parameters
+    ----------
+    planned
+        [N] whether the planner found a plan within its time limit.
+    succeeded
+        [N] whether all robots then reached their goals within theirs.
+    confidence
+        Of the intervals.
+
+    Returns
+    -------
+    normalised
+        Successes of the runs that had a plan: what the execution is worth.
+    overall
+        Successes of all runs: what planner and execution are worth together.
+    """
+    p, s = np.asarray(planned, np.bool_), np.asarray(succeeded, np.bool_)
+    won = int(np.count_nonzero(p & s))
+    return wilson(won, int(np.count_nonzero(p)), confidence), wilson(won, len(p), confidence)
+
+
+def par2(time_s: ArrayLike, solved: ArrayLike, limit_s: float) -> float:
+    """Penalised average run time: a run that was not solved counts as twice the limit; NaN for no run."""
+    won = np.asarray(solved, np.bool_)
+    if not len(won):
+        return math.nan
+    spent = np.asarray(time_s, np.float64)
+    return float(np.where(won & np.isfinite(spent) & (spent <= limit_s), spent, 2 * limit_s).mean())
+
+
+def rates(results: "pandas.DataFrame", by: Sequence[str], confidence: float = 0.95) -> "pandas.DataFrame":
+    """Success rates of groups of runs.
+
+    Parameters
+    ----------
+    results
+        As `mrp_sumo.load_results` gives it.
+    by
+        Columns that make the groups, such as `["map", "num_robots", "planner"]`.
+    confidence
+        Of the intervals.
+
+    Returns
+    -------
+    DataFrame
+        A row a group: `num_runs`, and `planning`, `normalised` and `overall` success rates with `_low` and `_high`,
+        and `planning_par2_s`.
+    """
+    import pandas as pd
+
+    rows = []
+    for values, group in results.groupby(list(by), sort=False, dropna=False):
+        planned = _flags(group, "plan_success")
+        normalised, overall = success_rates(planned, _flags(group, "success"), confidence)
+        row: dict[str, Any] = dict(zip(by, values, strict=True)) | {"num_runs": len(group)}
+        for name, rate in (
+            ("planning", wilson(int(planned.sum()), len(group), confidence)),
+            ("normalised", normalised),
+            ("overall", overall),
+        ):
+            row |= {name: rate.value, f"{name}_low": rate.low, f"{name}_high": rate.high}
+        limit_s = float(group["planner.time_limit_s"].max())
+        time_s = (
+            group["planning_time_s"].to_numpy(np.float64, na_value=np.nan) if "planning_time_s" in group else np.full(len(group), np.nan)
+        )
+        row["planning_par2_s"] = par2(time_s, planned, limit_s)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def pairs(results: "pandas.DataFrame", factor: str, first: Any, second: Any) -> "tuple[pandas.DataFrame, pandas.DataFrame]":
+    """The runs of two values of a factor, such as two planners, that are equal in all else: row by row the same scenario and seed.
+
+    Parameters
+    ----------
+    results
+        As `mrp_sumo.load_results` gives it.
+    factor
+        A scenario column; what belongs to it (`planner.parameters...`) may differ too.
+    first, second
+        Its values.
+    """
+    from mrp_sumo.io.columns import SECTIONS
+
+    same = [
+        c
+        for c in results.columns
+        if (c.split(".")[0] in SECTIONS or c == "repeat") and c != factor and not c.startswith(f"{factor}.parameters.")
+    ]
+    keyed = results.assign(_pair=results[same].astype(str).agg("\x1f".join, axis=1))
+    a, b = (keyed[keyed[factor] == value].drop_duplicates("_pair").set_index("_pair") for value in (first, second))
+    shared = a.index.intersection(b.index, sort=False)
+    return a.loc[shared].reset_index(drop=True), b.loc[shared].reset_index(drop=True)
+
+
+def _flags(results: "pandas.DataFrame", column: str) -> Any:
+    """[N] of a yes-or-no column, missing is no."""
+    if column not in results:
+        return np.zeros(len(results), np.bool_)
+    return results[column].fillna(False).to_numpy(np.bool_)
+
+
+def _joint(one: float, other: float, phi: float) -> float:
+    return math.sqrt(max(0.0, one * one - 2 * phi * one * other + other * other))
+
+
+def _hodges_lehmann(d: Any) -> float:
+    if len(d) > MAX_WALSH:
+        return float(np.median(d))
+    i, j = np.triu_indices(len(d))
+    return float(np.median((d[i] + d[j]) / 2))
