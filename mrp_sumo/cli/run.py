@@ -86,7 +86,7 @@ def _print(result: dict[str, Any], out: Path, verbose: bool) -> None:
     row("map", f"{scenario['map']['file']}, {m['num_robots']} robots, seed {scenario['seed']}")
     row("planner", f"{scenario['planner']['name']}", _validity(m))
     row("planning time", _seconds(m["planning_time_s"]), _given("assignment", _seconds(m["assignment_time_s"])))
-    row("makespan", _given("", _count(m["makespan_steps"], "steps")))
+    row("makespan", _seconds(m["makespan_s"]), _count(m["makespan_steps"], "cells (paper's count)"))
     row(
         "cost",
         _count(m["soc_steps"], "steps (sum of costs)"),

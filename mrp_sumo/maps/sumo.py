@@ -99,10 +99,11 @@ def _nodes(graph: NavGraph) -> Iterator[str]:
 def _edges(graph: NavGraph, edges: list[str]) -> Iterator[str]:
     limit = np.where(np.isfinite(graph.speed_mps), graph.speed_mps, NO_LIMIT_MPS)
     columns = (graph.tail, graph.head, limit, graph.length_m, graph.reverse)
+    width = _width_m(graph)
     for edge, tail, head, speed, length, reverse in zip(edges, *(c.tolist() for c in columns)):
         bidi = f' bidi="{edges[reverse]}"' if reverse >= 0 else ""
         yield (
-            f'<edge id="{edge}" from="n{tail}" to="n{head}" numLanes="1" speed="{speed:.6f}" width="{LANE_WIDTH_M}" '
+            f'<edge id="{edge}" from="n{tail}" to="n{head}" numLanes="1" speed="{speed:.6f}" width="{width:.3f}" '
             f'spreadType="center" length="{length:.6f}"{bidi}/>'
         )
 
@@ -131,8 +132,13 @@ def _netconvert(work: Path) -> None:
         raise MapError(f"netconvert refused the network: {said[0]}")
 
 
+def _width_m(graph: NavGraph) -> float:
+    """How broad lanes are drawn: on a dense grid so that one still sees through."""
+    return min(LANE_WIDTH_M, float(graph.length_m.min()) / 3)
+
+
 def _straight(text: str, graph: NavGraph, edges: list[str]) -> str:
-    """The network with every lane's shape drawn from vertex to vertex: netconvert ends lanes metres before."""
+    """The network drawn as it is: lanes from vertex to vertex, which netconvert ends metres before, and small junctions."""
     ends = np.concatenate([graph.xy[graph.tail], graph.xy[graph.head]], axis=1).tolist()
     shape = {f"{edge}_0": f"{x0:.6f},{y0:.6f} {x1:.6f},{y1:.6f}" for edge, (x0, y0, x1, y1) in zip(edges, ends)}
     named = re.compile(r' id="([^"]+)"')
@@ -143,7 +149,15 @@ def _straight(text: str, graph: NavGraph, edges: list[str]) -> str:
         assert found is not None
         return drawn.sub(f' shape="{shape[found[1]]}"', tag[0])
 
-    return re.sub(r"<lane [^>]*>", straighten, text)
+    half = _width_m(graph) / 2
+
+    def shrink(tag: re.Match[str]) -> str:
+        x, y = float(tag[1]), float(tag[2])
+        corners = ((-half, -half), (-half, half), (half, half), (half, -half))
+        return drawn.sub(' shape="' + " ".join(f"{x + dx:.6f},{y + dy:.6f}" for dx, dy in corners) + '"', tag[0])
+
+    text = re.sub(r"<lane [^>]*>", straighten, text)
+    return re.sub(r'<junction [^>]* x="([^"]+)" y="([^"]+)"[^>]*>', shrink, text)
 
 
 def _backdrop(building: Building) -> Iterator[str]:

@@ -59,3 +59,11 @@ def test_a_graph_without_lanes_is_refused(tmp_path):
     with pytest.raises(MapError, match="'dots' has no lanes"):
         build_network(nav_graph(name="dots", xy=[(0, 0)], lanes=[]), tmp_path / "x.net.xml")
     assert not list(tmp_path.iterdir())
+
+
+def test_junctions_are_drawn_smaller_than_the_lanes_between_them(network):
+    shapes = re.findall(r'<junction [^>]* shape="([^"]+)"', network.read_text())
+    assert len(shapes) == 4
+    for shape in shapes:
+        x = [float(corner.split(",")[0]) for corner in shape.split()]
+        assert max(x) - min(x) < 0.2
