@@ -7,6 +7,7 @@ PLUGINS = {
     "planners": {
         "astar": "planners.astar:AStar",
         "prioritised": "planners.prioritised:Prioritised",
+        "cbs": "planners.cbs:Cbs",
         "lacam": "planners.lacam:Lacam",
         "pibt": "planners.pibt:Pibt",
     },

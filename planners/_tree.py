@@ -1,0 +1,363 @@
+"""The constraint tree that conflict-based planners search: nodes, and the kernels' tables behind them.
+
+Kernels work in fixed room and say when it does not suffice; here it is made larger and the kernel called again.
+The clock is looked at between kernel calls, and a search that takes long is broken off to look at it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray, PlanGraph
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning import _space_time as st
+from mrp_sumo.planning._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, SWAP, WIDTH
+from mrp_sumo.planning.distance import distances
+from planners._nodes import branch, same_path
+from planners._pairs import cover, pair_weight
+from planners._symmetry import choose
+
+FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
+EXPANSIONS_PER_S = 3_000_000
+PAIR_NODES = 64
+MOST_BYTES = 6 << 30
+NO_CONFLICTS = np.empty((0, WIDTH), np.int64)
+
+
+class OutOfTime(Exception):
+    """The time limit, or the memory limit, is reached."""
+
+
+@dataclass(slots=True, eq=False)
+class Node:
+    """A node of the tree: a record a robot, and the conflicts of their paths."""
+
+    records: IntArray  # [R]
+    conflicts: IntArray  # [K, WIDTH]
+    cost: int  # sum of the paths' costs
+    bound: int  # sum of the paths' lower bounds
+    h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
+    looked_at: bool = False  # h is the node's own, not its parent's
+    depth: int = 0
+    distance_error: float = 0.0  # of the step to this node, for EECBS
+    cost_error: float = 0.0
+
+    @property
+    def f(self) -> int:
+        return self.cost + self.h
+
+
+class Tree:
+    """Makes nodes of one problem with one assignment; several may share their tables."""
+
+    def __init__(
+        self, problem: Problem, deadline: float, *, following: bool = False, symmetries: bool = True, like: "Tree | None" = None
+    ) -> None:
+        tables = distances(problem.graph)
+        target = problem.target
+        column, line = (like.world.column, like.world.line) if like else _cells(problem.graph)
+        self.world = st.World(
+            tables.first,
+            tables.head,
+            tables.first_in,
+            tables.tail_in,
+            tables.to_all(target),
+            np.arange(problem.num_robots),
+            np.array(problem.start, np.int64),
+            np.array(target, np.int64),
+            column,
+            line,
+            following,
+        )
+        self.deadline = deadline
+        self.symmetries = symmetries
+        self.num_robots = problem.num_robots
+        longest = int(self.world.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
+        self._tables = like._tables if like else _Tables(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
+        self._weights: dict[tuple[int, int], int] = {}
+        self.generated = 0
+
+    @property
+    def expansions(self) -> int:
+        """Low-level expansions so far."""
+        return int(self._tables.scratch.number[st.EXPANSIONS])
+
+    def root(self, w: float = 1.0) -> Node | None:
+        """The node without constraints: each robot's path, disturbing those before it least. None when there is none."""
+        node = Node(np.full(self.num_robots, -1), NO_CONFLICTS, 0, 0)
+        for robot in range(self.num_robots):
+            child = self._branch(node, robot, 0, 0, w)
+            if child is None:
+                return None
+            node = child
+        node.depth = 0
+        return node
+
+    def choose(self, node: Node) -> int:
+        """The row of the conflict to split on."""
+        return int(self._call(choose, node.records, node.conflicts, self.symmetries)[0])
+
+    def split(self, node: Node, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[Node]:
+        """The children: one side's constraints each."""
+        row = node.conflicts[chosen]
+        if disjoint and row[PRIORITY] % 4 == 0 and row[KIND] in (MEET, SWAP):
+            return self._split_disjoint(node, row, w)
+        children = [
+            self._branch(node, int(row[ONE]), int(row[A0]), int(row[A1]), w),
+            self._branch(node, int(row[OTHER]), int(row[B0]), int(row[B1]), w),
+        ]
+        return [child for child in children if child is not None]
+
+    def adopt(self, node: Node, child: Node) -> None:
+        """Bypass: give the node its child's paths, without the child's constraints."""
+        robot = int(np.flatnonzero(node.records != child.records)[0])
+        old, new = int(node.records[robot]), int(child.records[robot])
+        record = self._record(old, robot, new, old, 0, 0)
+        store = self._tables.store
+        node.bound += int(store.meta[record, st.BOUND] - store.meta[old, st.BOUND])
+        node.cost += int(store.meta[record, st.COST] - store.meta[old, st.COST])
+        node.records = node.records.copy()
+        node.records[robot] = record
+        node.conflicts = child.conflicts
+        node.conflicts[(node.conflicts[:, ONE] == robot) | (node.conflicts[:, OTHER] == robot), PRIORITY] = -1
+
+    def robot_cost(self, node: Node, robot: int) -> int:
+        """Steps of a robot's path."""
+        return int(self._tables.store.meta[node.records[robot], st.COST])
+
+    def robot_bound(self, node: Node, robot: int) -> int:
+        """What its path costs at least, under its constraints."""
+        return int(self._tables.store.meta[node.records[robot], st.BOUND])
+
+    def heuristic(self, node: Node) -> int:
+        """WDG: what the pairs in conflict cost more than their paths, at least."""
+        pairs = np.unique(node.conflicts[:, (ONE, OTHER)], axis=0) if len(node.conflicts) else node.conflicts[:, :2]
+        weight = np.zeros((self.num_robots, self.num_robots), np.int64)
+        origin = self._tables.store.meta[:, st.ORIGIN]
+        for i, j in {(min(a, b), max(a, b)) for a, b in pairs.tolist()}:
+            one, other = int(node.records[i]), int(node.records[j])
+            key = (int(origin[one]), int(origin[other]))
+            found = self._weights.get(key)
+            if found is None:
+                found = self._weights[key] = self._pair_weight(one, other)
+                origin = self._tables.store.meta[:, st.ORIGIN]
+            weight[i, j] = weight[j, i] = found
+        return int(cover(weight))
+
+    def paths(self, node: Node) -> list[IntArray]:
+        """[R] the vertex of each robot at each step."""
+        store = self._tables.store
+        found = []
+        for record in node.records:
+            begin, cost = store.meta[record, st.PATH0], store.meta[record, st.COST]
+            found.append(store.path[begin : begin + cost + 1].astype(np.int64))
+        return found
+
+    def check_clock(self) -> None:
+        """Raise OutOfTime when the time is up or memory runs short."""
+        if perf_counter() > self.deadline or self._tables.num_bytes > MOST_BYTES:
+            raise OutOfTime
+
+    def _branch(self, node: Node, robot: int, row0: int, row1: int, w: float) -> Node | None:
+        store = self._tables.store
+        old = int(node.records[robot])
+        lower = int(store.meta[old, st.BOUND]) if old >= 0 else 0
+        found = self._call(branch, node.records, node.conflicts, robot, row0, row1, w, lower, budget=True)
+        self.generated += 1
+        if found is None:
+            return None
+        record, conflicts = found
+        store = self._tables.store
+        records = node.records.copy()
+        records[robot] = record
+        cost, bound = int(store.meta[record, st.COST]), int(store.meta[record, st.BOUND])
+        if old >= 0:
+            cost -= int(store.meta[old, st.COST])
+            bound -= int(store.meta[old, st.BOUND])
+        return Node(records, conflicts, node.cost + cost, node.bound + bound, depth=node.depth + 1)
+
+    def _split_disjoint(self, node: Node, row: IntArray, w: float) -> list[Node]:
+        """One child where a robot is not there then, one where it is and nobody else (Li et al., ICAPS 2019)."""
+        one, other = int(row[ONE]), int(row[OTHER])
+        children = [self._branch(node, one, int(row[A0]), int(row[A1]), w)]
+        at, step, tail = int(row[4]), int(row[5]), int(row[3])
+        swap = row[KIND] == SWAP
+        must = self._rows([(st.MUST, at, -1, step, step)] + ([(st.MUST, tail, -1, step - 1, step - 1)] if swap else []))
+        barred = [(st.RANGE, at, -1, step, step)]
+        if swap:
+            barred += [(st.RANGE, tail, -1, step - 1, step - 1), (st.EDGE, tail, at, step, step)]
+        bar = self._rows(barred)
+        record = self._record(int(node.records[one]), one, int(node.records[one]), -1, *must)
+        child: Node | None = Node(node.records.copy(), node.conflicts, node.cost, node.bound, depth=node.depth + 1)
+        assert child is not None
+        child.records[one] = record
+        breaks = []
+        for robot in range(self.num_robots):
+            if robot == one:
+                continue
+            here, before = self._place(node, robot, step), self._place(node, robot, step - 1)
+            if here == at or (swap and (before == tail or (before == at and here == tail))):
+                breaks.append(robot)
+            else:
+                child.records[robot] = self._record(int(node.records[robot]), robot, int(node.records[robot]), -1, *bar)
+        assert other in breaks
+        for robot in breaks:
+            if child is not None:
+                child = self._branch(child, robot, *bar, w)
+        children.append(child)
+        for made in children:
+            if made is not None:
+                made.depth = node.depth + 1
+        return [made for made in children if made is not None]
+
+    def _place(self, node: Node, robot: int, step: int) -> int:
+        return int(st.place(self._tables.store, int(node.records[robot]), step))
+
+    def _rows(self, rows: list[tuple[int, int, int, int, int]]) -> tuple[int, int]:
+        store = self._tables.store
+        while store.used[st.ROWS] + len(rows) > len(store.rows):
+            self._tables.grow_store()
+            store = self._tables.store
+        begin = int(store.used[st.ROWS])
+        store.rows[begin : begin + len(rows)] = rows
+        store.used[st.ROWS] += len(rows)
+        return begin, begin + len(rows)
+
+    def _record(self, parent: int, robot: int, path_of: int, like: int, row0: int, row1: int) -> int:
+        while (record := int(same_path(self._tables.store, parent, robot, path_of, like, row0, row1))) < 0:
+            self._tables.grow_store()
+        return record
+
+    def _pair_weight(self, one: int, other: int) -> int:
+        tables = self._tables
+        budget = FIRST_BUDGET
+        while True:
+            self.check_clock()
+            code, weight = pair_weight(self.world, tables.store, tables.pair, tables.scratch, one, other, PAIR_NODES, budget)
+            if code == st.OK:
+                return int(weight)
+            budget = self._make_room(code, budget)
+
+    def _call(self, kernel: Callable[..., Any], *arguments: Any, budget: bool = False) -> Any:
+        """What the kernel returns after its code, None for NO_PATH."""
+        tables = self._tables
+        allowed = FIRST_BUDGET
+        while True:
+            self.check_clock()
+            more = (allowed,) if budget else ()
+            code, *found = kernel(self.world, tables.store, tables.occupancy, tables.scratch, *arguments, *more)
+            if code == st.OK:
+                return found
+            if code == st.NO_PATH:
+                return None
+            allowed = self._make_room(code, allowed)
+
+    def _make_room(self, code: int, budget: int) -> int:
+        if code == st.STORE_FULL:
+            self._tables.grow_store()
+        elif code == st.SCRATCH_FULL:
+            self._tables.grow_scratch()
+        elif code == st.TOO_LATE:
+            self._tables.grow_horizon()
+        else:
+            left = self.deadline - perf_counter()
+            if left <= 0:
+                raise OutOfTime
+            return max(1000, min(4 * budget, int(left * EXPANSIONS_PER_S)))
+        return budget
+
+
+class _Tables:
+    """The room kernels work in, by what makes it too small."""
+
+    def __init__(self, num_vertices: int, num_robots: int, horizon: int) -> None:
+        self._num_vertices, self._num_robots, self._horizon = num_vertices, num_robots, horizon
+        self.store = st.Store(
+            np.empty((4096, 9), np.int64),
+            np.empty((1 << 14, 5), np.int32),
+            np.empty(1 << 18, np.int32),
+            np.empty(1 << 16, np.int64),
+            np.empty(1 << 18, np.int32),
+            np.zeros(5, np.int64),
+        )
+        self._states = 1 << 16
+        self._members = 1 << 16
+        self._number = np.zeros(8, np.int64)
+        self._by_horizon()
+
+    @property
+    def num_bytes(self) -> int:
+        return sum(array.nbytes for array in (*self.store, self.scratch.state, self.scratch.heap))
+
+    def grow_store(self) -> None:
+        """Twice the room in every pool that is a quarter full."""
+        *pools, used = self.store
+        self.store = st.Store(*(_longer(pool) if 4 * used[k] > len(pool) else pool for k, pool in enumerate(pools)), used)
+
+    def grow_scratch(self) -> None:
+        self._states *= 2
+        self._members *= 2
+        self._by_horizon()
+
+    def grow_horizon(self) -> None:
+        self._horizon *= 2
+        self._by_horizon()
+
+    def _by_horizon(self) -> None:
+        num_vertices, num_robots, horizon = self._num_vertices, self._num_robots, self._horizon
+        self.occupancy = _nobody(num_vertices, num_robots, horizon)
+        self.pair = _nobody(num_vertices, num_robots, horizon)
+        self._number[[st.STAMP, st.NUM_CLOSED, st.NUM_EDGES, st.MARK]] = 0
+        self.scratch = st.Scratch(
+            np.zeros(horizon * num_vertices, np.int32),
+            np.zeros(horizon * num_vertices, np.int64),
+            np.zeros(horizon, np.int64),
+            np.full(num_vertices, st.FOREVER, np.int32),
+            np.zeros(num_vertices, np.int64),
+            np.zeros((max(1024, self._states >> 6), 3), np.int32),
+            np.empty((self._states, 6), np.int32),
+            np.empty(2 * self._states, np.int64),
+            np.zeros(max(4 * horizon, self._states >> 4), np.int32),
+            np.zeros(max(4 * horizon, self._states >> 4), np.int32),
+            np.zeros(horizon, np.int32),
+            np.zeros(num_vertices, np.int64),
+            np.zeros(num_vertices, np.int64),
+            np.zeros(num_vertices, np.int32),
+            np.zeros(4 * horizon, np.int64),
+            np.empty(self._members, np.int32),
+            self._number,
+            np.zeros(4, np.int64),
+        )
+
+
+def _nobody(num_vertices: int, num_robots: int, horizon: int) -> st.Occupancy:
+    return st.Occupancy(
+        np.zeros(horizon * num_vertices, np.int32),
+        np.zeros(num_robots * horizon, np.int32),
+        np.full(num_vertices, -1, np.int32),
+        np.zeros(num_vertices, np.int32),
+        np.full(num_robots, -1, np.int64),
+    )
+
+
+def _longer(array: Any) -> Any:
+    longer = np.empty((2 * len(array), *array.shape[1:]), array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+def _cells(graph: PlanGraph) -> tuple[IntArray, IntArray]:
+    """[V] column and line of each vertex where the graph is a 4-connected grid, else nothing."""
+    nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    if not graph.num_lanes or not graph.cell_m > 0:
+        return nothing
+    cell = (graph.xy - graph.xy.min(axis=0)) / graph.cell_m
+    whole = np.rint(cell).astype(np.int64)
+    if np.abs(cell - whole).max() > 1e-3 or len(np.unique(whole, axis=0)) < len(whole):
+        return nothing
+    if (np.abs(whole[graph.tail] - whole[graph.head]).sum(axis=1) != 1).any() or (graph.level != graph.level[0]).any():
+        return nothing
+    return np.ascontiguousarray(whole[:, 0]), np.ascontiguousarray(whole[:, 1])
