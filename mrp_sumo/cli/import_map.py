@@ -1,8 +1,9 @@
 """Make a nav graph, a SUMO network and a picture of a map, and tell its key facts.
 
-FILE is an RMF building or nav graph, or the name of a bundled map. --out gets NAME.net.xml
-(and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each chosen graph, NAME.png
-and facts.json, whole or not at all. With --check only findings are printed, and the exit code is 2 if the map is refused.
+FILE is an RMF building or nav graph, a MovingAI .map or .scen, a ROS map_server YAML, or the name of a bundled
+map. --out gets NAME.net.xml (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each
+chosen graph (NAME.nav.yaml after repairs), NAME.png and facts.json, whole or not at all. With --check only findings
+are printed, and the exit code is 2 if the map is refused.
 """
 
 import argparse
@@ -10,9 +11,11 @@ import json
 import shutil
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.errors import MapError
 
 if TYPE_CHECKING:
@@ -27,34 +30,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a map file, or the name of a bundled map")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results; one that an earlier import made is replaced")
     add_choice(parser)
-    parser.add_argument("--cell", metavar="M", type=float, default=0.4, help="cell length the grid is counted with (default: 0.4 m)")
     parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
     parser.add_argument("--check", action="store_true", help="only report findings")
 
 
-def add_choice(parser: argparse.ArgumentParser) -> None:
-    """Arguments that choose what of a map is taken."""
-    parser.add_argument(
-        "--graph", metavar="N|all", type=_graph, help="graph of a building; all of them united (default: the only or lowest one)"
-    )
-    parser.add_argument("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
-    parser.add_argument("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
-
-
 def run(options: argparse.Namespace) -> int:
     """Import, and print what came of it."""
-    from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.facts import facts
-    from mrp_sumo.maps.load import load_map
 
-    path = find_map(options.file, Path())
     if options.check:
-        return _check(path, options)
+        return _check(options)
     if options.out is None and not options.json:
         raise MapError("say where to write with --out DIR, or use --json or --check to print only")
     if options.out is not None:
         _require_replaceable(options.out)
-    map_ = load_map(path, graph=options.graph, level=options.level, meters_per_pixel=options.meters_per_pixel)
+    map_ = chosen_map(options.file, options)
     told = facts(map_, options.cell)
     if options.out is not None:
         _write(map_, told, options.out)
@@ -65,17 +55,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _graph(text: str) -> int | str:
-    if text == "all":
-        return text
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is neither a number nor 'all'")
-    return int(text)
-
-
-def _check(path: Path, options: argparse.Namespace) -> int:
+def _check(options: argparse.Namespace) -> int:
+    from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.check import check_file
 
+    path = find_map(options.file, Path())
     findings = check_file(path, options.meters_per_pixel)
     refused = any(finding.severity == "refuse" for finding in findings)
     if options.json:
@@ -104,16 +88,27 @@ def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
             work = Path(folder) / "import"
             work.mkdir()
-            build_network(map_.nav, work / f"{map_.name}.net.xml", map_.building)
-            for graph, document in map_.documents.items():
-                write_nav_graph(document, work / f"{graph}.nav.yaml")
-            draw_map(map_, work / f"{map_.name}.png")
+            with ThreadPoolExecutor(1) as beside:  # netconvert is another process: draw meanwhile
+                network = beside.submit(build_network, map_.nav, work / f"{map_.name}.net.xml", map_.building)
+                for name, document in _nav_graphs(map_).items():
+                    write_nav_graph(document, work / f"{name}.nav.yaml")
+                draw_map(map_, work / f"{map_.name}.png")
+                network.result()
             (work / FACTS).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
             if out.exists():
                 shutil.rmtree(out)
             work.replace(out)
     except OSError as error:
         raise MapError(f"{out}: {(error.strerror or str(error)).lower()}") from None
+
+
+def _nav_graphs(map_: "Map") -> dict[str, Any]:
+    """Documents by file name: one a graph as in the file, or one for the whole map once it was repaired."""
+    from mrp_sumo.maps.nav_graph import document_of_map
+
+    if map_.changes or not map_.documents:
+        return {map_.name: document_of_map(map_)}
+    return {str(graph): document for graph, document in map_.documents.items()}
 
 
 def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import Building, Level
@@ -52,6 +52,34 @@ def check_building(building: Building) -> tuple[Finding, ...]:
                 _note_crossings(notes, level, graph, which, ends[name])
         _note_pieces(notes, building, graph, ends, lifts)
         _note_lifts(notes, building, graph, ends, lifts)
+    return notes.findings()
+
+
+def check_graph(nav: NavGraph) -> tuple[Finding, ...]:
+    """The findings about a graph without a building, or after repairs; numbers are those of the graph's vertices."""
+    notes = Notes()
+    once = (nav.reverse < 0) | (nav.tail < nav.head)
+    once &= np.array(["lift" not in options for options in nav.lane_options], np.bool_)
+    for k, name in enumerate(nav.level_names):
+        on = once & (nav.level[nav.tail] == k)
+        ends = np.stack([nav.tail[on], nav.head[on]], axis=1)
+
+        def lane(i: int, ends: IntArray = ends) -> str:
+            return f"{nav.label(ends[i, 0])} - {nav.label(ends[i, 1])}"
+
+        for v, i, d, _ in zip(*near_misses(nav.xy, ends, NEAR_MISS_M)):
+            notes.add("t_junction_near_miss", f"level {name} vertex {nav.label(v)} near lane {lane(i)}: {d:.3f} m")
+        for i, j, (x, y) in zip(*crossings(nav.xy, ends)):
+            notes.add("lanes_cross_without_vertex", f"level {name} lanes {lane(i)} and {lane(j)} at ({x:.2f}, {y:.2f})")
+    driven = np.unique(np.concatenate([nav.tail, nav.head]))
+    sizes = np.sort(np.bincount(np.unique(nav.component[driven], return_inverse=True)[1]))[::-1] if len(driven) else np.zeros(0)
+    weak = len(sizes)
+    if weak > 1:
+        notes.add("several_components", f"sizes {_sizes(sizes.tolist())}", weak)
+    joined = coo_array((np.ones(nav.num_lanes, np.int8), (nav.tail, nav.head)), shape=(nav.num_vertices, nav.num_vertices))
+    strong = len(np.unique(connected_components(joined, connection="strong")[1][driven]))
+    if strong > weak:
+        notes.add("not_strongly_connected", f"{strong} strong, {weak} weak components")
     return notes.findings()
 
 
@@ -185,8 +213,7 @@ def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, I
     strong = connected_components(joined, connection="strong")[0]
     if weak > 1:
         sizes = sorted(np.bincount(label).tolist(), reverse=True)
-        shown = ", ".join(map(str, sizes[:20])) + (f" and {len(sizes) - 20} more" if len(sizes) > 20 else "")
-        notes.add("several_components", f"graph {graph}: sizes {shown}", weak)
+        notes.add("several_components", f"graph {graph}: sizes {_sizes(sizes)}", weak)
     if strong > weak:
         notes.add("not_strongly_connected", f"graph {graph}: {strong} strong, {weak} weak components")
 
@@ -206,6 +233,10 @@ def _note_lifts(notes: Notes, building: Building, graph: int, ends: dict[str, In
         apart = _largest_distance(at)
         if apart > MISALIGNED_M:
             notes.add("lift_vertices_misaligned", f"graph {graph} lift {lift}: {apart:.3f} m")
+
+
+def _sizes(sizes: Sequence[int]) -> str:
+    return ", ".join(map(str, sizes[:20])) + (f" and {len(sizes) - 20} more" if len(sizes) > 20 else "")
 
 
 def _largest_distance(points: Sequence[FloatArray]) -> float:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, NavGraph
+from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.maps.grid import MAX_CELLS, grid_facts, grid_size
 from mrp_sumo.maps.map import Map
 
@@ -40,7 +40,7 @@ def facts(map_: Map, cell_m: float = 0.4) -> dict[str, Any]:
         "extent_m": _extent(np.concatenate([nav.xy[driven], *walls])),
         "lane_extent_m": _extent(nav.xy[driven]),
         "warnings": [finding.document() for finding in map_.findings],
-        "grid": _grid(nav, cell_m),
+        "grid": _grid(map_, cell_m),
     }
 
 
@@ -52,7 +52,18 @@ def _extent(xy: FloatArray) -> list[float]:
     return [round(float(side), 3) for side in np.ptp(xy, axis=0)] if len(xy) else [0.0, 0.0]
 
 
-def _grid(nav: NavGraph, cell_m: float) -> dict[str, Any] | None:
+def _grid(map_: Map, cell_m: float) -> dict[str, Any] | None:
+    nav = map_.nav
+    if isinstance(nav, PlanGraph) and map_.free is not None:
+        (height, width), free = map_.free.shape, int(np.count_nonzero(map_.free))
+        return {
+            "cell_m": nav.cell_m,
+            "width": width,
+            "height": height,
+            "total": map_.free.size,
+            "free": free,
+            "blocked": map_.free.size - free,
+        }
     if len(np.unique(nav.level)) > 1 or math.prod(grid_size(nav, cell_m)) > MAX_CELLS:
         return None
     return grid_facts(nav, cell_m)

@@ -35,8 +35,29 @@ def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
     """
     if isinstance(nav, PlanGraph):
         return nav
-    free, cell, origin = _paper_cells(nav, cell_m)
+    free, cell, origin = paper_cells(nav, cell_m)
     return grid_graph(free, cell_m, origin, name=nav.name, source=nav.source, level_names=_one_level(nav), stations=cell, nav=nav)
+
+
+def paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, FloatArray]:
+    """Free cells [H, W] of the recipe, the cell (column, row) of each vertex [V, 2], and the lower left corner [2]."""
+    _one_level(nav)
+    width, height = grid_size(nav, cell_m)
+    low, _ = _corners(nav)
+    cell = np.floor((_single_precision(nav.xy) - low) / cell_m).astype(np.int64)
+    if width * height > MAX_CELLS:
+        raise MapError(f"cells of {cell_m:g} m would make a grid of {width} x {height} on '{nav.name}', more than {MAX_CELLS:.0e} cells")
+    free = np.zeros((height, width), np.bool_)
+    is_vertex = np.zeros_like(free)
+    is_once = (nav.reverse < 0) | (nav.tail < nav.head)
+    for a, b in zip(nav.tail[is_once].tolist(), nav.head[is_once].tolist()):
+        start, end = cell[a].tolist(), cell[b].tolist()
+        is_vertex[start[1], start[0]] = is_vertex[end[1], end[0]] = True
+        _walk(free, start, end)
+    free |= is_vertex
+    free[cell[:, 1], cell[:, 0]] = True
+    _widen(free, is_vertex)
+    return free, cell, low
 
 
 def grid_facts(nav: NavGraph, cell_m: float = 0.4) -> dict[str, Any]:
@@ -46,7 +67,7 @@ def grid_facts(nav: NavGraph, cell_m: float = 0.4) -> dict[str, Any]:
         width, height = (np.rint((high - low) / nav.cell_m) + 1).astype(int).tolist()
         num_free, cell_m = nav.num_vertices, nav.cell_m
     else:
-        free, _, _ = _paper_cells(nav, cell_m)
+        free, _, _ = paper_cells(nav, cell_m)
         (height, width), num_free = free.shape, int(np.count_nonzero(free))
     total = width * height
     return {"cell_m": cell_m, "width": width, "height": height, "total": total, "free": num_free, "blocked": total - num_free}
@@ -70,6 +91,7 @@ def grid_graph(
     level_names: Sequence[str] = ("L1",),
     stations: IntArray | None = None,
     nav: NavGraph | None = None,
+    passages: tuple[BoolArray, BoolArray] | None = None,
 ) -> PlanGraph:
     """The 4-connected graph of a grid's free cells, numbered row by row from the lowest y.
 
@@ -86,12 +108,15 @@ def grid_graph(
     stations, nav
         [Vnav, 2] cells (column, row) of the vertices of a nav graph, and that graph: their names and
         options come along. Without them every cell is a station.
+    passages
+        [H, W - 1] and [H - 1, W] whether one can drive from a cell to the right and up; by default where
+        both cells are free.
     """
     check_cell(cell_m)
     number = np.cumsum(free.ravel()).reshape(free.shape) - 1  # [H, W] vertex of each free cell
     row, column = np.nonzero(free)
     xy = np.asarray(origin, np.float64) + (np.stack([column, row], axis=1) + 0.5) * cell_m
-    right, up = free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
+    right, up = passages or (free[:, :-1] & free[:, 1:], free[:-1] & free[1:])
     pairs = np.concatenate(
         [
             np.stack([number[:, :-1][right], number[:, 1:][right]], axis=1),
@@ -127,27 +152,6 @@ def _one_level(nav: NavGraph) -> tuple[str, ...]:
         names = ", ".join(nav.level_names[k] for k in driven)
         raise MapError(f"a grid holds one level, but graph '{nav.name}' is on {names}: choose one")
     return (nav.level_names[driven[0]],) if len(driven) else nav.level_names[:1]
-
-
-def _paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, FloatArray]:
-    """Free cells [H, W] of the recipe, the cell (column, row) of each vertex [V, 2], and the lower left corner [2]."""
-    _one_level(nav)
-    width, height = grid_size(nav, cell_m)
-    low, _ = _corners(nav)
-    cell = np.floor((_single_precision(nav.xy) - low) / cell_m).astype(np.int64)
-    if width * height > MAX_CELLS:
-        raise MapError(f"cells of {cell_m:g} m would make a grid of {width} x {height} on '{nav.name}', more than {MAX_CELLS:.0e} cells")
-    free = np.zeros((height, width), np.bool_)
-    is_vertex = np.zeros_like(free)
-    is_once = (nav.reverse < 0) | (nav.tail < nav.head)
-    for a, b in zip(nav.tail[is_once].tolist(), nav.head[is_once].tolist()):
-        start, end = cell[a].tolist(), cell[b].tolist()
-        is_vertex[start[1], start[0]] = is_vertex[end[1], end[0]] = True
-        _walk(free, start, end)
-    free |= is_vertex
-    free[cell[:, 1], cell[:, 0]] = True
-    _widen(free, is_vertex)
-    return free, cell, low
 
 
 def _corners(nav: NavGraph) -> tuple[FloatArray, FloatArray]:

@@ -11,19 +11,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mrp_sumo.core.graph import NavGraph, nav_graph
+from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph, nav_graph
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building
-from mrp_sumo.maps.check import check_building
+from mrp_sumo.maps.check import check_building, check_graph
 from mrp_sumo.maps.finding import Finding, RefusedMap, ordered
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.nav_graph import graph_of_document, nav_graph_documents, united_graph
+from mrp_sumo.maps.movingai import is_grid, is_problem_set, map_of_problem_set, read_grid
+from mrp_sumo.maps.nav_graph import graph_of_document, nav_graph_documents, origin_of_document, united_graph
 from mrp_sumo.maps.rmf import building_of, is_building
+from mrp_sumo.maps.ros_map import ROBOT_RADIUS_M, is_ros_map, read_ros_map
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
 __all__ = ["Finding", "Map", "load_map"]
 
-GraphChoice = int | Literal["all"] | None
+GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
 LEVEL_GAP_M = 5.0  # between levels that are laid side by side
 REMEDY = {
@@ -34,38 +36,61 @@ REMEDY = {
 }
 
 
-def load_map(path: Path, *, graph: GraphChoice = None, level: str | None = None, meters_per_pixel: float | None = None) -> Map:
+def load_map(
+    path: Path,
+    *,
+    graph: GraphChoice = None,
+    level: str | None = None,
+    meters_per_pixel: float | None = None,
+    cell_m: float = 0.4,
+    robot_radius_m: float = ROBOT_RADIUS_M,
+) -> Map:
     """Load a map.
 
     Parameters
     ----------
     path
-        An RMF building or nav graph.
+        An RMF building or nav graph, a MovingAI grid or problem set, or a ROS occupancy map.
     graph
-        Which graph of a building; "all" unites them as MRP-Bench does. By default the only or lowest one with lanes.
+        Which graph of a building; several, or "all", are united as MRP-Bench does. By default the only or lowest one with lanes.
     level
         Which level; by default all that the graph is on, joined by lifts and laid side by side.
     meters_per_pixel
         Scale of a building's drawing, instead of its measurements.
+    cell_m
+        Side of the cells of a MovingAI grid, which has no unit, and of those laid over an occupancy map.
+    robot_radius_m
+        How much room a robot needs on an occupancy map.
 
     Raises
     ------
     MapError
         As the module and the format's reader refuse.
     """
-    path = Path(path)
-    source = read_text(path)
+    source = read_text(Path(path))
+    if is_problem_set(source.text):
+        source = read_text(map_of_problem_set(source))
+    if is_grid(source.text):
+        _only_for_buildings(source, graph, level, meters_per_pixel)
+        return _from_grid(source, *read_grid(source, map_name(source.path), cell_m))
     document = parse(source)
     if is_building(document):
         return _from_building(building_of(document, source, meters_per_pixel), graph, level)
+    _only_for_buildings(source, graph, None, meters_per_pixel)
     if isinstance(document, Mapping) and "levels" in document:
         return _from_nav_graph(document, source, level)
-    raise source.fault("not a map this program reads (RMF building, RMF nav graph)")
+    _only_for_buildings(source, None, level, None)
+    if is_ros_map(document):
+        return _from_grid(source, *read_ros_map(document, source, map_name(source.path), cell_m, robot_radius_m))
+    raise source.fault("not a map this program reads (RMF building or nav graph, MovingAI .map or .scen, ROS map_server YAML)")
 
 
 def map_name(path: Path) -> str:
     """The name a map goes by: its file's, without the suffixes."""
-    return path.name.removesuffix(".yaml").removesuffix(".building").removesuffix(".nav")
+    name = path.name
+    for suffix in (".yaml", ".building", ".nav", ".map"):
+        name = name.removesuffix(suffix)
+    return name
 
 
 def _from_building(building: Building, graph: GraphChoice, level: str | None) -> Map:
@@ -79,11 +104,16 @@ def _from_building(building: Building, graph: GraphChoice, level: str | None) ->
     if not counts:
         with_lanes = ", ".join(f"'{n}'" for n, lv in building.levels.items() if lv.lanes)
         raise MapError(f"{building.path.name}: level '{level}' has no lane; levels with lanes: {with_lanes}")
-    chosen = tuple(sorted(counts)) if graph == "all" else (min(counts) if graph is None else graph,)
-    if chosen[0] not in counts:
+    if graph == "all":
+        chosen = tuple(sorted(counts))
+    elif graph is None:
+        chosen = (min(counts),)
+    else:
+        chosen = (graph,) if isinstance(graph, int) else tuple(sorted(set(graph)))
+    if missing := [g for g in chosen if g not in counts]:
         where = f"level '{level}' of " if level else ""
         graphs = ", ".join(f"{g} ({n} lanes)" for g, n in sorted(counts.items()))
-        raise MapError(f"{where}{building.path.name} has no lane in graph {graph}; graphs with lanes: {graphs}")
+        raise MapError(f"{where}{building.path.name} has no lane in graph {missing[0]}; graphs with lanes: {graphs}")
     documents = {g: d for g, d in nav_graph_documents(building).items() if g in chosen}
     name, source = map_name(building.path), str(building.path)
     if len(documents) == 1:
@@ -108,13 +138,28 @@ def _from_building(building: Building, graph: GraphChoice, level: str | None) ->
 def _from_nav_graph(document: Mapping[str, Any], source: Text, level: str | None) -> Map:
     levels = _level_choice(document["levels"] or {}, level, source.path.name)
     try:
-        nav = graph_of_document(document, map_name(source.path), levels=levels, source=str(source.path))
+        origin_m = origin_of_document(document)
+        nav = graph_of_document(document, map_name(source.path), levels=levels, origin_m=origin_m, source=str(source.path))
     except MapError as error:
         raise source.fault(str(error)) from None
     if not nav.num_lanes:
         raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
     shift = _side_by_side(nav, None)
-    return Map(name=nav.name, path=source.path, nav=_joined_by_lifts(nav, shift, {}), documents={0: document}, level_shift_m=shift)
+    nav = _joined_by_lifts(nav, shift, {})
+    return Map(
+        name=nav.name, path=source.path, nav=nav, findings=check_graph(nav), documents={0: document}, origin_m=origin_m, level_shift_m=shift
+    )
+
+
+def _from_grid(source: Text, nav: PlanGraph, free: BoolArray) -> Map:
+    pieces = tuple(finding for finding in check_graph(nav) if finding.kind == "several_components")
+    return Map(name=nav.name, path=source.path, nav=nav, findings=pieces, free=free)
+
+
+def _only_for_buildings(source: Text, graph: GraphChoice, level: str | None, meters_per_pixel: float | None) -> None:
+    for what, given in (("graph", graph), ("level", level), ("scale in metres per pixel", meters_per_pixel)):
+        if given is not None and not (what == "graph" and given in (0, "all")):
+            raise source.fault(f"this kind of map has no {what} to choose")
 
 
 def _refuse(building: Building, level: str | None) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.core.graph import BoolArray, NavGraph
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.finding import Finding
 
@@ -24,3 +24,5 @@ class Map:
     documents: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)  # the chosen nav graphs, as Open-RMF writes them
     origin_m: tuple[float, float] = (0.0, 0.0)  # subtracted from the coordinates of the documents
     level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level, to lay levels side by side
+    changes: tuple[str, ...] = ()  # what repairs have done to `nav`
+    free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y

@@ -15,6 +15,7 @@ import yaml
 from mrp_sumo.core.graph import FloatArray, NavGraph, Options, nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Door, Lane, Level
+from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.rmf import origin_of
 
 Document = Mapping[str, Any]
@@ -106,21 +107,47 @@ def united_graph(
     return _assemble(list(documents), name, levels, origin_m, source, merge=True)
 
 
-def lanes_left_out(document: Document) -> tuple[list[str], list[str]]:
-    """Lanes of a document that a NavGraph does not hold: of no length, and repeated; one text each."""
-    short, twice = [], []
-    for level, (xy, _, lanes) in _levels(document, None).items():
-        seen = set()
-        for k, (a, b, _) in enumerate(lanes):
-            if np.hypot(*(xy[b] - xy[a])) < SHORTEST_LANE_M:
-                short.append(f"level {level} lane {k} from vertex {a} to {b}")
-            elif (a, b) in seen:
-                twice.append(f"level {level} lane {k} from vertex {a} to {b}")
-            seen.add((a, b))
-    return short, twice
+def origin_of_document(document: Document) -> tuple[float, float]:
+    """The document's offset, where its coordinates contain it; else zeros."""
+    offset = document.get("offset")
+    if not (isinstance(offset, list) and len(offset) == 2 and all(_is_number(c) for c in offset)):
+        return (0.0, 0.0)
+    places = [xy for xy, _, _ in _levels(document, None).values()]
+    return origin_of(np.concatenate([*places, np.zeros((0, 2))]), (float(offset[0]), float(offset[1])))
 
 
-class _Dumper(yaml.SafeDumper):
+def document_of_map(map_: Map) -> dict[str, Any]:
+    """The nav graph of a map as a document: what its file says where nothing was changed, else made of its graph.
+
+    Lanes through lifts are left out: the option `lift` of the vertices stands for them.
+    """
+    if len(map_.documents) == 1 and not map_.changes:
+        (document,) = map_.documents.values()
+        levels = {str(name): level for name, level in document["levels"].items()}
+        return {**document, "levels": {name: levels[name] for name in map_.nav.level_names if name in levels}}
+    nav = map_.nav
+    document = {"building_name": map_.building.name if map_.building else map_.name, "doors": {}, "lifts": {}}
+    for source in map_.documents.values():
+        document |= {key: value for key, value in source.items() if key != "levels"}
+    shift = np.array([map_.level_shift_m.get(name, (0.0, 0.0)) for name in nav.level_names])
+    places = (nav.xy - shift[nav.level] + map_.origin_m).tolist()
+    number = np.zeros(nav.num_vertices, np.int64)
+    vertices: list[list[Any]] = [[] for _ in nav.level_names]
+    lanes: list[list[Any]] = [[] for _ in nav.level_names]
+    for v, level in enumerate(nav.level.tolist()):
+        number[v] = len(vertices[level])
+        vertices[level].append([*places[v], {"name": nav.vertex_name[v], **nav.vertex_options[v]}])
+    for k in np.argsort(nav.source_lane).tolist():
+        options = dict(nav.lane_options[k])
+        if "lift" not in options:
+            if nav.reverse[k] < 0:
+                options["is_bidirectional"] = False
+            lanes[nav.level[nav.tail[k]]].append([int(number[nav.tail[k]]), int(number[nav.head[k]]), options])
+    document["levels"] = {name: {"vertices": v, "lanes": e} for name, v, e in zip(nav.level_names, vertices, lanes)}
+    return document
+
+
+class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
@@ -255,10 +282,7 @@ def _assemble(
         last = {(lv, *p): v for v, (lv, p) in enumerate(zip(level, places.tolist()))}
         at = [last[(lv, *p)] for lv, p in zip(level, places.tolist())]
         lanes = [(at[a], at[b], o) for a, b, o in lanes]
-    if origin_m is None:
-        offset = documents[0].get("offset") if documents else None
-        pair = isinstance(offset, list) and len(offset) == 2 and all(_is_number(c) for c in offset)
-        origin_m = origin_of(places, (float(offset[0]), float(offset[1])) if pair and offset else None)
+    origin_m = origin_of_document(documents[0]) if origin_m is None and documents else origin_m or (0.0, 0.0)
     kept: dict[tuple[int, int], dict[str, Any]] = {}
     for a, b, options in lanes:
         if (a, b) not in kept and np.hypot(places[a, 0] - places[b, 0], places[a, 1] - places[b, 1]) >= SHORTEST_LANE_M:

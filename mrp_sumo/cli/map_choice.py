@@ -1,0 +1,54 @@
+"""Arguments that every command about a map file has: what of it is taken, and how it is repaired."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.map import Map
+
+
+def add_choice(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    add = parser.add_argument
+    add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
+    add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
+    add("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
+    add("--cell", metavar="M", type=float, default=0.4, help="side of a grid's cells (default: 0.4 m)")
+    add("--robot-radius", metavar="M", type=float, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
+    add("--snap", metavar="M", type=float, help="repair: join ends that lie this close to a vertex or lane they are not on")
+    add("--split-crossings", action="store_true", help="repair: put a vertex where lanes cross without one")
+    add("--largest-component", action="store_true", help="repair: keep the largest connected piece only")
+
+
+def chosen_map(file: str, options: argparse.Namespace) -> "Map":
+    """The map named on the command line, as chosen and repaired; repairs are told on stderr."""
+    from mrp_sumo.maps.catalogue import find_map
+    from mrp_sumo.maps.load import load_map
+    from mrp_sumo.maps.repair import repair
+
+    radius = {} if options.robot_radius is None else {"robot_radius_m": options.robot_radius}
+    map_ = load_map(
+        find_map(file, Path()),
+        graph=options.graph,
+        level=options.level,
+        meters_per_pixel=options.meters_per_pixel,
+        cell_m=options.cell,
+        **radius,
+    )
+    if options.snap is None and not options.split_crossings and not options.largest_component:
+        return map_
+    map_, changes = repair(map_, snap_m=options.snap, split_at_crossings=options.split_crossings, only_largest=options.largest_component)
+    for change in changes or ("nothing to repair",):
+        print(f"repair: {change}", file=sys.stderr)
+    return map_
+
+
+def _graph(text: str) -> int | tuple[int, ...] | str:
+    if text == "all":
+        return text
+    if not all(part.isdecimal() for part in text.split(",")):
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a number nor 'all'")
+    numbers = tuple(map(int, text.split(",")))
+    return numbers if len(numbers) > 1 else numbers[0]

@@ -1,0 +1,153 @@
+"""MovingAI's grid maps (`.map`) and problem sets (`.scen`): reader and writer.
+
+`type octile`, `height H`, `width W`, `map`, then H rows with the highest first; `.`, `G` and `S` are free, `@`,
+`O`, `T` and `W` blocked (movingai.com/benchmarks/formats.html). Lanes join the four neighbours, as MAPF
+has it. Refuses other headers and characters, and rows that are missing or of a wrong length.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph, frozen
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
+from mrp_sumo.maps.yaml_text import Text, read_text
+
+FREE, BLOCKED = b".GS", b"@OTW"
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemSet:
+    """The rows of a `.scen` file; robot k of a problem is row k."""
+
+    map_name: str  # as the file names its map
+    width: int
+    height: int
+    start: IntArray  # [N, 2] column and row, the highest row is 0
+    goal: IntArray  # [N, 2]
+
+
+def is_grid(text: str) -> bool:
+    """Whether a text is meant as a `.map`."""
+    return text[:200].lstrip().lower().startswith("type ")
+
+
+def is_problem_set(text: str) -> bool:
+    """Whether a text is meant as a `.scen`."""
+    head = text[:200].lstrip().splitlines()
+    return bool(head) and head[0].lower().split()[:1] == ["version"] and ":" not in head[0]
+
+
+def read_grid(source: Text, name: str, cell_m: float) -> tuple[PlanGraph, BoolArray]:
+    """The graph of a `.map` with cells of `cell_m`, its lower left corner at (0, 0), and its free cells [H, W]."""
+    free = occupancy(source)
+    if not free.any():
+        raise source.fault("no free cell: nothing to drive on")
+    return grid_graph(free, cell_m, (0.0, 0.0), name=name, source=str(source.path)), free
+
+
+def occupancy(source: Text) -> BoolArray:
+    """[H, W] free cells of a `.map`; row 0 is the lowest."""
+    lines = source.text.splitlines()
+    size = {}
+    start = None
+    for number, line in enumerate(lines[:20], 1):
+        words = line.split()
+        if words[:1] == ["map"]:
+            start = number
+            break
+        if len(words) != 2 or words[0] not in ("type", "height", "width"):
+            raise _fault(source, number, f"'{line[:40]}' in the header, expected type, height, width or map")
+        if words[0] != "type":
+            if not words[1].isdecimal() or not 0 < int(words[1]) <= MAX_CELLS:
+                raise _fault(source, number, f"{words[0]} is '{words[1][:20]}', expected a whole number above 0")
+            size[words[0]] = int(words[1])
+    if start is None or len(size) != 2:
+        missing = [key for key in ("height", "width") if key not in size]
+        raise source.fault(f"the header has no '{missing[0] if missing else 'map'}' line")
+    height, width = size["height"], size["width"]
+    if height * width > MAX_CELLS:
+        raise source.fault(f"{width} x {height} cells; more than {MAX_CELLS:.0e} are not read")
+    rows = lines[start : start + height]
+    if len(rows) < height:
+        raise source.fault(f"{len(rows)} rows, but the header says {height}")
+    if any(line.strip() for line in lines[start + height :]):
+        raise _fault(source, start + height + 1, f"more rows than the header's {height}")
+    for number, row in enumerate(rows, start + 1):
+        if len(row) != width or not row.isascii():
+            raise _fault(source, number, f"a row of {len(row)} characters, but the header says {width}")
+    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(height, width)
+    free = np.isin(cells, np.frombuffer(FREE, np.uint8))
+    strange = ~free & ~np.isin(cells, np.frombuffer(BLOCKED, np.uint8))
+    if strange.any():
+        row, column = np.argwhere(strange)[0]
+        raise _fault(source, start + 1 + int(row), f"column {column + 1} is '{chr(cells[row, column])}', expected one of . G S @ O T W")
+    return free[::-1]
+
+
+def read_problem_set(source: Text) -> ProblemSet:
+    """The rows of a `.scen`."""
+    start, goal, head = [], [], None
+    for number, line in enumerate(source.text.splitlines()[1:], 2):
+        if not line.strip():
+            continue
+        words = line.rstrip("\n").split("\t") if "\t" in line else line.split()
+        if len(words) < 8 or not all(word.strip().isdecimal() and len(word) < 10 for word in words[2:8]):
+            raise _fault(source, number, "expected bucket, map, width, height, start x, start y, goal x, goal y, length")
+        width, height, *cells = (int(word) for word in words[2:8])
+        head = head or (words[1].strip(), width, height)
+        if head != (words[1].strip(), width, height):
+            raise _fault(
+                source, number, f"map '{words[1]}' of {width} x {height}, but the first row has '{head[0]}' of {head[1]} x {head[2]}"
+            )
+        if cells[0] >= width or cells[2] >= width or cells[1] >= height or cells[3] >= height:
+            raise _fault(source, number, f"cell outside the {width} x {height} map")
+        start.append(cells[:2])
+        goal.append(cells[2:])
+    if head is None:
+        raise source.fault("no rows")
+    return ProblemSet(*head, frozen(np.array(start, np.int64)), frozen(np.array(goal, np.int64)))
+
+
+def map_of_problem_set(source: Text) -> Path:
+    """The `.map` that a `.scen` belongs to, looked for beside it."""
+    name = read_problem_set(source).map_name.replace("\\", "/")
+    beside = source.path.parent / name.rsplit("/", 1)[-1]
+    if not beside.is_file():
+        raise source.fault(f"its map '{name}' is not beside it")
+    return beside
+
+
+def vertices_at(graph: PlanGraph, cells: IntArray, height: int) -> IntArray:
+    """[N] vertices of a grid read from a `.map` with `height` rows at cells [N, 2] of its `.scen`.
+
+    Raises
+    ------
+    MapError
+        For a cell that is blocked.
+    """
+    number = {tuple(c): v for v, c in enumerate(np.floor(graph.xy / graph.cell_m).astype(np.int64).tolist())}
+    found = [number.get((int(x), height - 1 - int(y)), -1) for x, y in cells]
+    if -1 in found:
+        x, y = cells[found.index(-1)]
+        raise MapError(f"{graph.name}: cell ({x}, {y}) is blocked")
+    return np.array(found, np.int64)
+
+
+def write_grid(free: BoolArray, path: Path) -> None:
+    """Write free cells [H, W], row 0 the lowest, as `.map`."""
+    height, width = free.shape
+    rows = np.where(free[::-1], np.uint8(ord(".")), np.uint8(ord("@")))
+    text = f"type octile\nheight {height}\nwidth {width}\nmap\n" + "\n".join(row.tobytes().decode() for row in rows) + "\n"
+    path.write_text(text, encoding="ascii")
+
+
+def read_problem_file(path: Path) -> ProblemSet:
+    """The rows of a `.scen` file."""
+    return read_problem_set(read_text(path))
+
+
+def _fault(source: Text, line: int, message: str) -> MapError:
+    return MapError(f"{source.path.name}:{line}: {message}")

@@ -1,0 +1,115 @@
+"""ROS occupancy maps: the YAML and image that `map_server` reads (Nav2, nav2_map_server/src/map_io.cpp).
+
+A robot may stand at a cell's centre when a disc of its radius touches nothing occupied or unknown there,
+and drive to a neighbour when that holds all the way. Refuses turned origins, missing or huge images,
+mode `raw`, and maps without any place to stand.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, PlanGraph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
+from mrp_sumo.maps.roadmap import check_cell
+from mrp_sumo.maps.yaml_text import Text
+
+ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
+MODES = ("trinary", "scale")
+
+
+def is_ros_map(document: Any) -> bool:
+    """Whether a YAML document is meant for map_server."""
+    return isinstance(document, Mapping) and "image" in document and "resolution" in document
+
+
+def read_ros_map(
+    document: Mapping[str, Any], source: Text, name: str, cell_m: float, robot_radius_m: float = ROBOT_RADIUS_M
+) -> tuple[PlanGraph, BoolArray]:
+    """The grid of a map with cells of `cell_m`, in the map's own frame, and its free cells [H, W]."""
+    check_cell(cell_m)
+    resolution_m = _number(document, "resolution", source, None)
+    if not 1e-4 <= resolution_m <= 100:
+        raise source.fault(f"resolution is {resolution_m:g} m, expected a number above 0", "resolution")
+    origin = document.get("origin", [0, 0, 0])
+    if not isinstance(origin, list) or not 2 <= len(origin) <= 3 or not all(_is_finite(value) for value in origin):
+        raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
+    if len(origin) == 3 and abs(origin[2]) > 1e-6:
+        raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
+    clear = _clear_pixels(document, source)  # [h, w], row 0 is the lowest
+    reach = _distance_px(clear) * resolution_m - resolution_m / 2  # [h, w] m to the nearest edge that is not clear
+    height, width = (max(int(n * resolution_m / cell_m + 1e-9), 0) for n in clear.shape)
+    if not width or not height:
+        raise source.fault(f"the map is smaller than a cell of {cell_m:g} m")
+    per_cell = cell_m / resolution_m
+    rows, columns = ((np.arange(n) + 0.5) * per_cell for n in (height, width))
+    free = _reach_at(reach, rows, columns) >= robot_radius_m
+    right, up = free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
+    for part in np.linspace(0, per_cell, max(math.ceil(per_cell), 1) + 1)[1:-1]:
+        right &= _reach_at(reach, rows, columns[:-1] + part) >= robot_radius_m
+        up &= _reach_at(reach, rows[:-1] + part, columns) >= robot_radius_m
+    if not free.any():
+        raise source.fault(f"no place where a robot of radius {robot_radius_m:g} m can stand")
+    graph = grid_graph(free, cell_m, origin[:2], name=name, source=str(source.path), passages=(right, up))
+    if not graph.num_lanes:
+        raise source.fault(f"no two cells of {cell_m:g} m that a robot of radius {robot_radius_m:g} m can drive between")
+    return graph, free
+
+
+def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
+    """[h, w] pixels that are surely free; row 0 is the lowest."""
+    from PIL import Image
+
+    mode = document.get("mode", "trinary")
+    if mode not in MODES:
+        raise source.fault(f"mode is '{mode}', expected {' or '.join(MODES)}", "mode")
+    free_below = _number(document, "free_thresh", source, 0.25)
+    name = document["image"]
+    if not isinstance(name, str) or not name or "\0" in name:
+        raise source.fault(f"image is '{name}', expected the name of a PGM or PNG file", "image")
+    path = source.path.parent / name
+    try:
+        with Image.open(path) as image:
+            if image.width * image.height > MAX_CELLS:
+                raise source.fault(f"image '{name}' has {image.width} x {image.height} pixels, too many", "image")
+            with_alpha = "A" in image.getbands()
+            pixels = np.asarray(image.convert("LA" if with_alpha else "L"), np.float64)
+    except FileNotFoundError:
+        raise source.fault(f"image '{name}' is not there", "image") from None
+    except MapError:
+        raise
+    except Exception as error:  # Pillow's decoders raise anything on damaged files
+        raise source.fault(
+            f"image '{name}' cannot be read: {str(error).splitlines()[0] if str(error) else type(error).__name__}", "image"
+        ) from None
+    shade = pixels[..., 0] if with_alpha else pixels
+    occupied = shade / 255 if document.get("negate") in (1, True) else (255 - shade) / 255
+    clear = occupied < free_below
+    if with_alpha:
+        clear &= pixels[..., 1] == 255  # see-through is unknown
+    return clear[::-1]
+
+
+def _distance_px(clear: BoolArray) -> np.ndarray:
+    """[h, w] pixels to the nearest centre that is not clear; the map's edge is not."""
+    from scipy.ndimage import distance_transform_edt
+
+    return np.asarray(distance_transform_edt(np.pad(clear, 1)))[1:-1, 1:-1]
+
+
+def _reach_at(reach: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    return reach[np.minimum(rows.astype(int), reach.shape[0] - 1)][:, np.minimum(columns.astype(int), reach.shape[1] - 1)]
+
+
+def _number(document: Mapping[str, Any], key: str, source: Text, default: float | None) -> float:
+    value = document.get(key, default)
+    if not _is_finite(value):
+        raise source.fault(f"{key} is {str(value)[:40]}, expected a number", key)
+    return float(value)
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
