@@ -22,7 +22,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.events import event_document
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, Record, robot_states
-from mrp_sumo.io.rosbag_template import Template
+from mrp_sumo.io.rosbag_template import Template, tiled
 
 EPOCH_NS = 1_700_000_000 * 10**9
 GENERATIONS = ("galactic", "jazzy", "kilted")
@@ -259,10 +259,27 @@ class Messages:
             waits = np.isfinite(depart) & (depart > arrive + 1e-6)
             row, t_s = np.repeat(np.arange(len(vertex)), 1 + waits), np.repeat(arrive, 1 + waits)
             t_s[np.flatnonzero(row[1:] == row[:-1]) + 1] = depart[waits]
-            places = zip(t_s.tolist(), *xy[row].T.tolist(), yaw[row].tolist(), vertex[row].tolist())
-            path = [self.location(EPOCH_NS + round(t * 1e9), x, y, turned, v) for t, x, y, turned, v in places]
-            task = self.record.graph.label(int(self.record.target[i]))
-            yield self.serialised(self.make("rmf_fleet_msgs/PathRequest", FLEET_NAME, self.robots[i], path, task))
+            ns = EPOCH_NS + np.rint(t_s * 1e9).astype(np.int64)
+            yield self._path_request(i, ns, xy[row], yaw[row], vertex[row])
+
+    def _path_request(self, robot: int, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
+        """One request with K locations."""
+        task = self.record.graph.label(int(self.record.target[robot]))
+
+        def serialised(marks: Sequence[int]) -> bytes:
+            path = [self.location(0, 0.0, 0.0, 0.0, t=self.make("builtin_interfaces/Time", mark, 0)) for mark in marks]
+            return self.serialised(self.make("rmf_fleet_msgs/PathRequest", FLEET_NAME, self.robots[robot], path, task))
+
+        raw, first, second, stride = tiled(serialised, len(ns))
+        names, formats = ["sec", "nanosec", "x", "y", "yaw", "index"], ["<i4", "<u4", "<f4", "<f4", "<f4", "<u8"]
+        for begin, end, rows in ((first, second, slice(0, 1)), (second, second + stride * (len(ns) - 1), slice(1, None))):
+            size = end - begin if rows.stop else stride
+            at = np.dtype({"names": names, "formats": formats, "offsets": [0, 4, 8, 12, 16, size - 8], "itemsize": size})
+            locations = raw[begin:end].view(at)
+            locations["sec"], locations["nanosec"] = ns[rows] // 10**9, ns[rows] % 10**9
+            locations["x"], locations["y"], locations["yaw"] = xy[rows, 0], xy[rows, 1], yaw[rows]
+            locations["index"] = vertex[rows]
+        return raw.tobytes()
 
     def location(self, ns: int, x: Any, y: Any, yaw: Any, vertex: int = 0, t: Any = None) -> Any:
         limit = () if self.generation == "galactic" else (False, 0.0)

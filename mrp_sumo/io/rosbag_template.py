@@ -83,3 +83,33 @@ class Template:
         """View of the `count` bytes that are followed by the last `after` bytes: a payload to overwrite."""
         end = HEADER + self._size - after
         return self._buffer[end - count : end]
+
+
+MARKS = (0x51A2B3C1, 0x52A3B4C2, 0x53A4B5C3)
+
+
+def tiled(serialised: Callable[[Sequence[int]], bytes], count: int) -> tuple[NDArray[np.uint8], int, int, int]:
+    """The bytes of a message whose one sequence of records is `count` long.
+
+    Parameters
+    ----------
+    serialised
+        The message with one record for each number given, which each record begins with; a record
+        ends on a multiple of eight bytes.
+    count
+        At least 1.
+
+    Returns
+    -------
+    message, first, second, stride
+        Records begin at `first`, `second`, `second + stride`, ...; all but the first hold the second's values.
+    """
+    raw = serialised(MARKS)
+    places = [raw.find(mark.to_bytes(4, "little")) for mark in MARKS]
+    if min(places) < 0 or any(raw.count(mark.to_bytes(4, "little")) != 1 for mark in MARKS):
+        raise RuntimeError("a mark does not occur exactly once in the message")
+    first, second, third = places
+    stride = third - second
+    message = bytearray(raw[:second] + raw[second:third] * (count - 1) + raw[third + stride :])
+    message[first - 4 : first] = count.to_bytes(4, "little")
+    return np.frombuffer(message, np.uint8), first, second, stride

@@ -65,7 +65,7 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
         "schema_version": SCHEMA_VERSION,
         "units": UNITS,
         "robots": list(robot_name),
-        "t_ns": [int(t_ns[0]), int(t_ns[-1]), num_samples] if num_samples else [0, 0, 0],
+        "t_ns": _stamps_told(t_ns),
         **metadata,
     }
     fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", pa.dictionary(index, pa.string()), False)]
@@ -106,19 +106,29 @@ def read_trajectory(path: Path) -> Trajectory:
         found = about.get("schema_version") if isinstance(about, dict) else "no trajectory"
         raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
     names = about["robots"]
-    first, last, num_samples = about["t_ns"]
-    time, dictionary = table["t_ns"].to_numpy(), table["robot"].combine_chunks()
-    t_ns = np.unique(time)
-    if len(t_ns) != num_samples:  # samples at which nobody was on the floor
-        t_ns = np.union1d(t_ns, np.rint(np.linspace(first, last, num_samples)).astype(np.int64))
-    robot = _indices(dictionary, names)
-    row = np.searchsorted(t_ns, time)
+    t_ns = _stamps(about["t_ns"])
+    row, robot = np.searchsorted(t_ns, table["t_ns"].to_numpy()), _indices(table["robot"], names)
     columns = {}
     for name in COLUMNS:
         values = np.full((len(t_ns), len(names)), np.nan)
         values[row, robot] = table[name].to_numpy()
         columns[name] = values
     return Trajectory(t_ns, tuple(names), **columns, metadata=about)
+
+
+def _stamps_told(t_ns: IntArray) -> dict[str, Any]:
+    """The stamps in JSON: first, last and number where that says it all, else every one."""
+    if len(t_ns):
+        told = {"first": int(t_ns[0]), "last": int(t_ns[-1]), "count": len(t_ns)}
+        if np.array_equal(_stamps(told), t_ns):
+            return told
+    return {"all": t_ns.tolist()}
+
+
+def _stamps(told: Mapping[str, Any]) -> IntArray:
+    if "all" in told:
+        return np.array(told["all"], np.int64)
+    return np.rint(np.linspace(told["first"], told["last"], told["count"])).astype(np.int64)
 
 
 def _indices(column: Any, names: list[str]) -> IntArray:

@@ -4,6 +4,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -236,3 +237,19 @@ def test_templates_hold_for_robots_that_come_later():
     stream = messages.transforms(samples)
     counts = [len(messages.typestore.deserialize_cdr(stream.message(k), "tf2_msgs/msg/TFMessage").transforms) for k in range(5)]
     assert counts == [3, 3, 4, 4, 4]
+
+
+@pytest.mark.parametrize("generation", GENERATIONS)
+@pytest.mark.parametrize("length", range(1, 9))
+def test_requests_are_right_however_the_names_align(generation, length):
+    record = record_of_four()
+    fleet = replace(record.fleet, robot_name=tuple(chr(97 + i) * length for i in range(4)))
+    messages = Messages(replace(record, fleet=fleet), generation)
+    for i, raw in enumerate(messages.path_requests()):
+        request = messages.typestore.deserialize_cdr(raw, "rmf_fleet_msgs/msg/PathRequest")
+        assert bytes(messages.typestore.serialize_cdr(request, "rmf_fleet_msgs/msg/PathRequest")) == raw
+        visits = slice(record.plan.first[i], record.plan.first[i + 1])
+        assert [p.index for p in request.path] == record.plan.vertex[visits].tolist()
+        assert [p.t.sec - 1_700_000_000 for p in request.path] == record.plan.arrive_s[visits].tolist()
+        assert [(p.x, p.y) for p in request.path] == list(map(tuple, record.graph.xy[record.plan.vertex[visits]]))
+        assert (request.robot_name, len(request.path)) == (fleet.robot_name[i], visits.stop - visits.start)

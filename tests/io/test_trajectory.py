@@ -69,3 +69,10 @@ def test_other_files_are_refused(tmp_path):
         read_trajectory(tmp_path / "y.parquet")
     with pytest.raises(MrpSumoError, match="no such file"):
         read_trajectory(tmp_path / "z.parquet")
+
+
+def test_uneven_stamps_come_back(tmp_path):
+    execution = wandering(samples=4, robots=1)
+    uneven = Execution(**{**vars(execution), "t_s": np.array([0.0, 0.1, 0.4, 0.5])})
+    write_trajectory(tmp_path / "t.parquet", uneven, names(1), {})
+    assert read_trajectory(tmp_path / "t.parquet").t_ns.tolist() == [0, 100_000_000, 400_000_000, 500_000_000]
