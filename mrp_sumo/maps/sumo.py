@@ -19,7 +19,7 @@ from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building
 
-NO_LIMIT_MPS = 30.0  # above any robot: the edge's speed would cap the commanded one
+NO_LIMIT_MPS = 2.0  # of lanes without a limit; SUMO looks for followers by it, at 30 m/s an insertion takes 30 ms
 LANE_WIDTH_M = 0.3  # drawn only
 
 

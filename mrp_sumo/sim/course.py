@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import ExecutionError
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.policy import Policy
-from mrp_sumo.sim.resources import Resources, left_after_m, needs_of, resources_of
+from mrp_sumo.core.resources import Resources, left_after_m, needs_of, resources_of
 
 TURNS_RAD = 0.2  # a bend beyond this is turned in place, a lesser one while driving
 

@@ -62,7 +62,7 @@ def simulate(
 def _drive(problem: Problem, plan: Plan, settings: ExecutionSettings, course: Course, sumo: Sumo, progress: Progress | None) -> Execution:
     policy, dt, path, names = policy_of(settings.policy), settings.step_length_s, course.path, problem.fleet.robot_name
     state = fresh_state(course)
-    routes = insert(problem.graph, path, sumo, type_of(problem.fleet))
+    routes = insert(problem.graph, path, sumo, type_of(problem.fleet), float(problem.fleet.max_speed_mps.max()))
     labels = [problem.graph.label(v) for v in range(problem.graph.num_vertices)]
     recorder, watch, findings = Recorder(course.num_robots), DeadlockWatch(), []
     log, changed = _empty_log(course.num_robots), np.zeros(course.num_robots, np.int64)

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray, NavGraph
 from mrp_sumo.errors import ExecutionError
-from mrp_sumo.maps.sumo import edge_name
+from mrp_sumo.maps.sumo import NO_LIMIT_MPS, edge_name
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.sumo import Sumo
 
@@ -41,6 +41,12 @@ class Routes:
                 raise ExecutionError(
                     f"edge '{self.edge[lane]}' of the network is {found:g} m long, expected {expected:g} m: it was not made of this graph"
                 )
+
+    def raise_limits(self, speed_mps: float) -> None:
+        """The network's stand-in for no limit must not cap fast robots."""
+        if speed_mps > NO_LIMIT_MPS:
+            for lane in np.flatnonzero(~np.isfinite(self.graph.speed_mps)).tolist():
+                self.sumo.raise_limit(self.edge[lane], speed_mps)
 
     def insert_all(self, kinds: list[int]) -> None:
         """Put every robot on its first vertex: at the end of the incoming edge most in line with its first move."""
@@ -105,10 +111,11 @@ class Routes:
         return [self.edge[onward[0]]] if onward else []
 
 
-def insert(graph: NavGraph, path: _control.Path, sumo: Sumo, kinds: list[int]) -> Routes:
+def insert(graph: NavGraph, path: _control.Path, sumo: Sumo, kinds: list[int], fastest_mps: float) -> Routes:
     """Check the network and put all robots on it."""
     routes = Routes(graph, path, sumo)
     routes.check()
+    routes.raise_limits(fastest_mps)
     routes.insert_all(kinds)
     sumo.begin()
     return routes

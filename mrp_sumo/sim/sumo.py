@@ -48,6 +48,10 @@ class Sumo:
         except self._api.TraCIException as error:
             raise ExecutionError(f"the network has no edge '{edge}': it was not made of this graph") from error
 
+    def raise_limit(self, edge: str, speed_mps: float) -> None:
+        """Let robots drive faster on a lane that has no limit of its own."""
+        self._api.edge.setMaxSpeed(edge, speed_mps)
+
     def insert(self, robot: int, kind: int, edges: list[str], at_end: bool, stops: bool) -> None:
         """Put a robot on the first edge, at its end or its beginning. `stops`: the route ends where the robot stays."""
         name = self._name[robot]
