@@ -25,6 +25,8 @@ class World(NamedTuple):
     code_scratch: np.ndarray  # int64, scratch of _compass
     bound: np.ndarray  # [V, 2] float64, see _compass
     two_way: bool  # every lane has its opposite: robots can swap in corridors
+    guided: bool  # robots keep to `guide` where it says something
+    guide: np.ndarray  # [R, V] int32 vertex to go to next from each, -1 where it says nothing; [1, 1] unless guided
 
 
 class Scratch(NamedTuple):
@@ -166,6 +168,8 @@ def _prefer(world, scratch, here, to, i, hindrance, rng):
     for k in range(num):
         u = world.head[a + k] if k < num - 1 else v
         key = 64.0 * nearer(world, i, u, v) + rng.random()
+        if world.guided and world.guide[i, v] == u:
+            key -= 256.0
         if hindrance and num > 2:
             key += _num_wanting(world, scratch, i, u)
         p = k

@@ -72,7 +72,9 @@ def build_world(problem: Problem, deadline_s: float, *, packed: bool | None = No
         table = found
         steps[:] = table[np.arange(num_robots), problem.start]
         steps[steps >= UNREACHABLE] = -1
-    return World(graph.first, graph.head, target, table, packed, code, code_scratch, bound, two_way), steps
+    return World(
+        graph.first, graph.head, target, table, packed, code, code_scratch, bound, two_way, False, np.zeros((1, 1), np.int32)
+    ), steps
 
 
 def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:

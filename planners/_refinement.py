@@ -1,0 +1,45 @@
+"""Large neighbourhood search over the paths of a problem, driven by the clock or by the work done."""
+
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.problem import Problem
+from planners import _lns
+from planners._lns import Task
+from planners._world import SLICE_S
+
+SPARE_STEPS = 8  # room beyond the longest path
+FOREVER = 1 << 62
+
+
+def task_of(problem: Problem, table: np.ndarray) -> Task:
+    """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
+    graph = problem.graph
+    return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table)
+
+
+class Refinement:
+    """Paths without collisions that get shorter."""
+
+    def __init__(self, task: Task, path: np.ndarray, size: int, rng: np.random.Generator) -> None:
+        """`path` is [T, R], everybody at the goal in the last row; `size` robots are planned again at a time."""
+        self._task, self._size, self._rng = task, size, rng
+        self._traffic, self._labels, self._hood = _lns.traffic_of(task, path, size, SPARE_STEPS)
+        self._at_once = 1
+
+    @property
+    def cost(self) -> int:
+        """Sum of costs in steps."""
+        return int(self._traffic.end.sum())
+
+    def until(self, deadline_s: float, *, most_labels: int = FOREVER) -> None:
+        """Go on until the deadline (perf_counter), or until so many labels have been made since the beginning."""
+        while (slice_s := perf_counter()) < deadline_s and self._labels.stamp[1] < most_labels:
+            _lns.improve(self._task, self._traffic, self._labels, self._hood, self._size, self._at_once, most_labels, self._rng)
+            pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
+            self._at_once = max(1, int(self._at_once * min(pace, 2.0)))
+
+    def path(self) -> np.ndarray:
+        """[T, R], up to the last arrival."""
+        return self._traffic.at[: int(self._traffic.end.max()) + 1].copy()
