@@ -1,0 +1,58 @@
+"""Write the replay page of a run: one HTML file that any browser shows, without a network.
+
+--serve shows it at an address of this machine instead, until Ctrl+C.
+"""
+
+import argparse
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo replay`."""
+    parser.add_argument("run", help="run folder, as `mrp-sumo run --out` makes it")
+    parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html)")
+    parser.add_argument("--serve", action="store_true", help="open it in a browser, from a small web server on this machine")
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="of --serve (default: any free port)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the page, and serve it where that is asked for."""
+    from mrp_sumo.reports.replay import write_replay
+
+    page = write_replay(Path(options.run), Path(options.out) if options.out else None)
+    print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+    if options.serve:
+        _serve(page.read_bytes(), options.port)
+    return 0
+
+
+def _serve(page: bytes, port: int) -> None:
+    """Answer every address with the page until Ctrl+C."""
+    import webbrowser
+    from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+    from mrp_sumo.errors import MrpSumoError
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(page)))
+            self.end_headers()
+            self.wfile.write(page)
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Say nothing."""
+
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    except (OSError, OverflowError) as error:
+        raise MrpSumoError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from None
+    address = f"http://127.0.0.1:{server.server_port}/"
+    print(f"{address} (Ctrl+C ends)", flush=True)
+    webbrowser.open(address)
+    with server:
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print()

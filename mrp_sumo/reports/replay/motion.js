@@ -1,0 +1,160 @@
+/* Where everybody is, and should be, at any time. Lengths in metres from the lower left corner of the map. */
+
+const MOVING = 0, WAITING = 1, BLOCKED = 2, AT_GOAL = 3, ABSENT = 4;
+const STATE_NAMES = ["moving", "waiting", "blocked", "at goal", "not on the floor"];
+const NEVER = 0xffffffff;
+
+class Motion {
+  constructor(run) {
+    const c = run.columns;
+    this.numRobots = run.robots.length;
+    this.numSamples = run.num_samples;
+    this.period = run.period_s;
+    this.unit = run.unit_m;
+    this.end = (this.numSamples - 1) * this.period;
+    this.x = c.x; // robot by robot, [R * T]
+    this.y = c.y;
+    this.yaw = c.yaw; // 256 to a full turn
+    this.state = c.state;
+    this.first = c.plan_first || new Uint32Array(this.numRobots + 1);
+    this.visit = { vertex: c.plan_vertex, arrive: c.plan_arrive, depart: c.plan_depart, arrived: c.plan_arrived }; // ms
+    this.hasPlan = this.first[this.numRobots] > 0;
+    this.isPlanOnly = run.plan_only;
+    this.vertexX = c.vertex_x && Float32Array.from(c.vertex_x, (v) => v * run.vertex_unit_m);
+    this.vertexY = c.vertex_y && Float32Array.from(c.vertex_y, (v) => v * run.vertex_unit_m);
+    this.pose = new Float32Array(3 * this.numRobots); // x, y, yaw of everybody at the time last asked for
+    this.now = new Uint8Array(this.numRobots); // and the states
+    this.ghost = new Float32Array(3 * this.numRobots);
+  }
+
+  sampleAt(t) {
+    return Math.max(0, Math.min(this.numSamples - 1, Math.floor(t / this.period + 1e-6)));
+  }
+
+  /* Fill `pose` and `now`. */
+  seek(t) {
+    const k = this.sampleAt(t), T = this.numSamples;
+    const last = k >= T - 1;
+    const u = last ? 0 : Math.max(0, Math.min(1, t / this.period - k));
+    const { x, y, yaw, state, pose, now, unit } = this;
+    for (let r = 0, i = k, p = 0; r < this.numRobots; r++, i += T, p += 3) {
+      now[r] = state[i];
+      const j = last || state[i + 1] === ABSENT ? i : i + 1;
+      pose[p] = (x[i] + u * (x[j] - x[i])) * unit;
+      pose[p + 1] = (y[i] + u * (y[j] - y[i])) * unit;
+      const turn = ((yaw[j] - yaw[i] + 384) & 255) - 128;
+      pose[p + 2] = (yaw[i] + u * turn) * (Math.PI / 128);
+    }
+  }
+
+  /* The visit a robot is at, or has left for the next one, by plan. */
+  visitAt(robot, t) {
+    const ms = t * 1000 + 0.5, arrive = this.visit.arrive;
+    let low = this.first[robot], high = this.first[robot + 1] - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (arrive[middle] <= ms) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  /* Fill `ghost` with where the plan has everybody. */
+  seekPlan(t) {
+    const { vertex, arrive, depart } = this.visit;
+    const { vertexX, vertexY, ghost, first } = this;
+    const ms = t * 1000;
+    for (let r = 0, p = 0; r < this.numRobots; r++, p += 3) {
+      const k = this.visitAt(r, t), more = k + 1 < first[r + 1];
+      let a = k, b = more ? k + 1 : k, u = 0;
+      if (more && ms > depart[k]) u = Math.min(1, (ms - depart[k]) / Math.max(1, arrive[k + 1] - depart[k]));
+      const ax = vertexX[vertex[a]], ay = vertexY[vertex[a]], bx = vertexX[vertex[b]], by = vertexY[vertex[b]];
+      ghost[p] = ax + u * (bx - ax);
+      ghost[p + 1] = ay + u * (by - ay);
+      if (u === 0 && k > first[r]) a = k - 1, b = k; // standing: the way it came
+      const dx = vertexX[vertex[b]] - vertexX[vertex[a]], dy = vertexY[vertex[b]] - vertexY[vertex[a]];
+      ghost[p + 2] = Math.atan2(dy, dx);
+    }
+  }
+
+  speedAt(robot, t) {
+    const T = this.numSamples, k = Math.min(this.sampleAt(t), T - 2);
+    if (k < 0) return 0;
+    const i = robot * T + k;
+    return (Math.hypot(this.x[i + 1] - this.x[i], this.y[i + 1] - this.y[i]) * this.unit) / this.period;
+  }
+
+  /* Seconds behind the plan at the latest visit reached, null before any. */
+  latenessAt(robot, t) {
+    const { arrive, arrived } = this.visit;
+    let late = null;
+    for (let k = this.first[robot]; k < this.first[robot + 1] && arrived[k] <= t * 1000; k++) late = (arrived[k] - arrive[k]) / 1000;
+    return late;
+  }
+
+  /* [T][4] how many robots are in each state at each sample. */
+  census() {
+    const T = this.numSamples, count = new Uint32Array(T * 5);
+    for (let r = 0, i = 0; r < this.numRobots; r++) for (let k = 0; k < T; k++, i++) count[5 * k + this.state[i]]++;
+    return count;
+  }
+
+  /* Seconds a robot spends in each state, [R * 5]. */
+  totals() {
+    const T = this.numSamples, total = new Float64Array(this.numRobots * 5);
+    for (let r = 0, i = 0; r < this.numRobots; r++) for (let k = 0; k < T; k++, i++) total[5 * r + this.state[i]] += this.period;
+    return total;
+  }
+}
+
+/* The events, by time, and by robot. */
+class Events {
+  constructor(run) {
+    const c = run.columns;
+    this.count = c.event_t ? c.event_t.length : 0;
+    this.t = c.event_t; // ms
+    this.duration = c.event_duration; // ms
+    this.kind = c.event_kind; // index into kinds
+    this.robot = c.event_robot; // NEVER: none
+    this.other = c.event_other;
+    this.vertex = c.event_vertex;
+    this.kinds = run.event_kinds;
+    this.text = run.event_text; // {index: text}
+    this.perKind = new Uint32Array(this.kinds.length);
+    this.ofRobot = new Map();
+    for (let i = 0; i < this.count; i++) {
+      this.perKind[this.kind[i]]++;
+      for (const robot of [this.robot[i], this.other[i]]) {
+        if (robot === NEVER || (robot === this.robot[i] && robot === this.other[i])) continue;
+        if (!this.ofRobot.has(robot)) this.ofRobot.set(robot, []);
+        this.ofRobot.get(robot).push(i);
+      }
+    }
+  }
+
+  seconds(i) {
+    return this.t[i] / 1000;
+  }
+
+  /* Whom a robot waits for at a time, NEVER for nobody: of the events that last, the latest begun. */
+  waitsFor(robot, t) {
+    const ms = t * 1000 + 0.5, own = this.ofRobot.get(robot) || [];
+    let other = NEVER;
+    for (const i of own) {
+      if (this.t[i] > ms) break;
+      if (this.robot[i] === robot && this.other[i] !== NEVER && this.duration[i] > 0 && this.t[i] + this.duration[i] >= ms) other = this.other[i];
+    }
+    return other;
+  }
+
+  /* The first event after a time, -1 for none; or with step -1 the last before. */
+  nextAfter(t, step, wanted) {
+    const ms = Math.round(t * 1000);
+    if (step > 0) {
+      for (let i = 0; i < this.count; i++) if (this.t[i] > ms && wanted(i)) return i;
+    } else {
+      for (let i = this.count - 1; i >= 0; i--) if (this.t[i] < ms - 1 && wanted(i)) return i;
+    }
+    return -1;
+  }
+}

@@ -1,0 +1,432 @@
+/* Draws the map and the robots. What is drawn is decided by `view`, the state that the user changes. */
+
+const THEMES = {
+  light: {
+    paper: "#eef1f5", floor: "#ffffff", furniture: "#e6ebf1", hole: "#e2e7ee", wall: "#3a4454", lane: "#b9c7d8", door: "#c2813f", station: "#7b8da3", ink: "#17202c", halo: "#ffffff",
+    muted: "#5b6878", accent: "#1d4ed8", special: "#7c5cd6", states: ["#2f7de1", "#e8960c", "#dc2f45", "#15936f", "#9aa5b1"],
+  },
+  dark: {
+    paper: "#0c1015", floor: "#151b23", furniture: "#232c37", hole: "#0f141a", wall: "#8a97a8", lane: "#324154", door: "#b98a55", station: "#5d7085", ink: "#e6edf3", halo: "#0c1015",
+    muted: "#8d9aaa", accent: "#6ea8ff", special: "#a48df0", states: ["#4d9bff", "#f7b02e", "#ff5468", "#2fc597", "#667380"],
+  },
+};
+const TRAIL_S = 20;
+const MAX_TRAIL_PIECES = 48000;
+const MAX_LABELS = 260;
+
+class Scene {
+  constructor(run, motion, events) {
+    Object.assign(this, { run, motion, events });
+    this.map = run.map;
+    this.camera = { scale: 1, x: 0, y: 0 }; // screen = (x * scale + camera.x, -y * scale + camera.y)
+    this.theme = THEMES.light;
+    this.heat = null;
+  }
+
+  async start(canvas, overlay, holder) {
+    Object.assign(this, { canvas, overlay, holder });
+    this.renderer = await PIXI.autoDetectRenderer({
+      canvas, preference: "webgl", antialias: false, resolution: Math.min(2, window.devicePixelRatio || 1), autoDensity: true, backgroundAlpha: 1,
+      width: holder.clientWidth, height: holder.clientHeight, preserveDrawingBuffer: false, powerPreference: "high-performance",
+      eventMode: "none", eventFeatures: { move: false, globalMove: false, click: false, wheel: false },
+    });
+    this.uniforms = new PIXI.UniformGroup({
+      uView: { value: new Float32Array(4), type: "vec4<f32>" },
+      uScreen: { value: new Float32Array(4), type: "vec4<f32>" },
+    });
+    this.stage = new PIXI.Container();
+    this.ground = new PIXI.Container(); // in metres, y up
+    this.floors = new PIXI.Graphics();
+    this.lanes = new Strokes(this.uniforms);
+    this.trails = new Strokes(this.uniforms);
+    this.walls = new Strokes(this.uniforms);
+    this.ties = new Strokes(this.uniforms);
+    this.spots = new Robots(this.uniforms);
+    this.ghosts = new Robots(this.uniforms);
+    this.robots = new Robots(this.uniforms);
+    this.ground.addChild(this.floors);
+    this.stage.addChild(this.ground, this.lanes.mesh, this.walls.mesh, this.spots.mesh, this.trails.mesh, this.ties.mesh, this.ghosts.mesh, this.robots.mesh);
+    this.resize();
+    this.fit();
+  }
+
+  setTheme(name) {
+    this.theme = THEMES[name];
+    this.isDark = name === "dark";
+    this.renderer.background.color = this.theme.paper;
+    this.colors = this.theme.states.map((c) => packed(c));
+    this.drawMap();
+    if (this.heat) this.drawHeat();
+  }
+
+  resize() {
+    const { holder, overlay } = this;
+    this.width = Math.max(1, holder.clientWidth);
+    this.height = Math.max(1, holder.clientHeight);
+    this.renderer.resize(this.width, this.height);
+    const ratio = this.renderer.resolution;
+    overlay.width = Math.round(this.width * ratio);
+    overlay.height = Math.round(this.height * ratio);
+  }
+
+  /* The whole map, with room for the counts above it. */
+  fit() {
+    const [w, h] = this.map.size_m;
+    const side = this.width < 600 ? 14 : 36, top = this.width < 600 ? 58 : 64, bottom = this.width < 600 ? 64 : 40;
+    const scale = Math.min((this.width - 2 * side) / w, (this.height - top - bottom) / h);
+    this.minScale = scale / 4;
+    this.maxScale = Math.max(600, 4 * scale);
+    this.camera.scale = scale;
+    this.camera.x = this.width / 2 - (w / 2) * scale;
+    this.camera.y = top + (this.height - top - bottom) / 2 + (h / 2) * scale;
+  }
+
+  zoomAt(px, py, factor) {
+    const c = this.camera, scale = Math.max(this.minScale, Math.min(this.maxScale, c.scale * factor)), f = scale / c.scale;
+    c.x = px + (c.x - px) * f;
+    c.y = py + (c.y - py) * f;
+    c.scale = scale;
+  }
+
+  centreOn(x, y, scale = this.camera.scale) {
+    const c = this.camera;
+    c.scale = Math.max(this.minScale, Math.min(this.maxScale, scale));
+    c.x = this.width / 2 - x * c.scale;
+    c.y = this.height / 2 + y * c.scale;
+  }
+
+  /* Robots are to scale from this many pixels on; below, they are drawn as large as their neighbours leave room for. */
+  get least() {
+    const [least, most] = this.motion.numRobots <= 60 ? [9, 12] : this.motion.numRobots <= 400 ? [6, 9] : [5, 7];
+    return Math.min(most, Math.max(least, 0.75 * this.run.spacing_m * this.camera.scale));
+  }
+
+  toScreen(x, y) {
+    const c = this.camera;
+    return [x * c.scale + c.x, -y * c.scale + c.y];
+  }
+
+  /* The robot under a point of the screen, -1 for none. */
+  pick(px, py, slack) {
+    const c = this.camera, pose = this.motion.pose, { length, width } = this.run;
+    let best = -1, nearest = Infinity;
+    for (let r = 0; r < this.motion.numRobots; r++) {
+      if (this.motion.now[r] === ABSENT) continue;
+      const dx = pose[3 * r] * c.scale + c.x - px, dy = -pose[3 * r + 1] * c.scale + c.y - py;
+      const d = Math.hypot(dx, dy), reach = Math.max(0.5 * Math.max(length[r], width[r]) * c.scale, slack);
+      if (d <= reach && d < nearest) (nearest = d), (best = r);
+    }
+    return best;
+  }
+
+  /* ---- the map, drawn once a theme ---- */
+
+  drawMap() {
+    const { map, theme, floors } = this;
+    floors.clear();
+    for (const polygon of map.floors) floors.poly(polygon).fill(theme.floor);
+    for (const polygon of map.holes) floors.poly(polygon).fill(theme.hole);
+    for (const cells of map.cells) floors.rect(...cells).fill(theme.floor);
+    for (const polygon of map.furniture) floors.poly(polygon).fill(theme.furniture);
+    for (const polygon of map.lifts) floors.poly(polygon).fill({ color: theme.special, alpha: 0.18 });
+    const both = packed(theme.lane, 0.95);
+    this.lanes.begin((3 * map.lanes.length) / 5);
+    for (let i = 0; i < map.lanes.length; i += 5) {
+      const [ax, ay, bx, by, oneWay] = map.lanes.slice(i, i + 5);
+      this.lanes.add(ax, ay, bx, by, 0.05, 1.25, true, both);
+      if (oneWay) this.drawDirection(ax, ay, bx, by, both);
+    }
+    this.lanes.end();
+    const wall = packed(theme.wall), door = packed(theme.door);
+    const fine = packed(theme.wall, 0.5);
+    this.walls.begin((map.walls.length + map.inner.length) / 4 + map.doors.length);
+    for (let i = 0; i < map.inner.length; i += 4) this.walls.add(map.inner[i], map.inner[i + 1], map.inner[i + 2], map.inner[i + 3], 0.03, 1, true, fine);
+    for (const ends of map.doors) this.walls.add(...ends, 0.06, 1.5, false, door);
+    for (let i = 0; i < map.walls.length; i += 4) this.walls.add(map.walls[i], map.walls[i + 1], map.walls[i + 2], map.walls[i + 3], 0.1, 1.2, true, wall);
+    this.walls.end();
+    const named = map.stations.length <= 4000;
+    this.spots.begin(map.stations.length + map.junctions.length / 2);
+    const station = packed(theme.station), special = packed(theme.special), floor = packed(theme.lane);
+    for (let i = 0; i < map.junctions.length; i += 2) this.spots.add(map.junctions[i], map.junctions[i + 1], 0, 0.12, 0.12, 2, 3, 0, 1, floor);
+    for (const s of map.stations) this.spots.add(s.x, s.y, 0, 0.18, 0.18, named ? 5 : 3, 3, 0, 1, s.kind ? special : station);
+    this.spots.end();
+    this.labelOrder = map.stations.map((_, i) => i).sort((a, b) => (map.stations[b].kind ? 1 : 0) - (map.stations[a].kind ? 1 : 0));
+  }
+
+  drawDirection(ax, ay, bx, by, color) {
+    const length = Math.hypot(bx - ax, by - ay), ux = (bx - ax) / length, uy = (by - ay) / length;
+    const s = Math.min(0.2, length / 4), x = (ax + bx) / 2 + ux * s, y = (ay + by) / 2 + uy * s;
+    for (const side of [-1, 1]) this.lanes.add(x, y, x - 1.6 * ux * s - side * uy * s, y - 1.6 * uy * s + side * ux * s, 0.05, 1.5, true, color);
+  }
+
+  /* ---- the heat map of waiting ---- */
+
+  /* Seconds waited per cell over the whole run, smoothed. */
+  waitingByCell() {
+    const [w, h] = this.map.size_m, m = this.motion;
+    const cell = Math.max(0.2, Math.sqrt((w * h) / 160000)), columns = Math.ceil(w / cell) + 1, rows = Math.ceil(h / cell) + 1;
+    let sum = new Float32Array(columns * rows);
+    for (let i = 0; i < m.x.length; i++) {
+      const s = m.state[i];
+      if (s === WAITING || s === BLOCKED) sum[Math.min(rows - 1, ((m.y[i] * m.unit) / cell) | 0) * columns + Math.min(columns - 1, ((m.x[i] * m.unit) / cell) | 0)] += m.period;
+    }
+    const raw = sum.reduce((a, b) => Math.max(a, b), 0);
+    for (let pass = 0; pass < 2; pass++) { // binomial blur, along x then y
+      for (const [step, limit] of [[1, columns], [columns, rows]]) {
+        const next = new Float32Array(sum.length);
+        for (let i = 0; i < sum.length; i++) {
+          const k = step === 1 ? i % columns : (i / columns) | 0;
+          next[i] = 0.5 * sum[i] + (k > 0 ? 0.25 * sum[i - step] : 0) + (k < limit - 1 ? 0.25 * sum[i + step] : 0);
+        }
+        sum = next;
+      }
+    }
+    return { sum, columns, rows, cell, raw };
+  }
+
+  showHeat(on) {
+    if (on && !this.heat) {
+      this.heat = this.waitingByCell();
+      this.drawHeat();
+    }
+    if (this.heatSprite) this.heatSprite.visible = on;
+  }
+
+  drawHeat() {
+    const { sum, columns, rows, cell } = this.heat;
+    const sorted = sum.filter((v) => v > 0).sort();
+    const top = Math.max(sorted[Math.floor(sorted.length * 0.998)] || 0, 1e-6);
+    this.heat.top = top;
+    const picture = document.createElement("canvas");
+    picture.width = columns;
+    picture.height = rows;
+    const context = picture.getContext("2d"), image = context.createImageData(columns, rows);
+    for (let row = 0; row < rows; row++) {
+      for (let column = 0; column < columns; column++) {
+        const v = Math.min(1, sum[row * columns + column] / top) ** 0.7, i = 4 * ((rows - 1 - row) * columns + column);
+        const [r, g, b] = heatColor(v);
+        image.data[i] = r; image.data[i + 1] = g; image.data[i + 2] = b;
+        image.data[i + 3] = 255 * Math.min(0.85, 1.5 * v);
+      }
+    }
+    context.putImageData(image, 0, 0);
+    if (this.heatSprite) this.heatSprite.destroy({ texture: true, textureSource: true });
+    this.heatSprite = new PIXI.Sprite(PIXI.Texture.from(picture));
+    this.heatSprite.texture.source.scaleMode = "linear";
+    this.heatSprite.scale.set(cell, -cell);
+    this.heatSprite.position.set(0, rows * cell);
+    this.ground.addChild(this.heatSprite);
+  }
+
+  /* ---- every frame ---- */
+
+  draw(view, clock) {
+    const { camera: c, motion: m, uniforms: u } = this;
+    u.uniforms.uView.set([c.scale, c.x, c.y, view.still ? 0.35 : (clock / 1400) % 1]);
+    u.uniforms.uScreen.set([this.width, this.height, this.isDark ? 1 : 0, 0]);
+    u.update();
+    this.ground.position.set(c.x, c.y);
+    this.ground.scale.set(c.scale, -c.scale);
+    m.seek(view.t);
+    if (m.hasPlan && (view.ghosts || view.selected >= 0)) m.seekPlan(view.t);
+    this.drawTrails(view);
+    this.drawTies(view);
+    this.drawGhosts(view);
+    this.drawRobots(view);
+    this.renderer.render({ container: this.stage });
+    this.drawLabels(view);
+  }
+
+  drawRobots(view) {
+    const { motion: m, run, robots, colors, least } = this, { pose, now } = m;
+    const dimmed = view.only >= 0;
+    robots.begin(m.numRobots + 2);
+    for (let r = 0; r < m.numRobots; r++) {
+      const state = now[r];
+      if (state === ABSENT) continue;
+      const opacity = dimmed && state !== view.only ? 0.18 : 1;
+      robots.add(pose[3 * r], pose[3 * r + 1], pose[3 * r + 2], run.length[r], run.width[r], least, 0, state === BLOCKED ? 0.9 * opacity : 0, opacity, colors[state]);
+    }
+    for (const [robot, color] of [[view.hovered, this.theme.muted], [view.selected, this.theme.accent]]) {
+      if (robot < 0 || now[robot] === ABSENT || (robot === view.selected && color === this.theme.muted)) continue;
+      robots.add(pose[3 * robot], pose[3 * robot + 1], pose[3 * robot + 2], run.length[robot], run.width[robot], least, 2, 0, 1, packed(color));
+    }
+    robots.end();
+  }
+
+  drawGhosts(view) {
+    const { motion: m, run, ghosts, least } = this, g = m.ghost;
+    const one = view.selected, all = view.ghosts;
+    ghosts.begin(m.numRobots + 1);
+    if (m.hasPlan && !m.isPlanOnly) {
+      const color = packed(this.theme.muted), chosen = packed(this.theme.accent);
+      for (let r = 0; r < m.numRobots; r++) {
+        if (!(all || r === one)) continue;
+        ghosts.add(g[3 * r], g[3 * r + 1], g[3 * r + 2], run.length[r], run.width[r], least, 1, 0, r === one ? 1 : 0.8, r === one ? chosen : color);
+      }
+    }
+    ghosts.end();
+  }
+
+  /* Ghost to robot, waiting robot to the one waited for, and the plan of the selected robot. */
+  drawTies(view) {
+    const { motion: m, ties, theme } = this, { pose, ghost: g } = m, one = view.selected;
+    const visits = one >= 0 && m.hasPlan ? m.first[one + 1] - m.first[one] : 0;
+    ties.begin(2 * m.numRobots + visits + 16);
+    if (visits) {
+      const at = m.visitAt(one, view.t), { vertex } = m.visit;
+      const past = packed(theme.accent, 0.28), future = packed(theme.accent, 0.8);
+      for (let k = m.first[one]; k < m.first[one + 1] - 1; k++) {
+        const a = vertex[k], b = vertex[k + 1];
+        ties.add(m.vertexX[a], m.vertexY[a], m.vertexX[b], m.vertexY[b], 0.05, 2.5, true, k < at ? past : future);
+      }
+    }
+    if (m.hasPlan && !m.isPlanOnly) {
+      const from = packed(theme.muted, 0.7), chosen = packed(theme.accent, 0.7);
+      for (let r = 0; r < m.numRobots; r++) {
+        if (!(view.ghosts || r === one) || m.now[r] === ABSENT) continue;
+        ties.add(g[3 * r], g[3 * r + 1], pose[3 * r], pose[3 * r + 1], 0.012, 1.2, false, r === one ? chosen : from);
+      }
+    }
+    for (const r of m.numRobots <= 400 ? m.now.keys() : one >= 0 ? [one] : []) {
+      const state = m.now[r];
+      if (state !== BLOCKED && r !== one) continue;
+      const other = this.events.waitsFor(r, view.t);
+      if (other === NEVER || m.now[other] === ABSENT) continue;
+      const color = theme.states[state === BLOCKED ? BLOCKED : WAITING];
+      ties.add(pose[3 * r], pose[3 * r + 1], pose[3 * other], pose[3 * other + 1], 0.03, 2.5, true, packed(color, 0.2), packed(color, 0.95));
+    }
+    ties.end();
+  }
+
+  /* The way of the last seconds, fading. Pieces in one line are drawn as one: most of the way is straight. */
+  drawTrails(view) {
+    const { motion: m, trails, theme } = this, T = m.numSamples;
+    if (!view.trails && view.selected < 0) {
+      trails.begin(0);
+      return trails.end();
+    }
+    const each = Math.max(8, Math.min(48, Math.floor(MAX_TRAIL_PIECES / m.numRobots)));
+    const step = Math.max(1, Math.round(TRAIL_S / m.period / each)); // samples a piece; pieces end at multiples, so that they stand still
+    const k = m.sampleAt(view.t), newest = k - (k % step);
+    const rgb = theme.states.map((c) => packed(c, 0));
+    trails.begin(m.numRobots * (each + 1));
+    const fade = new Uint32Array(each + 2);
+    for (let j = 0; j < fade.length; j++) fade[j] = Math.round(150 * Math.max(0, 1 - j / (each + 1))) << 24;
+    for (let r = 0; r < m.numRobots; r++) {
+      if (m.now[r] === ABSENT || (!view.trails && r !== view.selected)) continue;
+      const base = r * T, color = rgb[m.now[r] === AT_GOAL ? AT_GOAL : MOVING];
+      let ax = m.pose[3 * r], ay = m.pose[3 * r + 1], ja = 0, bx = ax, by = ay, jb = 0;
+      for (let j = 0, s = newest; j <= each && s >= 0; j++, s -= step) {
+        if (m.state[base + s] === ABSENT) break;
+        const x = m.x[base + s] * m.unit, y = m.y[base + s] * m.unit;
+        if (x === bx && y === by) continue;
+        const dx = x - ax, dy = y - ay, ux = bx - ax, uy = by - ay;
+        if (Math.abs(ux * dy - uy * dx) > 0.012 * (Math.abs(dx) + Math.abs(dy)) || ux * dx + uy * dy < 0) {
+          trails.add(ax, ay, bx, by, 0.07, 2, false, color | fade[ja], color | fade[jb]);
+          ax = bx; ay = by; ja = jb;
+        }
+        bx = x; by = y; jb = j + 1;
+      }
+      if (jb) trails.add(ax, ay, bx, by, 0.07, 2, false, color | fade[ja], color | fade[jb]);
+    }
+    trails.end();
+  }
+
+  /* Names, in a canvas of their own: sharp at any zoom, and text can be nothing else than text there. */
+  drawLabels(view) {
+    const { overlay, theme, motion: m, run, camera: c } = this;
+    const context = overlay.getContext("2d"), ratio = this.renderer.resolution;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, this.width, this.height);
+    context.textBaseline = "middle";
+    context.lineJoin = "round";
+    const taken = new Set();
+    let drawn = 0;
+    const airy = c.scale < 12 ? 10 : 0; // names on a map seen from afar want more room
+    const write = (text, x, y, color, font, must) => {
+      if (x < -80 || y < -20 || x > this.width + 80 || y > this.height + 20 || (drawn >= MAX_LABELS && !must)) return;
+      context.font = font;
+      const w = context.measureText(text).width + 6 + 2 * airy, h = 7 + airy, cells = [];
+      for (let gx = Math.floor((x - w / 2) / 8); gx <= Math.floor((x + w / 2) / 8); gx++) {
+        for (let gy = Math.floor((y - h) / 8); gy <= Math.floor((y + h) / 8); gy++) cells.push(gx * 65536 + gy);
+      }
+      if (!must && cells.some((cell) => taken.has(cell))) return;
+      for (const cell of cells) taken.add(cell);
+      drawn++;
+      context.textAlign = "center";
+      context.strokeStyle = theme.halo;
+      context.lineWidth = 3.5;
+      context.globalAlpha = 0.85;
+      context.strokeText(text, x, y);
+      context.globalAlpha = 1;
+      context.fillStyle = color;
+      context.fillText(text, x, y);
+    };
+    const family = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
+    const above = (r) => Math.max(0.5 * Math.hypot(run.length[r], run.width[r]) * c.scale, 0.6 * this.least) + 10;
+    const label = (r, must) => {
+      const [x, y] = this.toScreen(m.pose[3 * r], m.pose[3 * r + 1]);
+      write(run.robots[r], x, y - above(r), must ? theme.accent : theme.ink, `${must ? 700 : 600} 11.5px ${family}`, must);
+    };
+    for (const r of new Set([view.selected, view.hovered])) if (r >= 0 && m.now[r] !== ABSENT) label(r, true);
+    if (view.labels) {
+      const typical = run.length[0] * c.scale;
+      if (m.numRobots <= 60 || typical > 9) for (let r = 0; r < m.numRobots; r++) if (m.now[r] !== ABSENT && r !== view.selected) label(r, false);
+      for (const i of this.labelOrder) {
+        if (drawn >= MAX_LABELS) break;
+        const s = this.map.stations[i], [x, y] = this.toScreen(s.x, s.y);
+        if (s.name) write(s.name, x, y + Math.max(0.13 * c.scale, 3) + 9, theme.muted, `500 10.5px ${family}`, false);
+      }
+    }
+    if (view.found) { // a station that the search led to
+      const [x, y] = this.toScreen(view.found.x, view.found.y);
+      context.strokeStyle = theme.accent;
+      context.lineWidth = 2.5;
+      context.beginPath();
+      context.arc(x, y, 12, 0, 2 * Math.PI);
+      context.stroke();
+      write(view.found.name, x, y + 22, theme.accent, `700 12px ${family}`, true);
+    }
+    this.drawGoal(context, view);
+    this.drawScale(context, family);
+  }
+
+  drawGoal(context, view) {
+    const r = view.selected, v = r >= 0 && this.run.target.length ? this.run.target[r] : -1;
+    if (v < 0 || !this.motion.vertexX) return;
+    const [x, y] = this.toScreen(this.motion.vertexX[v], this.motion.vertexY[v]);
+    context.strokeStyle = this.theme.accent;
+    for (const radius of [4, 9]) {
+      context.lineWidth = 2;
+      context.beginPath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.stroke();
+    }
+  }
+
+  drawScale(context, family) {
+    const wanted = 110 / this.camera.scale, power = 10 ** Math.floor(Math.log10(wanted));
+    const metres = [5, 2, 1].map((f) => f * power).find((v) => v <= wanted), w = metres * this.camera.scale;
+    const x = 16, y = this.height - 16;
+    context.strokeStyle = this.theme.muted;
+    context.lineWidth = 1.5;
+    context.beginPath();
+    context.moveTo(x, y - 4);
+    context.lineTo(x, y);
+    context.lineTo(x + w, y);
+    context.lineTo(x + w, y - 4);
+    context.stroke();
+    context.font = `500 11px ${family}`;
+    context.textAlign = "left";
+    context.fillStyle = this.theme.muted;
+    context.fillText(metres >= 1 ? `${metres} m` : `${Math.round(metres * 100)} cm`, x + w + 7, y - 3);
+  }
+}
+
+/* Yellow to deep red, as the waiting grows. */
+function heatColor(v) {
+  const stops = [[255, 221, 89], [253, 170, 50], [240, 93, 60], [190, 20, 70], [110, 0, 80]];
+  const at = Math.min(0.9999, v) * (stops.length - 1), i = Math.floor(at), u = at - i;
+  return stops[i].map((a, k) => Math.round(a + u * (stops[i + 1][k] - a)));
+}

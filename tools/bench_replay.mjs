@@ -1,0 +1,43 @@
+/* node bench_replay.mjs CHROMIUM PAGE: load time and frame rate of a replay page, as one line of JSON. Needs playwright-core. */
+import { createRequire } from "node:module";
+import { performance } from "node:perf_hooks";
+
+const [, , executablePath, page] = process.argv;
+const { chromium } = createRequire(import.meta.url)("playwright-core");
+const gpu = process.env.REPLAY_GPU ? [] : ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", ...gpu] });
+try {
+  const tab = await browser.newPage({ viewport: { width: 1440, height: 900 } });
+  const problems = [];
+  tab.on("console", (message) => ["error", "warning"].includes(message.type()) && problems.push(message.text()));
+  tab.on("pageerror", (error) => problems.push(error.message));
+  const began = performance.now();
+  await tab.goto(`file://${page}`);
+  await tab.waitForFunction(() => document.documentElement.dataset.ready, null, { timeout: 120000 });
+  const load_s = (performance.now() - began) / 1000;
+  const told = await tab.evaluate(async () => {
+    const app = window.replay;
+    app.setSpeed(8);
+    app.play(true);
+    await new Promise((done) => setTimeout(done, 1000));
+    const frames = app.frames, from = performance.now();
+    await new Promise((done) => setTimeout(done, 4000));
+    const fps = ((app.frames - frames) * 1000) / (performance.now() - from);
+    app.play(false);
+    let spent = 0; // of the scripts alone: what a frame costs apart from painting it
+    for (let i = 0; i < 60; i++) {
+      app.view.t = (app.motion.end * i) / 60;
+      const a = performance.now();
+      app.scene.draw(app.view, 0);
+      spent += performance.now() - a;
+    }
+    const seek = performance.now();
+    app.scene.showHeat(true);
+    return { fps, script_ms: spent / 60, heat_ms: performance.now() - seek, memory: performance.memory?.usedJSHeapSize / 1e6, ready: document.documentElement.dataset.ready };
+  });
+  const round = (value, digits) => Number(value.toFixed(digits));
+  console.log(JSON.stringify({ browser: `Chromium ${browser.version()}${gpu.length ? ", software drawing" : ""}`, load_time_s: round(load_s, 2), frames_per_s: round(told.fps, 1), script_ms_per_frame: round(told.script_ms, 2), heat_map_ms: round(told.heat_ms, 0), page_heap_mb: round(told.memory || 0, 0), ready: told.ready, console_problems: problems.length }));
+  if (problems.length) console.error(problems.slice(0, 3).join("\n"));
+} finally {
+  await browser.close();
+}
