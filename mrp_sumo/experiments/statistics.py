@@ -266,7 +266,7 @@ def pairs(results: "pandas.DataFrame", factor: str, first: Any, second: Any) -> 
         for c in results.columns
         if (c.split(".")[0] in SECTIONS or c == "repeat") and c != factor and not c.startswith(f"{factor}.parameters.")
     ]
-    keyed = results.assign(_pair=results[same].astype(str).agg("\x1f".join, axis=1))
+    keyed = results.assign(_pair=[repr(row) for row in results[same].itertuples(index=False, name=None)])
     a, b = (keyed[keyed[factor] == value].drop_duplicates("_pair").set_index("_pair") for value in (first, second))
     shared = a.index.intersection(b.index, sort=False)
     return a.loc[shared].reset_index(drop=True), b.loc[shared].reset_index(drop=True)

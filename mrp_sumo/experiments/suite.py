@@ -299,6 +299,9 @@ class _AxisPlaces(dict[Place, str]):
         super().__init__({place: document.at(axis) for place, axis in axes.items()})
         self._document = document
 
+    def __bool__(self) -> bool:
+        return True  # it has an answer for every place
+
     def get(self, place: Place, default: Any = None) -> Any:
         for end in range(len(place), 0, -1):
             if place[:end] in self:

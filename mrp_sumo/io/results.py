@@ -143,6 +143,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
 def row_of(record: Record) -> dict[str, Any]:
     """A record as a row: status, parameters, metrics, and how and where it was made."""
+    robots = record["scenario"]["robots"]
     return {
         "key": record["key"],
         "scenario_key": record["scenario_key"],
@@ -151,6 +152,7 @@ def row_of(record: Record) -> dict[str, Any]:
         "reason": record["reason"],
         "repeat": record["repeat"],
         **parameter_columns(record["scenario"]),
+        "num_robots": robots["count"] or len(robots["starts"]),  # also of a run that came to nothing
         **record["metrics"],
         **{name: record[name] for name in ("code", "libsumo", "ortools", *MACHINE_COLUMNS)},
     }

@@ -1,0 +1,350 @@
+"""Batches keep every result once, whatever happens to them, and say the same whoever made the runs."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import fake_runs
+import pytest
+from drive import Silent
+
+from mrp_sumo import load_results
+from mrp_sumo.errors import BatchError
+from mrp_sumo.experiments import batch as batches
+from mrp_sumo.experiments.batch import FINISH, GO_ON, open_batch, run_batch
+from mrp_sumo.experiments.suite import read_suite
+from mrp_sumo.io.results import MACHINE_COLUMNS, read_record, record_path, records_in
+from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(autouse=True)
+def workers_find_fake_runs(monkeypatch, tmp_path):
+    monkeypatch.setenv("PYTHONPATH", str(HERE))
+    monkeypatch.setenv("FAKE_NOTES", str(tmp_path))
+    monkeypatch.setattr(batches, "code_version", lambda: "1")  # whatever is edited meanwhile
+
+
+def suite(folder, text):
+    path = folder / "study.yaml"
+    path.write_text("base: office_5\n" + text)
+    return read_suite(path)
+
+
+def make(file, folder, watcher=None, **options):
+    return run_batch(file, folder, watcher or Silent(), function="fake_runs:make", **{"workers": 1, **options})
+
+
+def told_by(folder):
+    """What the records say, apart from clocks and machines; by key."""
+    found = {}
+    for record in records_in(folder, lambda line: pytest.fail(line)):
+        metrics = {name: value for name, value in record["metrics"].items() if name not in MACHINE_DEPENDENT}
+        found[record["key"]] = {**{k: v for k, v in record.items() if k not in MACHINE_COLUMNS}, "metrics": metrics}
+    return found
+
+
+def record_of(batch, seed):
+    return next(r for r in records_in(batch.folder, print) if r["scenario"]["seed"] == seed)
+
+
+class Telling(Silent):
+    def __init__(self):
+        self.lines, self.begun = [], None
+
+    def begin(self, num_runs, num_done):
+        self.begun = (num_runs, num_done)
+
+    def told(self, line):
+        self.lines.append(line)
+
+
+def test_one_and_two_workers_give_equal_results(tmp_path):
+    file = suite(tmp_path, "grid_search: {robots.count: [1, 2], seed: 0..9}\n")
+    make(file, tmp_path / "one", workers=1)
+    make(file, tmp_path / "two", workers=2)
+    assert len(told_by(tmp_path / "one")) == 20
+    assert told_by(tmp_path / "one") == told_by(tmp_path / "two")
+    tables = [load_results(tmp_path / name) for name in ("one", "two")]
+    differing = {column for column in tables[0] if not tables[0][column].equals(tables[1][column])}
+    assert differing <= {*MACHINE_COLUMNS, *MACHINE_DEPENDENT}
+
+
+def test_finished_batch_is_not_run_again(tmp_path):
+    file = suite(tmp_path, "grid_search: {seed: 0..4}\n")
+    make(file, tmp_path / "out")
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*") if path.suffix in (".json", ".parquet")}
+    watcher = Telling()
+    make(file, tmp_path / "out", watcher)
+    assert watcher.begun == (5, 5)
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+
+
+def test_longer_suite_keeps_the_results_there_are(tmp_path):
+    make(suite(tmp_path, "grid_search: {seed: 0..4}\n"), tmp_path / "out")
+    watcher = Telling()
+    make(suite(tmp_path, "grid_search: {seed: 3..6}\n"), tmp_path / "out", watcher)
+    assert watcher.begun == (4, 2)
+    assert list(load_results(tmp_path / "out")["seed"]) == [3, 4, 5, 6]
+    assert any("3 results are of runs that the suite does not have" in line for line in watcher.lines)
+
+
+@pytest.mark.parametrize(
+    ("seed", "status", "reason"),
+    [
+        (fake_runs.EXITS, "crashed", "worker exit code 3: about to leave"),
+        (fake_runs.SEGFAULTS, "crashed", "worker killed by SIGSEGV"),
+        (fake_runs.RAISES, "crashed", "ZeroDivisionError: one over none (fake_runs.py"),
+    ],
+)
+def test_run_that_crashes_is_tried_again_and_told_of(tmp_path, seed, status, reason):
+    batch = make(suite(tmp_path, f"grid_search: {{seed: [0, {seed}, 1]}}\n"), tmp_path / "out", retries=2)
+    record = record_of(batch, seed)
+    assert (record["status"], record["success"], record["attempts"]) == (status, False, 3)
+    assert record["reason"].startswith(reason)
+    assert [record_of(batch, other)["status"] for other in (0, 1)] == ["completed", "completed"]
+
+
+def test_run_that_crashes_once_succeeds(tmp_path):
+    batch = make(suite(tmp_path, f"grid_search: {{seed: [{fake_runs.FAILS_ONCE}]}}\n"), tmp_path / "out")
+    assert (record_of(batch, fake_runs.FAILS_ONCE)["status"], record_of(batch, fake_runs.FAILS_ONCE)["attempts"]) == ("completed", 2)
+
+
+def test_crashes_are_counted_over_sessions(tmp_path):
+    file = suite(tmp_path, f"grid_search: {{seed: [{fake_runs.RAISES}]}}\n")
+    make(file, tmp_path / "out", retries=1)
+    assert record_of(make(file, tmp_path / "out", retries=1), fake_runs.RAISES)["attempts"] == 2
+    assert record_of(make(file, tmp_path / "out", retries=2), fake_runs.RAISES)["attempts"] == 3
+
+
+def test_run_that_takes_too_long_is_killed_with_its_children(tmp_path):
+    batch = make(suite(tmp_path, f"grid_search: {{seed: [{fake_runs.HANGS}, 0]}}\n"), tmp_path / "out", wall_s=1.0)
+    record = record_of(batch, fake_runs.HANGS)
+    assert (record["status"], record["reason"]) == ("out_of_time", "killed after 1 s")
+    assert gone(int((tmp_path / "child").read_text()))
+    assert record_of(batch, 0)["status"] == "completed"
+
+
+def test_run_that_takes_too_much_memory_is_killed(tmp_path):
+    batch = make(suite(tmp_path, f"grid_search: {{seed: [0, {fake_runs.GROWS}, 1]}}\n"), tmp_path / "out", memory_mb=500, wall_s=60)
+    assert record_of(batch, fake_runs.GROWS)["status"] == "out_of_memory"
+    assert record_of(batch, 1)["status"] == "completed"
+
+
+def test_results_have_a_row_a_run_with_parameters_and_failures(tmp_path):
+    make(suite(tmp_path, f"grid_search: {{seed: [0, 1, {fake_runs.RAISES}, 4]}}\n"), tmp_path / "out", retries=0)
+    for table in (load_results(tmp_path / "out"), load_results(tmp_path / "out" / "results.parquet")):
+        assert list(table["seed"]) == [0, 1, fake_runs.RAISES, 4]
+        assert list(table["status"]) == ["completed", "completed", "crashed", "planning_timed_out"]
+        assert list(table["success"]) == [True, True, False, False]
+        assert list(table["planner"]) == ["cbs"] * 4
+        assert list(table["num_robots"]) == [5] * 4
+        assert list(table["soc_steps"].isna()) == [False, False, True, False]
+        assert list(table["min_distance_m"].isna()) == [False, True, True, False]
+        assert list(table["time_blocked_s"].iloc[1]) == [0.0, 1.0]
+    assert len((tmp_path / "out" / "results.csv").read_text().splitlines()) == 5
+
+
+def test_unfinished_batch_can_be_read(tmp_path):
+    asked = iter([GO_ON] * 6 + [FINISH] * 1000)
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..9}\n"), tmp_path / "out", stop=lambda: next(asked))
+    assert 0 < len(batch.status) < 10
+    assert len(load_results(tmp_path / "out")) == len(batch.status)
+    assert not (tmp_path / "out" / "results.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda data: data[: len(data) // 2],
+        lambda data: b"",
+        lambda data: data.replace(b'"success":false', b'"success":true ', 1) if b'"success":false' in data else data + b" ",
+        lambda data: bytes([data[0] ^ 1]) + data[1:],
+    ],
+)
+def test_spoiled_record_is_put_aside_and_made_again(tmp_path, spoil):
+    file = suite(tmp_path, "grid_search: {seed: 0..4}\n")
+    batch = make(file, tmp_path / "out")
+    whole = told_by(tmp_path / "out")
+    path = record_path(tmp_path / "out", batch.runs[4].key)
+    path.write_bytes(spoil(path.read_bytes()))
+    (tmp_path / "out" / "results.parquet").unlink()
+    assert len(load_results(tmp_path / "out")) == 4  # the rest is used
+    watcher = Telling()
+    make(file, tmp_path / "out", watcher)
+    assert watcher.begun == (5, 4)
+    assert len(watcher.lines) == 1
+    assert path.name in watcher.lines[0]
+    assert "moved to quarantine" in watcher.lines[0]
+    assert (tmp_path / "out" / "quarantine" / path.name).exists()
+    assert told_by(tmp_path / "out") == whole
+
+
+def test_record_under_the_name_of_another_is_put_aside(tmp_path):
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
+    a, b = (record_path(tmp_path / "out", run.key) for run in batch.runs)
+    b.write_bytes(a.read_bytes())
+    with pytest.raises(BatchError, match="the record of another run"):
+        read_record(b)
+
+
+def test_folder_of_another_suite_is_refused_and_left_alone(tmp_path):
+    make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
+    with pytest.raises(BatchError, match=r"holds the batch 'study', not 'other'; give another --out"):
+        make(suite(tmp_path, "name: other\ngrid_search: {seed: 0..1}\n"), tmp_path / "out")
+    assert len(load_results(tmp_path / "out")) == 2
+
+
+def test_folder_of_another_version_is_refused(tmp_path, monkeypatch):
+    file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
+    make(file, tmp_path / "out")
+    monkeypatch.setattr(batches, "code_version", lambda: "9.9.9+0")
+    with pytest.raises(BatchError, match=r"made by mrp_sumo 1, this is 9.9.9\+0"):
+        make(file, tmp_path / "out")
+
+
+def test_folder_with_other_files_is_refused(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "letter.txt").write_text("dear")
+    with pytest.raises(BatchError, match="holds files, but is not the folder of a batch"):
+        make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
+
+
+def test_refused_suite_leaves_no_folder(tmp_path):
+    file = suite(tmp_path, "grid_search: {map: [ofice]}\n")
+    with pytest.raises(Exception, match="no map 'ofice'"):
+        make(file, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_two_batches_do_not_share_a_folder(tmp_path):
+    file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
+
+    class Second(Silent):
+        def begin(self, num_runs, num_done):
+            with pytest.raises(BatchError, match="another batch is under way there"):
+                make(file, tmp_path / "out")
+
+    make(file, tmp_path / "out", Second())
+
+
+def test_full_disk_ends_the_batch_in_one_line_and_keeps_results(tmp_path, monkeypatch):
+    file = suite(tmp_path, "grid_search: {seed: 0..9}\n")
+    real, count = os.fsync, iter(range(1000))
+
+    def full(descriptor):
+        if next(count) > 8:
+            raise OSError(28, "No space left on device")
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(BatchError, match=r"the disk is full; \d of 10 results are kept, start again to go on"):
+        make(file, tmp_path / "out")
+    monkeypatch.setattr(os, "fsync", real)
+    kept = told_by(tmp_path / "out")
+    assert 0 < len(kept) < 10
+    assert not list((tmp_path / "out").rglob(".*"))
+    make(file, tmp_path / "out")
+    assert kept.items() <= told_by(tmp_path / "out").items()
+
+
+def test_function_that_cannot_be_loaded_is_no_result(tmp_path):
+    file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
+    with pytest.raises(BatchError, match=r"a worker process cannot start: ModuleNotFoundError: No module named 'nowhere'"):
+        run_batch(file, tmp_path / "out", Silent(), workers=1, function="nowhere:make")
+    assert not told_by(tmp_path / "out")
+
+
+def test_estimate_comes_from_the_runs_there_are(tmp_path):
+    make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
+    batch = open_batch(suite(tmp_path, "grid_search: {seed: 0..9}\n"), tmp_path / "out", print)
+    seconds, source = batches.estimate_s(batch, 2, 1)
+    assert source == "from 2 runs in the folder"
+    assert seconds < 10
+
+
+def killed_again_and_again(tmp_path, times, seed):
+    """A batch that is killed at random moments and started again until it ends."""
+    rng = random.Random(seed)
+    file = suite(tmp_path, "grid_search: {robots.count: [1, 2], seed: 0..19}\n")
+    make(file, tmp_path / "whole", workers=2)
+    out = tmp_path / "killed"
+    command = [sys.executable, str(HERE / "drive.py"), str(tmp_path / "study.yaml"), str(out), "2"]
+    kills, grown = 0, []
+    while True:
+        process = subprocess.Popen(command, env={**os.environ, "FAKE_SLEEP": "0.08"})
+        try:
+            code = process.wait(rng.uniform(0.6, 1.6) if kills < times else 60)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            kills += 1
+            grown.append(len(list((out / "runs").glob("*/*.json"))))
+            continue
+        assert code == 0
+        break
+    return kills, grown, told_by(tmp_path / "whole"), told_by(out)
+
+
+def test_batch_that_is_killed_at_random_moments_ends_with_the_same_results(tmp_path):
+    kills, grown, whole, killed = killed_again_and_again(tmp_path, 2, seed=5)
+    assert kills == 2
+    assert grown == sorted(grown)  # no result was lost
+    assert killed == whole
+    assert all(gone(int(pid)) for pid in set((tmp_path / "pids").read_text().split()))
+
+
+@pytest.mark.campaign
+def test_batch_that_is_killed_twenty_times_ends_with_the_same_results(tmp_path):
+    kills = 0
+    for attempt in range(40):
+        folder = tmp_path / str(attempt)
+        folder.mkdir()
+        killed, grown, whole, ended = killed_again_and_again(folder, 4, seed=attempt)
+        assert grown == sorted(grown)
+        assert ended == whole
+        kills += killed
+        if kills >= 20:
+            return
+    pytest.fail(f"only {kills} kills hit a running batch")
+
+
+def test_workers_end_with_a_killed_batch(tmp_path):
+    suite(tmp_path, f"grid_search: {{seed: [{fake_runs.HANGS}]}}\n")
+    command = [sys.executable, str(HERE / "drive.py"), str(tmp_path / "study.yaml"), str(tmp_path / "out"), "1"]
+    process = subprocess.Popen(command)
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "pids").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    assert gone(int((tmp_path / "pids").read_text()))
+    if (tmp_path / "child").exists():
+        os.kill(int((tmp_path / "child").read_text()), signal.SIGKILL)
+
+
+def gone(pid):
+    """Whether a process ends within a few seconds."""
+    deadline = time.monotonic() + 5
+    while time.monotonic() < deadline:
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z":
+                return True
+        except (FileNotFoundError, ProcessLookupError):
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_plan_names_the_runs_in_order(tmp_path):
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..2}\nviews: {mean: select avg(seed) from results}\n"), tmp_path / "out")
+    plan = json.loads((tmp_path / "out" / "plan.json").read_text())
+    assert plan["keys"] == [run.key for run in batch.runs]
+    assert plan["axes"] == {"seed": [0, 1, 2]}
+    assert plan["views"] == {"mean": "select avg(seed) from results"}
