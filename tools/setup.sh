@@ -13,7 +13,8 @@ for have in "" "[test]"; do
 done
 python=${PYTHON:-python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "setup: $("$python" --version) found, Python 3.11 or later needed" >&2; exit 2; }
-echo "setting up .venv (once; about a minute) ..." >&2
+echo "setting up .venv (once; some minutes) ..." >&2
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".$extra" 2> >(grep -v '^WARNING' >&2)
+.venv/bin/mrp-sumo warmup --quiet
 cat pyproject.toml constraints.txt > ".venv/installed$extra"

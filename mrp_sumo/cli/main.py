@@ -23,6 +23,11 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "status": ("mrp_sumo.cli.status", "say how a batch stands"),
     "query": ("mrp_sumo.cli.query", "ask the results of a batch in SQL"),
     "compare": ("mrp_sumo.cli.compare", "compare two result folders run by run; exit code 1 when the second is worse"),
+    "export": ("mrp_sumo.cli.export", "make a ROS 2 or ROS 1 bag, CSV, GeoJSON or FCD of a run"),
+    "analyze": ("mrp_sumo.cli.analyze", "compute MRP-Bench's metrics of any bag with /fleet_states"),
+    "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),
+    "render": ("mrp_sumo.cli.render", "draw a run at a moment as a picture"),
+    "warmup": ("mrp_sumo.cli.warmup", "compile all kernels ahead, once after installing"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
 

@@ -274,8 +274,10 @@ def _silent(stage: str, done: float, of: float) -> None:
 
 def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
+    from mrp_sumo.sim import warm
     from mrp_sumo.sim.loop import simulate
 
+    warm.prepare()
     plan, verdict, settings = solution.result.plan, solution.verdict, setup.settings
     assert plan is not None and verdict is not None
 

@@ -56,10 +56,11 @@ def simulate(
     """
     course = course_of(problem, plan, policy_of(settings.policy), settings.step_length_s)
     with running_sumo(network, problem.fleet, problem.fleet.separation_m, settings.step_length_s, settings.seed, gui) as sumo:
-        return _drive(problem, plan, settings, course, sumo, progress)
+        return drive(problem, plan, settings, course, sumo, progress)
 
 
-def _drive(problem: Problem, plan: Plan, settings: ExecutionSettings, course: Course, sumo: Sumo, progress: Progress | None) -> Execution:
+def drive(problem: Problem, plan: Plan, settings: ExecutionSettings, course: Course, sumo: Sumo, progress: Progress | None) -> Execution:
+    """The loop itself, on a running SUMO."""
     policy, dt, path, names = policy_of(settings.policy), settings.step_length_s, course.path, problem.fleet.robot_name
     state = fresh_state(course)
     routes = insert(problem.graph, path, sumo, type_of(problem.fleet), float(problem.fleet.max_speed_mps.max()))
