@@ -127,7 +127,7 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ("map: office\nrobots: {starts: [v1, v1], goals: [v3, v4]}", "robot_0 and robot_1 both start at"),
         (
             "map: office\nrobots: {count: 3}\nexecution: {policy: agd}",
-            "case.yaml:3: execution.policy: unknown policy 'agd' (did you mean 'adg'?)",
+            "case.yaml:3: execution.policy: unknown execution policy 'agd' (did you mean 'adg'?)",
         ),
         (
             "map: office\nrobots: {count: 3}\nexecution: {step_length_s: 0.3}",
