@@ -1,0 +1,179 @@
+"""MRP-Bench's execution metrics of a bag with /fleet_states: ours, or one that MRP-Bench recorded.
+
+Starts, goals and constants are taken from --config, else from the YAML file beside the bag (as MRP-Bench
+leaves it), else from the run folder the bag lies in and from the bag's /robot_path_requests. BAG may be a run
+folder, too. Options win over files.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+DEFAULTS = {"cellSize": 0.35, "locationTolerance": 0.7, "windowSize": 10, "recordingTimeout": 600.0}
+ROWS = {
+    "messages": "",
+    "period": "s",
+    "numGoals": "",
+    "maxRobotsSeen": "",
+    "goalsReached": "",
+    "allGoalReached": "",
+    "executionTimeoutReached": "",
+    "totalTimeForScheduleExecution": "s",
+    "timeBlockedTotal": "s",
+    "minDistanceBetweenTwoAgents": "m",
+    "minDistanceBetweenTwoAgentsAtStart": "m",
+    "minDistanceBetweenTwoAgentsDelta": "m",
+    "invalidRun": "",
+}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo analyze`."""
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder or file, or a run folder")
+    parser.add_argument("--config", metavar="FILE", type=Path, help="YAML or JSON with starts, goals and constants")
+    parser.add_argument("--rmf", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy or kilted (default: found out)")
+    parser.add_argument("--cell", dest="cellSize", type=float, metavar="M", help="MRP-Bench's cellSize (default: 0.35)")
+    parser.add_argument("--tolerance", dest="locationTolerance", type=float, metavar="M", help="its locationTolerance (default: 0.7)")
+    parser.add_argument("--window", dest="windowSize", type=int, metavar="N", help="its windowSize (default: 10)")
+    parser.add_argument("--timeout", dest="recordingTimeout", type=float, metavar="S", help="its recordingTimeout (default: 600)")
+    parser.add_argument("--json", action="store_true", help="print JSON, all keys by MRP-Bench's names")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the metrics."""
+    told = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
+    if options.json:
+        print(json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False))
+        return 0
+    for key, unit in ROWS.items():
+        value = told[key]
+        text = f"{value:.3f}" if isinstance(value, float) else str(value)
+        print(f"{key:35} {text} {unit}".rstrip())
+    blocked = sorted((v, k) for k, v in told["timeBlockedPerAgent"].items() if v > 0)
+    for value, name in blocked[::-1][:10]:
+        print(f"  blocked {name:25} {value:.3f} s")
+    return 0
+
+
+def analysed(bag: Path, config: Path | None, generation: str | None, given: dict[str, float | None]) -> dict[str, Any]:
+    """The metrics of a bag.
+
+    Parameters
+    ----------
+    bag, config, generation
+        As on the command line.
+    given
+        Constants that win over those of files; None for not given.
+
+    Raises
+    ------
+    MrpSumoError
+        When something is missing, in one line.
+    """
+    import numpy as np
+
+    from mrp_sumo.errors import MrpSumoError, nearest
+    from mrp_sumo.io.rosbag_reader import read_fleet_log
+    from mrp_sumo.metrics.mrp_bench import execution_metrics
+
+    folder = bag / "bag" if (bag / "bag" / "metadata.yaml").is_file() else bag
+    if folder.is_file() and (folder.parent / "metadata.yaml").is_file():
+        folder = folder.parent
+    constants, places = _told(folder, config)
+    log = read_fleet_log(folder, generation)
+    constants = {**DEFAULTS, **constants, **{key: value for key, value in given.items() if value is not None}}
+    for key, value in constants.items():
+        if not value > 0:
+            raise MrpSumoError(f"{key} is {value}, expected a number above 0")
+    places = places or log.requests
+    if not places:
+        raise MrpSumoError(f"{folder}: no starts and goals beside it and no /robot_path_requests in it; give them with --config")
+    for name in log.robot_name:
+        if name not in places:
+            raise MrpSumoError(f"{folder}: robot '{name}' has no start and goal{nearest(name, places)}")
+    names = list(places)
+    column = {name: r for r, name in enumerate(log.robot_name)}
+    x, y = np.full((2, len(log.t_ns), len(names)), np.nan)
+    for r, name in enumerate(names):
+        if name in column:
+            x[:, r], y[:, r] = log.x_m[:, column[name]], log.y_m[:, column[name]]
+    start, goal = (np.array([places[name][end] for name in names], np.float64) for end in (0, 1))
+    found = execution_metrics(
+        log.t_ns,
+        x,
+        y,
+        start,
+        goal,
+        cell_m=constants["cellSize"],
+        tolerance_m=constants["locationTolerance"],
+        window=int(constants["windowSize"]),
+        recording_timeout_s=constants["recordingTimeout"],
+    )
+    found["timeBlockedPerAgent"] = {names[r]: value for r, value in found["timeBlockedPerAgent"].items()}
+    found["agentsAtGoal"] = sorted(names[r] for r in found["agentsAtGoal"])
+    return found
+
+
+def _told(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, Any]]:
+    """Constants, and (start, goal) of robots, from the files that are there."""
+    import yaml
+
+    from mrp_sumo.errors import MrpSumoError
+
+    beside = [bag.with_name(bag.name + suffix) for suffix in (".yaml", ".yml")]
+    path = config or next((p for p in beside if p.is_file()), None)
+    if path is None:
+        return _constants_of_run(bag.parent / "result.json"), {}
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise MrpSumoError(f"{path}: cannot be read: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise MrpSumoError(f"{path}: not YAML: {str(error).splitlines()[0]}") from None
+    constants: dict[str, float] = {}
+    places: dict[str, Any] = {}
+    for key, value in _pairs(document):
+        try:
+            if key in DEFAULTS and key not in constants:
+                constants[key] = float(value)
+            elif key == "robots" and isinstance(value, dict):  # {name: {start: [x, y], goal: [x, y]}}
+                places |= {str(name): (_point(at["start"]), _point(at["goal"])) for name, at in value.items()}
+            elif key == "startsAndGoals" and isinstance(value, list):  # MRP-Bench's
+                places |= {str(at["assignedAgent"]): (_point(at["start_wcos"]), _point(at["goal_wcos"])) for at in value}
+        except (TypeError, ValueError, KeyError) as error:
+            raise MrpSumoError(f"{path}: {key}: {type(error).__name__}: {error}") from None
+    if config is not None and not places:
+        raise MrpSumoError(f"{path}: no starts and goals (keys 'robots' or MRP-Bench's 'startsAndGoals')")
+    return constants, places
+
+
+def _pairs(document: Any) -> Iterator[tuple[str, Any]]:
+    """Every key of a document with its value, from the top down: MRP-Bench nests them by version."""
+    if isinstance(document, dict):
+        for key, value in document.items():
+            yield str(key), value
+        for value in document.values():
+            yield from _pairs(value)
+    elif isinstance(document, list):
+        for value in document:
+            yield from _pairs(value)
+
+
+def _point(value: Any) -> tuple[float, float]:
+    x, y = value
+    return float(x), float(y)
+
+
+def _constants_of_run(path: Path) -> dict[str, float]:
+    """The constants a run of ours was measured with."""
+    try:
+        scenario = json.loads(path.read_text(encoding="utf-8"))["scenario"]
+        return {
+            "cellSize": float(scenario["discretisation"]["cell_m"]),
+            "locationTolerance": float(scenario["execution"]["goal_tolerance_m"]),
+            "recordingTimeout": float(scenario["execution"]["time_limit_s"]),
+        }
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}

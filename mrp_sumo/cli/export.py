@@ -1,0 +1,61 @@
+"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON or SUMO's FCD.
+
+The run's trajectory is the source of all of them. Files go into the run folder unless --out says otherwise;
+what exists is not replaced.
+"""
+
+import argparse
+from pathlib import Path
+
+FORMATS = {  # option -> (name of the file or folder, help)
+    "bag": ("bag", "ROS 2 bag (folder)"),
+    "ros1": ("run.bag", "ROS 1 bag"),
+    "csv": ("trajectory.csv", "one line a robot and sample"),
+    "geojson": ("run.geojson", "map, paths and events, in metres"),
+    "fcd": ("fcd.xml", "floating car data, as SUMO writes them"),
+}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo export`."""
+    parser.add_argument("run", metavar="RUN", help="run folder")
+    wanted = parser.add_mutually_exclusive_group(required=True)
+    for name, (_, told) in FORMATS.items():
+        wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=told)
+    parser.add_argument("--out", metavar="PATH", type=Path, help="file or folder to make")
+    parser.add_argument("--storage", default="mcap", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
+    parser.add_argument("--rmf", default="jazzy", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
+    parser.add_argument("--robots", default="", metavar="A,B", help="robots that get topics of their own in a bag: odom and plan")
+    parser.add_argument(
+        "--repeat-latched", type=float, default=0.0, metavar="S", help="say map and markers again every S seconds (for play --start-offset)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the file and print its path."""
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.io import exports
+    from mrp_sumo.io.run_reader import load_run
+
+    loaded = load_run(options.run)
+    out = options.out or Path(options.run) / FORMATS[options.format][0]
+    if not options.repeat_latched >= 0:
+        raise MrpSumoError(f"--repeat-latched: found {options.repeat_latched}, expected seconds of 0 or more")
+    if out.exists():
+        raise MrpSumoError(f"{out}: exists already; choose another place with --out")
+    record = loaded.record
+    if not len(record.execution.t_s):
+        raise MrpSumoError(f"{options.run}: the trajectory is empty")
+    if options.format in ("bag", "ros1"):
+        from mrp_sumo.io.rosbag import BagOptions, write_bag
+
+        robots = tuple(name for name in options.robots.split(",") if name)
+        choice = BagOptions(storage=options.storage, rmf=options.rmf, robots=robots, repeat_latched_s=options.repeat_latched)
+        if options.format == "ros1":
+            exports.write_ros1(out, record, lambda folder: write_bag(folder, record, choice))
+        else:
+            exports.write_ros2(out, lambda folder: write_bag(folder, record, choice))
+    else:
+        {"csv": exports.write_csv, "geojson": exports.write_geojson, "fcd": exports.write_fcd}[options.format](out, record)
+    print(out)
+    return 0

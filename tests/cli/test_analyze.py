@@ -1,0 +1,149 @@
+"""MRP-Bench's metrics out of bags: its own golden numbers, every generation and storage, and bags of ours."""
+
+import csv
+import json
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.io.rosbag_messages import GENERATIONS, typestore
+
+GOLDEN = Path(__file__).resolve().parents[2] / "../shared/rosbag/mrp_metrics_golden"
+CASES = sorted(p.name for p in GOLDEN.iterdir() if p.is_dir()) if GOLDEN.is_dir() else []
+golden = pytest.mark.skipif(not CASES, reason="MRP-Bench's golden numbers are not beside the project")
+
+
+def fleet_bag(folder, rows, generation="galactic", storage=StoragePlugin.SQLITE3, topic="/fleet_states"):
+    """A bag of these (t_ns, robot, x, y), as MRP-Bench would record it."""
+    store = typestore(generation)
+    kinds = {name.rsplit("/", 1)[1]: kind for name, kind in store.types.items() if name.startswith(("rmf_fleet", "builtin_interfaces"))}
+    limit, more = ((), ()) if generation == "galactic" else ((False, 0.0), ())
+    more = ("",) if generation == "kilted" else more
+    with Writer(folder, version=8, storage_plugin=storage) as writer:
+        connection = writer.add_connection(topic, "rmf_fleet_msgs/msg/FleetState", typestore=store)
+        for ns in sorted({row[0] for row in rows}):
+            robots = [
+                kinds["RobotState"](
+                    name, "m", "t", 1, kinds["RobotMode"](2, 0, *more), 90.0,
+                    kinds["Location"](kinds["Time"](*divmod(ns, 10**9)), x, y, 0.0, *limit, "L1", 0), [],
+                )
+                for at, name, x, y in rows
+                if at == ns
+            ]  # fmt: skip
+            writer.write(connection, ns, store.serialize_cdr(kinds["FleetState"]("fleet", robots), connection.msgtype))
+
+
+def golden_rows(case):
+    with (GOLDEN / case / "fleet_states.csv").open() as stream:
+        return [(int(r["t_ns"]), r["robot"], float(r["x"]), float(r["y"])) for r in csv.DictReader(stream)]
+
+
+def without_definitions(bag):
+    """Bags of Galactic carry no message definitions and no type hashes."""
+    database = sqlite3.connect(next(bag.glob("*.db3")))
+    database.execute("delete from message_definitions")
+    database.commit()
+    database.close()
+    metadata = bag / "metadata.yaml"
+    document = yaml.safe_load(metadata.read_text())
+    for topic in document["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        topic["topic_metadata"]["type_description_hash"] = ""
+    metadata.write_text(yaml.safe_dump(document))
+
+
+def analyzed(capsys, *arguments):
+    assert main(["analyze", *map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def same(found, case):
+    expected = json.loads((GOLDEN / case / "expected.json").read_text())
+    assert set(found) == set(expected)
+    for key, value in expected.items():
+        close = isinstance(value, float | dict)
+        assert found[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if close else value), key
+
+
+@golden
+@pytest.mark.parametrize("case", CASES)
+def test_bags_give_the_golden_numbers(tmp_path, capsys, case):
+    fleet_bag(tmp_path / case, golden_rows(case))
+    same(
+        analyzed(capsys, tmp_path / case, "--config", GOLDEN / case / "case.json"),
+        case,
+    )
+
+
+@golden
+@pytest.mark.parametrize("generation", GENERATIONS)
+@pytest.mark.parametrize("form", ["mcap", "sqlite3", "sqlite3 without definitions", "database alone"])
+def test_every_generation_is_recognised(tmp_path, capsys, generation, form):
+    case = CASES[2]
+    fleet_bag(tmp_path / "bag", golden_rows(case), generation, StoragePlugin.MCAP if form == "mcap" else StoragePlugin.SQLITE3)
+    if form == "sqlite3 without definitions":
+        without_definitions(tmp_path / "bag")
+    if form == "database alone":
+        (tmp_path / "bag" / "metadata.yaml").unlink()
+    same(
+        analyzed(capsys, tmp_path / "bag", "--config", GOLDEN / case / "case.json"),
+        case,
+    )
+
+
+@golden
+def test_starts_and_goals_beside_the_bag_are_found(tmp_path, capsys):
+    """MRP-Bench leaves a YAML file named like the bag's folder, starts and goals somewhere inside."""
+    case = CASES[0]
+    told = json.loads((GOLDEN / case / "case.json").read_text())
+    places = [{"assignedAgent": name, "start_wcos": at["start"], "goal_wcos": at["goal"]} for name, at in told["robots"].items()]
+    fleet_bag(tmp_path / "run_1", golden_rows(case))
+    (tmp_path / "run_1.yaml").write_text(yaml.safe_dump({"config": {"cellSize": 0.35}, "metrics": {"startsAndGoals": places}}))
+    same(analyzed(capsys, tmp_path / "run_1"), case)
+
+
+def rows_of_two():
+    return [(10**18 + k * 5 * 10**8, f"r{i}", float(k), float(i)) for k in range(4) for i in range(2)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["nowhere"], "nowhere: no such bag"),
+        (["empty"], "empty: no metadata.yaml: not a bag, or its writer was interrupted"),
+        (["other"], "other: no topic /fleet_states (did you mean '/fleet_state'?)"),
+        (["good"], "good: no starts and goals beside it and no /robot_path_requests in it; give them with --config"),
+        (["good", "--rmf", "humbel"], "unknown generation 'humbel' of rmf_fleet_msgs"),
+        (["good", "--config", "nowhere.yaml"], "nowhere.yaml: cannot be read: No such file or directory"),
+        (["good", "--config", "half.yaml"], "good: robot 'r1' has no start and goal"),
+        (["good", "--config", "half.yaml", "--cell", "0"], "cellSize is 0.0, expected a number above 0"),
+        (["good", "--config", "odd.yaml"], "odd.yaml: robots: KeyError: 'goal'"),
+        (["broken"], "broken: cannot be read as a bag: "),
+    ],
+)
+def test_bad_input_is_told_in_one_line(tmp_path, capsys, monkeypatch, arguments, line):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    fleet_bag(tmp_path / "good", rows_of_two())
+    fleet_bag(tmp_path / "other", rows_of_two(), topic="/fleet_state")
+    fleet_bag(tmp_path / "broken", rows_of_two(), storage=StoragePlugin.MCAP)
+    mcap = tmp_path / "broken" / "broken.mcap"
+    mcap.write_bytes(mcap.read_bytes()[:300])
+    (tmp_path / "half.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}}")
+    (tmp_path / "odd.yaml").write_text("robots: {r0: {start: [0, 0]}}")
+    assert main(["analyze", *arguments]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and told.err.startswith(f"mrp-sumo: {line}") and told.err.count("\n") == 1
+
+
+def test_a_table_for_people(tmp_path, capsys):
+    fleet_bag(tmp_path / "bag", rows_of_two())
+    (tmp_path / "bag.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}, r1: {start: [0, 1], goal: [3, 1]}}")
+    assert main(["analyze", str(tmp_path / "bag")]) == 0
+    told = capsys.readouterr().out
+    assert "goalsReached                        2\n" in told and "minDistanceBetweenTwoAgents         1.000 m\n" in told
+    assert np.isfinite(float(told.split("totalTimeForScheduleExecution")[1].split()[0]))
