@@ -61,6 +61,7 @@ class State(NamedTuple):
     """Everything that changes."""
 
     s: np.ndarray  # [R] m driven
+    speed: np.ndarray  # [R] m/s in the last step
     nx: np.ndarray  # [R] next visit to arrive at
     won: np.ndarray  # [R] last visit won
     back: np.ndarray  # [R] first visit that may still hold something
@@ -68,6 +69,7 @@ class State(NamedTuple):
     on_lane: np.ndarray  # [R] whether it may enter the lane after `won` without having won its end
     yaw: np.ndarray  # [R] rad
     command: np.ndarray  # [R] m/s
+    routed: np.ndarray  # [R] last visit whose edge is in SUMO's route, one beyond the path's end when that is complete
     cause: np.ndarray  # [R]
     other: np.ndarray  # [R] the robot it waits for, -1: none
     where: np.ndarray  # [R] the visit it waits for
@@ -126,12 +128,40 @@ def begin(path, need, state):
         state.arrived[k] = 0.0
 
 
+class News(NamedTuple):
+    """Robots SUMO has to be told of, [R] each, filled up to the counts that `advance` returns."""
+
+    changed: np.ndarray  # whose speed is another
+    due: np.ndarray  # whose route ends soon
+
+
 @njit(cache=True)
-def observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least):
+def advance(now, dt, s, drive, path, need, state, log, news, factor, hold_until, cell, window, tolerance, wait_least, look_ahead, paced):
+    """All between two steps of SUMO: look where robots are, let them claim, command speeds.
+
+    One call, since handing the arrays over costs more than the work for few robots. Returns the number of
+    entries in the log, of changed speeds and of routes to renew.
+    """
+    count = 0
+    if now > 0.0:
+        count = _observe(now, dt, s, drive, path, need, state, log, cell, window, tolerance, wait_least)
+    _extend_all(now, drive, path, need, state, look_ahead)
+    changed = _command(now, dt, drive, path, state, factor, hold_until, paced, news.changed)
+    due = 0
+    for r in range(len(s)):
+        if state.won[r] + state.on_lane[r] >= state.routed[r] and state.routed[r] < path.first[r + 1]:
+            news.due[due] = r
+            due += 1
+    return count, changed, due
+
+
+@njit(cache=True)
+def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least):
     """Book the step that ended at `now`, turn, log arrivals, free what was left. Returns entries in the log."""
     count = 0
     for r in range(len(s)):
         moved = s[r] - state.s[r]
+        state.speed[r] = moved / dt
         last = path.first[r + 1] - 1
         finished = state.nx[r] > last
         # turning
@@ -248,7 +278,7 @@ def _note(log, count, kind, robot, cause, visit, other, begin, end):
 
 
 @njit(cache=True)
-def extend(now, drive, path, need, state, look_ahead):
+def _extend_all(now, drive, path, need, state, look_ahead):
     """Let robots claim their next visits: in the order of passages, or those first who have asked longest."""
     num_robots = len(state.s)
     if len(need.passing):
@@ -341,7 +371,7 @@ def _claim(path, state, r, k):
 
 
 @njit(cache=True)
-def command(now, dt, drive, path, state, factor, hold_until, paced, changed):
+def _command(now, dt, drive, path, state, factor, hold_until, paced, changed):
     """The robots' speeds for the next step. Returns how many changed; `changed` tells which."""
     count = 0
     for r in range(len(state.s)):

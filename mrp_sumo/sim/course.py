@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.resources import Resources, left_after_m, needs_of, resources_of
 from mrp_sumo.errors import ExecutionError
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.policy import Policy
-from mrp_sumo.core.resources import Resources, left_after_m, needs_of, resources_of
 
 TURNS_RAD = 0.2  # a bend beyond this is turned in place, a lesser one while driving
 
@@ -198,6 +198,7 @@ def fresh_state(course: Course) -> _control.State:
 
     state = _control.State(
         s=zeros(),
+        speed=zeros(),
         nx=begin + 1,
         won=begin.copy(),
         back=begin.copy(),
@@ -205,6 +206,7 @@ def fresh_state(course: Course) -> _control.State:
         on_lane=np.zeros(r, np.bool_),
         yaw=path.heading[begin],
         command=zeros(),
+        routed=begin.copy(),
         cause=index(),
         other=index(-1),
         where=begin.copy(),

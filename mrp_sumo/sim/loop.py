@@ -62,45 +62,44 @@ def simulate(
 def drive(problem: Problem, plan: Plan, settings: ExecutionSettings, course: Course, sumo: Sumo, progress: Progress | None) -> Execution:
     """The loop itself, on a running SUMO."""
     policy, dt, path, names = policy_of(settings.policy), settings.step_length_s, course.path, problem.fleet.robot_name
-    state = fresh_state(course)
-    routes = insert(problem.graph, path, sumo, type_of(problem.fleet), float(problem.fleet.max_speed_mps.max()))
+    num_robots, state = course.num_robots, fresh_state(course)
+    routes = insert(problem.graph, path, state, sumo, type_of(problem.fleet), float(problem.fleet.max_speed_mps.max()))
     labels = [problem.graph.label(v) for v in range(problem.graph.num_vertices)]
-    recorder, watch, findings = Recorder(course.num_robots), DeadlockWatch(), []
-    log, changed = _empty_log(course.num_robots), np.zeros(course.num_robots, np.int64)
-    factor, hold_until = np.ones(course.num_robots), np.zeros(course.num_robots)
+    recorder, watch, findings = Recorder(num_robots), DeadlockWatch(), []
+    log, news = _empty_log(num_robots), _control.News(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))
+    factor, hold_until = np.ones(num_robots), np.zeros(num_robots)
+    tolerances = (problem.graph.cell_m - A_CELL_LESS_M, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S)
     look_every, tell_every = max(1, round(LOOK_EVERY_S / dt)), max(1, round(1 / dt))
-    at_rest = np.zeros(course.num_robots)
-    recorder.sample(state.s, state.yaw, at_rest)
     outcome = Outcome.TIME_LIMIT
-    step, now, wall, cpu = 0, 0.0, time.perf_counter(), time.process_time()
+    step, now, s = 0, 0.0, np.zeros(num_robots)
+    wall, cpu = time.perf_counter(), time.process_time()
     while True:
-        _control.extend(now, course.drive, path, course.need, state, policy.look_ahead)
-        for r in changed[: _control.command(now, dt, course.drive, path, state, factor, hold_until, policy.paced, changed)].tolist():
-            sumo.set_speed(sumo.names[r], state.command[r])
-        routes.renew(state)
-        sumo.step()
-        step += 1
-        now = round(step * dt, 9)
-        s = sumo.driven_m()
-        speed = (s - state.s) / dt
-        count = _control.observe(
-            *(now, dt, s, course.drive, path, course.need, state, log),
-            *(problem.graph.cell_m - A_CELL_LESS_M, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S),
+        logged, changed, due = _control.advance(
+            *(now, dt, s, course.drive, path, course.need, state, log, news, factor, hold_until, *tolerances),
+            *(policy.look_ahead, policy.paced),
         )
-        if count:
-            recorder.events += events_of(log, count, path, names)
+        if logged:
+            recorder.events += events_of(log, logged, path, names)
         if step % look_every == 0:
             recorder.events += [deadlock_event(now, cycle, state, path, labels, names) for cycle in watch.look(state)]
-        findings += [f"{now:.2f} s: SUMO reports a {kind} of {one} and {two}" for one, two, kind in sumo.collisions()]
-        if progress and step % tell_every == 0:
+        if progress and step and step % tell_every == 0:
             progress(now, int(np.isfinite(state.goal).sum()))
         if step % settings.steps_per_sample == 0:
-            recorder.sample(s, state.yaw, speed)
+            recorder.sample(s, state.yaw, state.speed)
             if (state.nx >= path.first[1:]).all():
                 outcome = Outcome.COMPLETED
                 break
             if now >= settings.time_limit_s - 1e-9:
                 break
+        for r in news.changed[:changed].tolist():
+            sumo.set_speed(sumo.names[r], state.command[r])
+        if due:
+            routes.renew(news.due[:due].tolist())
+        sumo.step()
+        step += 1
+        now = round(step * dt, 9)
+        sumo.read_driven(s, (state.command > 0) | (state.speed > 0))
+        findings += [f"{now:.2f} s: SUMO reports a {kind} of {one} and {two}" for one, two, kind in sumo.collisions()]
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     recorder.events += waits_at_the_end(now, state, path, names, WAIT_LEAST_S)
     return _execution(problem, plan, settings, course, state, recorder, outcome, (now, wall, cpu), findings)

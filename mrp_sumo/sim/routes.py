@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray, NavGraph
+from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import ExecutionError
 from mrp_sumo.maps.sumo import NO_LIMIT_MPS, edge_name
 from mrp_sumo.sim import _control
@@ -25,12 +25,11 @@ class Routes:
     graph: NavGraph
     path: _control.Path
     sumo: Sumo
+    state: _control.State
     edge: list[str] = field(init=False)  # [L]
-    last: IntArray = field(init=False)  # [R] last visit whose edge is in the route, one beyond the path's end when complete
 
     def __post_init__(self) -> None:
         self.edge = [edge_name(a, b) for a, b in zip(self.graph.tail.tolist(), self.graph.head.tolist())]
-        self.last = np.zeros(len(self.path.first) - 1, np.int64)
         self._lanes: list[int] = self.path.lane.tolist()
 
     def check(self) -> None:
@@ -55,7 +54,7 @@ class Routes:
         into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
         along = graph.xy[graph.head] - graph.xy[graph.tail]
         heading = np.arctan2(along[:, 1], along[:, 0])
-        for robot in range(len(self.last)):
+        for robot in range(len(path.first) - 1):
             begin = int(path.first[robot])
             vertex = int(path.vertex[begin])
             incoming = by_head[into[vertex] : into[vertex + 1]]
@@ -73,12 +72,11 @@ class Routes:
                     ahead = [self.edge[lane], *self._exit(lane)]
                 self.sumo.insert(robot, kinds[robot], ahead, False, stops)
 
-    def renew(self, state: _control.State) -> None:
+    def renew(self, robots: list[int]) -> None:
         """Lengthen the routes of robots that may soon drive on their last edge."""
-        due = (state.won + state.on_lane >= self.last) & (self.last < self.path.first[1:])
-        for robot in np.flatnonzero(due).tolist():
+        for robot in robots:
             here = self.sumo.edge(robot)
-            visit = int(state.nx[robot])  # within a millimetre of a vertex SUMO may have it before or behind
+            visit = int(self.state.nx[robot])  # within a millimetre of a vertex SUMO may have it before or behind
             for k in (visit, visit - 1, visit + 1):
                 if self.path.first[robot] < k < self.path.first[robot + 1] and self.edge[self._lanes[k]] == here:
                     visit = k
@@ -93,10 +91,10 @@ class Routes:
         end = int(self.path.first[robot + 1])
         until = min(visit + AHEAD, end - 1)
         edges = [self.edge[lane] for lane in self._lanes[visit + 1 : until + 1]]
-        self.last[robot] = until
+        self.state.routed[robot] = until
         if until < end - 1:
             return edges, False
-        self.last[robot] = end
+        self.state.routed[robot] = end
         if self._lanes[until] < 0:
             return edges, False
         beyond = self._exit(self._lanes[until])
@@ -111,9 +109,9 @@ class Routes:
         return [self.edge[onward[0]]] if onward else []
 
 
-def insert(graph: NavGraph, path: _control.Path, sumo: Sumo, kinds: list[int], fastest_mps: float) -> Routes:
+def insert(graph: NavGraph, path: _control.Path, state: _control.State, sumo: Sumo, kinds: list[int], fastest_mps: float) -> Routes:
     """Check the network and put all robots on it."""
-    routes = Routes(graph, path, sumo)
+    routes = Routes(graph, path, sumo, state)
     routes.check()
     routes.raise_limits(fastest_mps)
     routes.insert_all(kinds)

@@ -8,13 +8,14 @@ replace the first. Everything SUMO complains of comes out as an ExecutionError.
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.errors import ExecutionError
 
 _running = False
@@ -74,9 +75,14 @@ class Sumo:
     def step(self) -> None:
         self._api.simulationStep()
 
-    def driven_m(self) -> FloatArray:
-        """[R] odometers since `begin`."""
-        return np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name)) - self._base
+    def read_driven(self, driven_m: FloatArray, moving: BoolArray) -> None:
+        """Bring odometers [R] up to date, since `begin`; those not `moving` are left as they are."""
+        if moving.all():
+            driven_m[:] = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))
+            driven_m -= self._base
+        elif moving.any():
+            names = compress(self._name, moving.tolist())
+            driven_m[moving] = np.fromiter(map(self._vehicle.getDistance, names), np.float64) - self._base[moving]
 
     def edge(self, robot: int) -> str:
         return str(self._vehicle.getRoadID(self._name[robot]))
