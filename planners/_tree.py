@@ -111,33 +111,56 @@ class Tree:
         ]
         return [child for child in children if child is not None]
 
-    def adopt(self, node: Node, child: Node) -> None:
+    def children(self, node: Node, w: float = 1.0, lower: int | None = None, *, bypass: bool = True, disjoint: bool = False) -> list[Node]:
+        """Split on the best conflict, unless a child shows a way to end it within the bounds: then look again (bypass).
+
+        Parameters
+        ----------
+        node
+            With conflicts. It may get other paths.
+        w, lower
+            The factor and the tree's lower bound; without, a bypass may not cost more than the node.
+        bypass, disjoint
+            Whether to.
+        """
+        while True:
+            children = self.split(node, self.choose(node), w, disjoint)
+            if not bypass or disjoint:
+                return children
+            better = [c for c in children if len(c.conflicts) < len(node.conflicts) and self._may_adopt(node, c, w, lower)]
+            if not better:
+                return children
+            self._adopt(node, min(better, key=lambda c: len(c.conflicts)))
+            if not len(node.conflicts):
+                return [node]
+
+    def _adopt(self, node: Node, child: Node) -> None:
         """Bypass: give the node its child's paths, without the child's constraints."""
         robot = int(np.flatnonzero(node.records != child.records)[0])
         old, new = int(node.records[robot]), int(child.records[robot])
         record = self._record(old, robot, new, old, 0, 0)
         store = self._tables.store
-        node.bound += int(store.meta[record, st.BOUND] - store.meta[old, st.BOUND])
         node.cost += int(store.meta[record, st.COST] - store.meta[old, st.COST])
         node.records = node.records.copy()
         node.records[robot] = record
+        node.bound = self._bound(node.records)
         node.conflicts = child.conflicts
         node.conflicts[(node.conflicts[:, ONE] == robot) | (node.conflicts[:, OTHER] == robot), PRIORITY] = -1
 
-    def robot_cost(self, node: Node, robot: int) -> int:
-        """Steps of a robot's path."""
-        return int(self._tables.store.meta[node.records[robot], st.COST])
-
-    def robot_bound(self, node: Node, robot: int) -> int:
-        """What its path costs at least, under its constraints."""
-        return int(self._tables.store.meta[node.records[robot], st.BOUND])
+    def _may_adopt(self, node: Node, child: Node, w: float, lower: int | None) -> bool:
+        """Whether the node stays within the bounds, its robots' and the tree's, with its child's paths."""
+        if lower is None:
+            return child.cost == node.cost
+        robot = int(np.flatnonzero(node.records != child.records)[0])
+        meta = self._tables.store.meta
+        cost, bound = meta[child.records[robot], st.COST], meta[node.records[robot], st.BOUND]
+        return bool(child.cost <= w * lower + 1e-9 and cost <= w * bound + 1e-9)
 
     def heuristic(self, node: Node) -> int:
         """WDG: what the pairs in conflict cost more than their paths, at least."""
-        pairs = np.unique(node.conflicts[:, (ONE, OTHER)], axis=0) if len(node.conflicts) else node.conflicts[:, :2]
         weight = np.zeros((self.num_robots, self.num_robots), np.int64)
         origin = self._tables.store.meta[:, st.ORIGIN]
-        for i, j in {(min(a, b), max(a, b)) for a, b in pairs.tolist()}:
+        for i, j in sorted({(min(a, b), max(a, b)) for a, b in node.conflicts[:, :2].tolist()}):
             one, other = int(node.records[i]), int(node.records[j])
             key = (int(origin[one]), int(origin[other]))
             found = self._weights.get(key)
@@ -173,11 +196,12 @@ class Tree:
         store = self._tables.store
         records = node.records.copy()
         records[robot] = record
-        cost, bound = int(store.meta[record, st.COST]), int(store.meta[record, st.BOUND])
-        if old >= 0:
-            cost -= int(store.meta[old, st.COST])
-            bound -= int(store.meta[old, st.BOUND])
-        return Node(records, conflicts, node.cost + cost, node.bound + bound, depth=node.depth + 1)
+        cost = node.cost + int(store.meta[record, st.COST]) - (int(store.meta[old, st.COST]) if old >= 0 else 0)
+        return Node(records, conflicts, cost, self._bound(records), depth=node.depth + 1)
+
+    def _bound(self, records: IntArray) -> int:
+        """Sum of the lower bounds: asked anew, since building an MDD may raise a record's."""
+        return int(self._tables.store.meta[records[records >= 0], st.BOUND].sum())
 
     def _split_disjoint(self, node: Node, row: IntArray, w: float) -> list[Node]:
         """One child where a robot is not there then, one where it is and nobody else (Li et al., ICAPS 2019)."""
@@ -288,14 +312,14 @@ class _Tables:
         self._number = np.zeros(8, np.int64)
         self._by_horizon()
 
-    @property
-    def num_bytes(self) -> int:
-        return sum(array.nbytes for array in (*self.store, self.scratch.state, self.scratch.heap))
-
     def grow_store(self) -> None:
         """Twice the room in every pool that is a quarter full."""
         *pools, used = self.store
         self.store = st.Store(*(_longer(pool) if 4 * used[k] > len(pool) else pool for k, pool in enumerate(pools)), used)
+        self._measure()
+
+    def _measure(self) -> None:
+        self.num_bytes = sum(array.nbytes for array in (*self.store, self.scratch.state, self.scratch.heap))
 
     def grow_scratch(self) -> None:
         self._states *= 2
@@ -331,6 +355,7 @@ class _Tables:
             self._number,
             np.zeros(4, np.int64),
         )
+        self._measure()
 
 
 def _nobody(num_vertices: int, num_robots: int, horizon: int) -> st.Occupancy:
@@ -356,7 +381,8 @@ def _cells(graph: PlanGraph) -> tuple[IntArray, IntArray]:
         return nothing
     cell = (graph.xy - graph.xy.min(axis=0)) / graph.cell_m
     whole = np.rint(cell).astype(np.int64)
-    if np.abs(cell - whole).max() > 1e-3 or len(np.unique(whole, axis=0)) < len(whole):
+    place = np.sort(whole[:, 0] * (whole[:, 1].max() + 1) + whole[:, 1])
+    if np.abs(cell - whole).max() > 1e-3 or (place[1:] == place[:-1]).any():
         return nothing
     if (np.abs(whole[graph.tail] - whole[graph.head]).sum(axis=1) != 1).any() or (graph.level != graph.level[0]).any():
         return nothing

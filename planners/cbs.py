@@ -70,7 +70,7 @@ class Cbs:
                         insert(node)
                         continue
                 expanded += 1
-                for child in self._children(tree, node):
+                for child in tree.children(node, bypass=self.bypass, disjoint=self.disjoint):
                     child.h = max(0, node.f - child.cost)
                     insert(child)
             if best is None:
@@ -85,16 +85,3 @@ class Cbs:
             stats={"expanded": expanded, "generated": tree.generated, "low_level_expansions": tree.expansions},
             message=message,
         )
-
-    def _children(self, tree, node):
-        """Split on the best conflict; a child of the node's cost with fewer conflicts makes the split needless."""
-        while True:
-            children = tree.split(node, tree.choose(node), disjoint=self.disjoint)
-            if not self.bypass or self.disjoint:
-                return children
-            better = [c for c in children if c.cost == node.cost and len(c.conflicts) < len(node.conflicts)]
-            if not better:
-                return children
-            tree.adopt(node, min(better, key=lambda c: len(c.conflicts)))
-            if not len(node.conflicts):
-                return [node]

@@ -12,6 +12,8 @@ from mrp_sumo.planning._space_time import (
     EARLIEST,
     EDGE,
     FOREVER,
+    HAS_MUST,
+    LAST,
     LEVELS,
     MARK,
     MDD0,
@@ -23,6 +25,7 @@ from mrp_sumo.planning._space_time import (
     RANGE,
     ROBOT,
     SCRATCH_FULL,
+    STAMP,
     STORE_FULL,
     forbidden,
     load,
@@ -36,6 +39,8 @@ MOST_MEMBERS = 20_000
 def _levels(world, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
+    first, head, blocked, closed_since = world.first, world.head, scratch.blocked, scratch.closed_since
+    num_vertices, last, has_must, stamp = len(first) - 1, scratch.limit[LAST], scratch.limit[HAS_MUST], number[STAMP]
     if cost + 3 > len(level):
         return -2
     level[0], level[1] = 0, 1
@@ -46,12 +51,14 @@ def _levels(world, scratch, start, goal, distance, cost):
         end = level[t]
         for k in range(level[t - 1], level[t]):
             u = np.int64(member[k])
-            lanes_end = world.first[u + 1]
-            if end + (lanes_end - world.first[u]) + 1 > len(member):
+            lanes_end = first[u + 1]
+            if end + (lanes_end - first[u]) + 1 > len(member):
                 return -2
-            for lane in range(world.first[u], lanes_end + 1):
-                v = world.head[lane] if lane < lanes_end else u
-                if mark[v] == now or t + distance[v] > cost or forbidden(world, scratch, u, v, t):
+            for lane in range(first[u], lanes_end + 1):
+                v = head[lane] if lane < lanes_end else u
+                if mark[v] == now or t + distance[v] > cost or t >= closed_since[v]:
+                    continue
+                if t <= last and (has_must or blocked[t * num_vertices + v] >> 2 == stamp) and forbidden(world, scratch, u, v, t):
                     continue
                 mark[v] = now
                 member[end] = v
@@ -83,10 +90,13 @@ def _levels(world, scratch, start, goal, distance, cost):
         begin = level[t]
         for k in range(begin, room_end):
             u = np.int64(member[k])
-            lanes_end = world.first[u + 1]
-            for lane in range(world.first[u], lanes_end + 1):
-                v = world.head[lane] if lane < lanes_end else u
-                if mark[v] == later and not forbidden(world, scratch, u, v, t + 1):
+            lanes_end = first[u + 1]
+            for lane in range(first[u], lanes_end + 1):
+                v = head[lane] if lane < lanes_end else u
+                if mark[v] != later:
+                    continue
+                touched = t + 1 <= last and (has_must or blocked[(t + 1) * num_vertices + v] >> 2 == stamp)
+                if not (touched and forbidden(world, scratch, u, v, t + 1)):
                     member[end] = u
                     end += 1
                     break
@@ -203,7 +213,7 @@ def raises_cost(world, store, scratch, record, row0, row1):
                 return True
     end = min(end, cost)
     begin = max(begin, 1)
-    mark, number, queue = scratch.mark, scratch.number, scratch.queue
+    mark, number, queue, first, head = scratch.mark, scratch.number, scratch.queue, world.first, world.head
     count = 0
     for m in range(store.level[mdd + begin - 1], store.level[mdd + begin]):
         queue[count] = store.member[m]
@@ -215,9 +225,9 @@ def raises_cost(world, store, scratch, record, row0, row1):
         # negative marks: reached in this level; positive: a member that is not
         for k in range(count):
             u = queue[k]
-            lanes_end = world.first[u + 1]
-            for lane in range(world.first[u], lanes_end + 1):
-                v = world.head[lane] if lane < lanes_end else u
+            lanes_end = first[u + 1]
+            for lane in range(first[u], lanes_end + 1):
+                v = head[lane] if lane < lanes_end else u
                 if mark[v] == -now:
                     continue
                 barred = False

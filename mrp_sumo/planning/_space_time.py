@@ -190,38 +190,6 @@ def install_all(world, store, occupancy, records, but):
 
 
 @njit(cache=True)
-def disturbed(world, store, occupancy, horizon, u, v, step):
-    """How many installed robots a move from u to v, there at `step`, would be in conflict with."""
-    num_vertices = len(world.first) - 1
-    count = 0
-    if occupancy.parked[v] >= 0 and occupancy.since[v] <= step:
-        count += 1
-    if step >= horizon:
-        return count
-    other = occupancy.someone[step * num_vertices + v]
-    while other:
-        count += 1
-        other = occupancy.another[(other - 1) * horizon + step]
-    if u != v:
-        before = step - 1
-        other = occupancy.someone[before * num_vertices + v]
-        while other:
-            if world.following:
-                if place(store, occupancy.record[other - 1], step) != v:
-                    count += 1
-            elif place(store, occupancy.record[other - 1], step) == u:
-                count += 1
-            other = occupancy.another[(other - 1) * horizon + before]
-        if world.following:
-            other = occupancy.someone[step * num_vertices + u]
-            while other:
-                if place(store, occupancy.record[other - 1], before) != v:
-                    count += 1
-                other = occupancy.another[(other - 1) * horizon + step]
-    return count
-
-
-@njit(cache=True)
 def load(world, store, scratch, record):
     """Write the constraints of a record's chain into the tables.
 
@@ -359,10 +327,16 @@ def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower,
     code, state, bound
         OK and the last state, from which `BEFORE` leads back; the lower bound that is now known.
     """
+    # arrays by themselves: to hand a tuple to a function in the inner loop counts references of all its arrays
     num_vertices = len(world.first) - 1
     horizon = len(scratch.must)
+    first, head, following = world.first, world.head, world.following
+    meta, path = store.meta, store.path
+    someone, another, parked = occupancy.someone, occupancy.another, occupancy.parked
+    since, installed = occupancy.since, occupancy.record
     number, limit, state, heap = scratch.number, scratch.limit, scratch.state, scratch.heap
     visited, blocked, bucket, open_at = scratch.visited, scratch.blocked, scratch.bucket, scratch.open_at
+    closed_since, edge, must_be = scratch.closed_since, scratch.edge, scratch.must
     number[MARK] += 1
     now = number[MARK]
     stamp = number[STAMP]
@@ -463,17 +437,17 @@ def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower,
             break
         step = t + 1
         slot = min(step, cap)
-        lanes_end = world.first[u + 1]
-        if num_states + (lanes_end - world.first[u]) + 8 >= len(state):
+        lanes_end = first[u + 1]
+        if num_states + (lanes_end - first[u]) + 8 >= len(state):
             code = SCRATCH_FULL
             break
-        for lane in range(world.first[u], lanes_end + 1):
-            v = world.head[lane] if lane < lanes_end else u
+        for lane in range(first[u], lanes_end + 1):
+            v = head[lane] if lane < lanes_end else u
             to_go = np.int64(distance[v])
             if to_go >= UNREACHABLE:
                 continue
             f = max(step + to_go, earliest)
-            if f > latest or step >= scratch.closed_since[v]:
+            if f > latest or step >= closed_since[v]:
                 continue
             if step <= last:
                 found = blocked[step * num_vertices + v]
@@ -483,19 +457,40 @@ def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower,
                     if u != v:
                         barred = False
                         for e in range(num_edges):
-                            if scratch.edge[e, 0] == step and scratch.edge[e, 1] == u and scratch.edge[e, 2] == v:
+                            if edge[e, 0] == step and edge[e, 1] == u and edge[e, 2] == v:
                                 barred = True
                         if barred:
                             continue
                 if has_must:
-                    must = scratch.must[step]
+                    must = must_be[step]
                     if must >> 32 == stamp and (must & 0xFFFFFFFF) != v:
                         continue
             if ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u)):
                 continue
             new_disturbs = disturbs
             if soft:
-                new_disturbs += disturbed(world, store, occupancy, horizon, u, v, step)
+                if parked[v] >= 0 and since[v] <= step:
+                    new_disturbs += 1
+                if step < horizon:
+                    other = np.int64(someone[step * num_vertices + v])
+                    while other:
+                        new_disturbs += 1
+                        other = np.int64(another[(other - 1) * horizon + step])
+                    if u != v:
+                        other = np.int64(someone[t * num_vertices + v])
+                        while other:
+                            record = installed[other - 1]
+                            went = path[meta[record, PATH0] + min(step, meta[record, COST])]
+                            if went == u or (following and went != v):
+                                new_disturbs += 1
+                            other = np.int64(another[(other - 1) * horizon + t])
+                        if following:
+                            other = np.int64(someone[step * num_vertices + u])
+                            while other:
+                                record = installed[other - 1]
+                                if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
+                                    new_disturbs += 1
+                                other = np.int64(another[(other - 1) * horizon + step])
             cell = slot * num_vertices + v
             seen = visited[cell]
             if seen >> 32 == now:

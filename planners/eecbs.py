@@ -1,0 +1,151 @@
+"""Explicit estimation conflict-based search. Guarantee: sum of costs at most w times the optimum.
+
+Source: Li, Ruml, Koenig, "EECBS: a bounded-suboptimal search for multi-agent path finding", AAAI 2021: nodes are
+chosen by an estimate of the cost of a solution below them, learned while searching from what a step costs and
+how many conflicts it ends (section 4); bypass, prioritised conflicts and symmetries on top (section 5).
+"""
+
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
+from time import perf_counter
+from typing import ClassVar
+
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import impossible, require_limit
+
+
+@dataclass(frozen=True)
+class Eecbs:
+    """The planner of choice when nearly optimal is good enough."""
+
+    w: float = 1.2
+    symmetries: bool = True  # rectangles, corridors, targets
+    bypass: bool = True
+    heuristic: bool = True  # WDG raises the lower bound of nodes expanded for the bound's sake
+    following: bool = False  # following conflicts count too
+
+    assigns: ClassVar[bool] = False
+    guarantee: ClassVar[str] = "w-bounded"
+
+    def __post_init__(self) -> None:
+        if not self.w >= 1:
+            raise PlanError(f"w is {self.w}, expected 1 or more")
+
+    def prepare(self) -> None:
+        """See `Planner`."""
+        from planners._warm import warm
+
+        warm(self)
+
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """See `Planner`."""
+        from planners._tree import OutOfTime, Tree
+
+        require_limit(time_limit_s)
+        began = perf_counter()
+        if refusal := impossible(problem):
+            return refusal
+        tree = Tree(problem, began + time_limit_s, following=self.following, symmetries=self.symmetries)
+        nodes = _Open(self.w)
+        best, expanded = None, 0
+        status, message = Status.SOLVED, ""
+        try:
+            if root := tree.root(self.w):
+                nodes.insert(root)
+            while True:
+                tree.check_clock()
+                node = nodes.select()
+                if node is None:
+                    status, message = Status.INFEASIBLE, "no plan exists: every way to end the conflicts fails"
+                    break
+                if not len(node.conflicts) and node.cost <= self.w * nodes.lower + 1e-9:
+                    best = node
+                    break
+                expanded += 1
+                children = tree.children(node, self.w, nodes.lower, bypass=self.bypass)
+                nodes.learn(node, children)
+                for child in children:
+                    nodes.insert(child)
+        except OutOfTime:
+            status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
+        return PlanResult(
+            status,
+            plan=plan_of_paths(tree.paths(best), problem.step_s) if best else None,
+            planning_time_s=perf_counter() - began,
+            lower_bound_steps=float(nodes.lower),
+            stats={
+                "expanded": expanded,
+                "generated": tree.generated,
+                "low_level_expansions": tree.expansions,
+                "chosen_for_bound": nodes.chosen_for_bound,
+            },
+            message=message,
+        )
+
+
+class _Open:
+    """The open nodes in the paper's three orders: CLEANUP by bound, OPEN by estimate, FOCAL by number of conflicts."""
+
+    def __init__(self, w: float) -> None:
+        self.w = w
+        self.lower = 0
+        self.chosen_for_bound = 0
+        self._number = count()
+        self._cleanup, self._open, self._beyond, self._focal = [], [], [], []
+        self._closed = set()
+        self._num_steps, self._distance_error, self._cost_error = 0, 0.0, 0.0
+
+    def insert(self, node) -> None:
+        """Add a node; its estimate is made with what is known now."""
+        serial = next(self._number)
+        distance = len(node.conflicts)
+        estimate = node.cost + distance * self._cost_of_a_conflict()
+        estimate = max(estimate, node.bound + node.h)
+        heappush(self._cleanup, (node.bound + node.h, distance, serial, node))
+        heappush(self._open, (estimate, distance, serial, node))
+        heappush(self._beyond, (estimate, distance, serial, node))
+
+    def select(self):
+        """Take the next node to expand (section 4.1), None when there is none."""
+        for heap in (self._cleanup, self._open):
+            while heap and heap[0][2] in self._closed:
+                heappop(heap)
+        if not self._cleanup:
+            return None
+        self.lower = max(self.lower, self._cleanup[0][0])
+        limit = self.w * self.lower + 1e-9
+        reach = self.w * self._open[0][0] + 1e-9
+        while self._beyond and self._beyond[0][0] <= reach:
+            estimate, distance, serial, node = heappop(self._beyond)
+            if serial not in self._closed:
+                heappush(self._focal, (distance, estimate, serial, node))
+        while self._focal and (self._focal[0][2] in self._closed or self._focal[0][1] > reach):
+            distance, estimate, serial, node = heappop(self._focal)
+            if serial not in self._closed:
+                heappush(self._beyond, (estimate, distance, serial, node))
+        if self._focal and self._focal[0][3].cost <= limit:
+            _, _, serial, node = heappop(self._focal)
+        elif self._open[0][3].cost <= limit:
+            _, _, serial, node = heappop(self._open)
+        else:
+            _, _, serial, node = heappop(self._cleanup)
+            self.chosen_for_bound += 1
+        self._closed.add(serial)
+        return node
+
+    def learn(self, node, children) -> None:
+        """One-step errors from a node to its best child (section 4.2)."""
+        if not children:
+            return
+        best = min(children, key=lambda c: (c.cost + len(c.conflicts), len(c.conflicts)))
+        self._num_steps += 1
+        self._distance_error += (len(best.conflicts) - (len(node.conflicts) - 1) - self._distance_error) / self._num_steps
+        self._cost_error += (best.cost - node.cost - self._cost_error) / self._num_steps
+
+    def _cost_of_a_conflict(self) -> float:
+        if self._distance_error >= 1:
+            return max(0.0, self._cost_error) * 100
+        return max(0.0, self._cost_error) / (1 - self._distance_error)
