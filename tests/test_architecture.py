@@ -45,7 +45,8 @@ def imports(path):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: relative import"
-            yield node.lineno, node.module
+            names = [f"planners.{alias.name}" for alias in node.names] if node.module == "planners" else [node.module]
+            yield from ((node.lineno, name) for name in names)
 
 
 @pytest.mark.parametrize("path", sources(), ids=lambda p: str(p.relative_to(PROJECT)))
