@@ -13,6 +13,7 @@ PLUGINS = {
         "ecbs_ta": "planners.ecbs_ta:EcbsTa",
         "eecbs": "planners.eecbs:Eecbs",
         "lacam": "planners.lacam:Lacam",
+        "lns2": "planners.lns2:Lns2",
         "pibt": "planners.pibt:Pibt",
     },
     "assigners": {

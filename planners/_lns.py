@@ -231,6 +231,7 @@ def _take_out(task, traffic, hood, num, rng):
             hood.saved[k, t] = traffic.at[t, robot]
         hood.saved_end[k] = traffic.end[robot]
         remove_path(task.first, task.head, traffic, robot)
+        traffic.end[robot] = -1  # its column of `at` is out of date until it is planned
 
 
 @njit(cache=True)
@@ -383,13 +384,14 @@ def _collide(task, traffic, hood, robot):
         v = np.int64(traffic.at[t, robot])
         if traffic.num_on[v, t] > 1:
             for other in range(num_robots):
-                if traffic.at[t, other] == v and other != robot and not hood.hit[robot, other]:
+                if traffic.at[t, other] == v and other != robot and traffic.end[other] >= 0 and not hood.hit[robot, other]:
                     new += _hit(hood, robot, other)
         if t > 0 and v != before:
             back = lane_between(task.first, task.head, v, before)
             if back >= 0 and traffic.num_along[back, t] > 0:
                 for other in range(num_robots):
-                    if traffic.at[t, other] == before and traffic.at[t - 1, other] == v and not hood.hit[robot, other]:
+                    crossed = traffic.at[t, other] == before and traffic.at[t - 1, other] == v and traffic.end[other] >= 0
+                    if crossed and not hood.hit[robot, other]:
                         new += _hit(hood, robot, other)
         before = v
     return new

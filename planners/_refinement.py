@@ -27,6 +27,7 @@ class Refinement:
         self._task, self._size, self._rng = task, size, rng
         self._traffic, self._labels, self._hood = _lns.traffic_of(task, path, size, SPARE_STEPS)
         self._at_once = 1
+        self._least = int(task.steps[np.arange(len(task.goal)), task.start].sum())
 
     @property
     def cost(self) -> int:
@@ -34,8 +35,8 @@ class Refinement:
         return int(self._traffic.end.sum())
 
     def until(self, deadline_s: float, *, most_labels: int = FOREVER) -> None:
-        """Go on until the deadline (perf_counter), or until so many labels have been made since the beginning."""
-        while (slice_s := perf_counter()) < deadline_s and self._labels.stamp[1] < most_labels:
+        """Go on until the deadline (perf_counter), until so many labels have been made since the beginning, or nothing is left to gain."""
+        while self.cost > self._least and self._labels.stamp[1] < most_labels and (slice_s := perf_counter()) < deadline_s:
             _lns.improve(self._task, self._traffic, self._labels, self._hood, self._size, self._at_once, most_labels, self._rng)
             pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
             self._at_once = max(1, int(self._at_once * min(pace, 2.0)))
