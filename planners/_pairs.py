@@ -86,7 +86,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
         conflicts = conflicts_of(world, store, occupancy, i, records[i], nothing)
         if len(conflicts) == 0:
             break
-        code, chosen = choose(world, store, occupancy, scratch, records, conflicts, True)
+        code, chosen = choose(world, store, scratch, records, conflicts, True)
         if code != OK:
             break
         row = conflicts[chosen]

@@ -29,11 +29,10 @@ from mrp_sumo.planning._space_time import (
     ROWS,
     STORE_FULL,
     add_row,
-    find_path,
+    earliest_arrival,
     load,
     place,
 )
-from mrp_sumo.planning._space_time import STEP as STATE_STEP
 
 PLAIN, RECTANGLE, CORRIDOR, AT_TARGET = 0, 1, 2, 3  # in the order of preference among equally cardinal ones
 MOST_CORNERS = 5  # levels of one member looked at for each corner of a rectangle
@@ -41,7 +40,7 @@ CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
 
 
 @njit(cache=True)
-def choose(world, store, occupancy, scratch, records, conflicts, symmetries):
+def choose(world, store, scratch, records, conflicts, symmetries):
     """Fill in the priorities and splits that are unknown, and choose.
 
     Parameters
@@ -69,7 +68,7 @@ def choose(world, store, occupancy, scratch, records, conflicts, symmetries):
                     code = mdd_of(world, store, scratch, record)
                     if code != OK:
                         return code, -1
-            code = _split(world, store, occupancy, scratch, one, other, row, symmetries)
+            code = _split(world, store, scratch, one, other, row, symmetries)
             if code != OK:
                 return code, -1
         if (
@@ -82,7 +81,7 @@ def choose(world, store, occupancy, scratch, records, conflicts, symmetries):
 
 
 @njit(cache=True)
-def _split(world, store, occupancy, scratch, one, other, row, symmetries):
+def _split(world, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
     kind, at, step = row[KIND], row[AT], row[STEP]
     begin = store.used[ROWS]
@@ -111,7 +110,7 @@ def _split(world, store, occupancy, scratch, one, other, row, symmetries):
     if symmetries and kind != TARGET and kind != FOLLOW:
         corridor = np.empty(4, np.int64)
         if _corridor_of(world, store, one, other, row, corridor):
-            code = _split_corridor(world, store, occupancy, scratch, one, other, row, corridor)
+            code = _split_corridor(world, store, scratch, one, other, row, corridor)
             if code == OK:
                 sort = CORRIDOR
                 rank = _rank(world, store, scratch, one, other, row)
@@ -233,21 +232,15 @@ def _steps_without(world, scratch, end, ban_u, ban_v):
 
 
 @njit(cache=True)
-def _arrival(world, store, occupancy, scratch, start, end, ban_u, ban_v):
+def _arrival(world, scratch, start, end, ban_u, ban_v):
     """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(world, scratch, end, ban_u, ban_v)
-    code, state, bound = find_path(
-        world, store, occupancy, scratch, start, end, scratch.reach, 1.0, np.int64(0), False, False, ban_u, ban_v, CORRIDOR_BUDGET
-    )
-    if code == NO_PATH:
-        return np.int64(FOREVER)
-    if code == OK:
-        return np.int64(scratch.state[state, STATE_STEP])
-    return np.int64(bound)
+    code, cost = earliest_arrival(world, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
+    return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
 @njit(cache=True)
-def _split_corridor(world, store, occupancy, scratch, one, other, row, corridor):
+def _split_corridor(world, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length = corridor[0], corridor[1], corridor[2]
     if row[KIND] == MEET:
@@ -262,16 +255,16 @@ def _split_corridor(world, store, occupancy, scratch, one, other, row, corridor)
     if code != OK:
         return code
     one_start = world.start[row[ONE]]
-    one_through = _arrival(world, store, occupancy, scratch, one_start, one_end, -1, -1)
-    one_around = _arrival(world, store, occupancy, scratch, one_start, one_end, cut_u, cut_v)
+    one_through = _arrival(world, scratch, one_start, one_end, -1, -1)
+    one_around = _arrival(world, scratch, one_start, one_end, cut_u, cut_v)
     if one_at >= one_around:
         return NO_PATH
     code = load(world, store, scratch, other)
     if code != OK:
         return code
     other_start = world.start[row[OTHER]]
-    other_through = _arrival(world, store, occupancy, scratch, other_start, other_end, -1, -1)
-    other_around = _arrival(world, store, occupancy, scratch, other_start, other_end, cut_u, cut_v)
+    other_through = _arrival(world, scratch, other_start, other_end, -1, -1)
+    other_around = _arrival(world, scratch, other_start, other_end, cut_u, cut_v)
     one_until = min(one_around - 1, other_through + length)
     other_until = min(other_around - 1, one_through + length)
     if one_at > one_until or other_at > other_until:

@@ -98,7 +98,13 @@ class Tree:
 
     def choose(self, node: Node) -> int:
         """The row of the conflict to split on."""
-        return int(self._call(choose, node.records, node.conflicts, self.symmetries)[0])
+        while True:
+            self.check_clock()
+            tables = self._tables
+            code, chosen = choose(self.world, tables.store, tables.scratch, node.records, node.conflicts, self.symmetries)
+            if code == st.OK:
+                return int(chosen)
+            self._make_room(code, 0)
 
     def split(self, node: Node, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[Node]:
         """The children: one side's constraints each."""
@@ -339,13 +345,12 @@ class _Tables:
             np.zeros(horizon * num_vertices, np.int32),
             np.zeros(horizon * num_vertices, np.int64),
             np.zeros(horizon, np.int64),
+            np.zeros(num_vertices, np.int64),
             np.full(num_vertices, st.FOREVER, np.int32),
             np.zeros(num_vertices, np.int64),
             np.zeros((max(1024, self._states >> 6), 3), np.int32),
-            np.empty((self._states, 6), np.int32),
+            np.empty((self._states, 5), np.int32),
             np.empty(2 * self._states, np.int64),
-            np.zeros(max(4 * horizon, self._states >> 4), np.int32),
-            np.zeros(max(4 * horizon, self._states >> 4), np.int32),
             np.zeros(horizon, np.int32),
             np.zeros(num_vertices, np.int64),
             np.zeros(num_vertices, np.int64),
@@ -353,7 +358,7 @@ class _Tables:
             np.zeros(4 * horizon, np.int64),
             np.empty(self._members, np.int32),
             self._number,
-            np.zeros(4, np.int64),
+            np.zeros(5, np.int64),
         )
         self._measure()
 

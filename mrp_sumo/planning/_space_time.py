@@ -2,10 +2,11 @@
 
 A *record* is one robot's set of constraints and the path found under it. Records form chains: a record adds
 rows to those of its parent. The *occupancy* says who is where and when, so that a search can count the robots
-it would disturb (soft) while constraints forbid (hard). The low level is focal search on (vertex, step): among
-open states whose f is at most w times the least f, the one that disturbs fewest robots is expanded. With w = 1
-this is A* that breaks ties by conflicts. Source: Barer, Sharon, Stern, Felner, "Suboptimal variants of the
-conflict-based search algorithm", SoCS 2014; Silver, "Cooperative pathfinding", AIIDE 2005.
+it would disturb (soft) while constraints forbid (hard). A search has two stages: the least cost by safe intervals
+(Phillips, Likhachev, "SIPP", ICRA 2011), which the constraints cut; then, among the paths that cost at most w
+times that, the one that disturbs fewest by best-first search on (vertex, step). This is the focal search of
+Barer, Sharon, Stern, Felner, "Suboptimal variants of the conflict-based search algorithm", SoCS 2014, with the
+lower bound known beforehand; with w = 1 it is A* that breaks ties by conflicts.
 """
 
 from typing import NamedTuple
@@ -26,12 +27,12 @@ RANGE, EDGE, MIN_COST, MAX_COST, MUST = 0, 1, 2, 3, 4
 # entries of Store.used
 RECORDS, ROWS, PATH, LEVELS, MEMBERS = 0, 1, 2, 3, 4
 # columns of Scratch.state
-VERTEX, STEP, BEFORE, DISTURBS, NEXT, STATUS = 0, 1, 2, 3, 4, 5
+VERTEX, STEP, BEFORE, DISTURBS, STATUS = 0, 1, 2, 3, 4
 WAITING, EXPANDED, FINISH = 0, 1, 2
 # entries of Scratch.number
 STAMP, EXPANSIONS, NUM_CLOSED, NUM_EDGES, MARK = 0, 1, 2, 3, 4
 # entries of Scratch.limit, what the constraints say
-LAST, EARLIEST, LATEST, HAS_MUST = 0, 1, 2, 3
+LAST, EARLIEST, LATEST, HAS_MUST, OPEN_FROM = 0, 1, 2, 3, 4
 
 
 class World(NamedTuple):
@@ -77,13 +78,12 @@ class Scratch(NamedTuple):
     blocked: np.ndarray  # [T * V] int32, stamp << 2 | (vertex forbidden) | (an edge into it forbidden) << 1
     visited: np.ndarray  # [T * V] int64, stamp << 32 | state
     must: np.ndarray  # [T] int64, stamp << 32 | the vertex to be at
+    touched: np.ndarray  # [V] int64, stamp of vertices with constraints for a time
     closed_since: np.ndarray  # [V] int32, forbidden from this step on
     closed: np.ndarray  # [V] int64, vertices of `closed_since` to clear
     edge: np.ndarray  # [E, 3] int32 forbidden moves (step of arrival, tail, head)
-    state: np.ndarray  # [N, 6] int32
+    state: np.ndarray  # [N, 5] int32
     heap: np.ndarray  # [H] int64
-    bucket: np.ndarray  # [F] int32, states beyond the focal bound by f, 0 for none (state + 1)
-    open_at: np.ndarray  # [F] int32, open states by f
     after: np.ndarray  # [T] int32, visits of others at the goal from this step on
     mark: np.ndarray  # [V] int64, stamps of level sets
     queue: np.ndarray  # [V] int64
@@ -91,7 +91,7 @@ class Scratch(NamedTuple):
     level: np.ndarray  # [M] int64 levels being built
     member: np.ndarray  # [Q] int32
     number: np.ndarray  # [8] int64
-    limit: np.ndarray  # [4] int64
+    limit: np.ndarray  # [5] int64
 
 
 @njit(cache=True)
@@ -209,7 +209,7 @@ def load(world, store, scratch, record):
     number[NUM_EDGES] = 0
     number[STAMP] += 1
     stamp = number[STAMP]
-    last, earliest, latest, has_must = np.int64(0), np.int64(0), np.int64(FOREVER), 0
+    last, earliest, latest, has_must, open_from = np.int64(0), np.int64(0), np.int64(FOREVER), 0, np.int64(0)
     last_must = np.int64(-1)
     last_must_vertex = np.int64(-1)
     while record >= 0:
@@ -229,18 +229,20 @@ def load(world, store, scratch, record):
                     if end + 2 >= horizon:
                         return TOO_LATE
                     last = max(last, end)
+                    scratch.touched[v] = stamp
                     for t in range(begin, end + 1):
                         cell = t * num_vertices + v
                         old = scratch.blocked[cell]
                         scratch.blocked[cell] = (old | 1) if old >> 2 == stamp else (stamp << 2) | 1
                     if v == goal:
-                        earliest = max(earliest, end + 1)
+                        open_from = max(open_from, end + 1)
             elif kind == EDGE:
                 if begin + 2 >= horizon:
                     return TOO_LATE
                 if number[NUM_EDGES] >= len(scratch.edge):
                     return SCRATCH_FULL
                 last = max(last, begin)
+                scratch.touched[v] = stamp
                 cell = begin * num_vertices + v
                 old = scratch.blocked[cell]
                 scratch.blocked[cell] = (old | 2) if old >> 2 == stamp else (stamp << 2) | 2
@@ -268,10 +270,11 @@ def load(world, store, scratch, record):
         for t in range(last_must + 1):  # the robot may only end after every place it must pass
             old_must = scratch.must[t]
             if old_must >> 32 == stamp and (old_must & 0xFFFFFFFF) != goal:
-                earliest = max(earliest, t + 1)
+                open_from = max(open_from, t + 1)
     if last_must_vertex >= 0 and last_must > latest and last_must_vertex != goal:
         return NO_PATH
-    limit[LAST], limit[EARLIEST], limit[LATEST], limit[HAS_MUST] = last, earliest, latest, has_must
+    earliest = max(earliest, open_from)
+    limit[LAST], limit[EARLIEST], limit[LATEST], limit[HAS_MUST], limit[OPEN_FROM] = last, earliest, latest, has_must, open_from
     return OK if earliest <= latest else NO_PATH
 
 
@@ -298,23 +301,17 @@ def forbidden(world, scratch, u, v, step):
 
 
 @njit(cache=True)
-def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower, soft, stay, ban_u, ban_v, budget):
-    """Focal search under the loaded constraints.
+def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
+    """The least cost under the loaded constraints: safe intervals, as nobody but them is in the way.
 
     Parameters
     ----------
-    world, store, occupancy, scratch
-        As above; the searching robot is not installed.
+    world, scratch
+        As above.
     start, goal
         Vertices.
     distance
         [V] steps to the goal.
-    w
-        Factor of the focal bound, 1 for shortest paths.
-    lower
-        A known lower bound of the cost.
-    soft
-        Whether to count disturbed robots.
     stay
         Whether the robot stays at the goal, so that the constraints on ending hold.
     ban_u, ban_v
@@ -324,130 +321,209 @@ def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower,
 
     Returns
     -------
-    code, state, bound
-        OK and the last state, from which `BEFORE` leads back; the lower bound that is now known.
+    code, cost
+        OK, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET; the cost, a lower bound of it in the latter cases.
+    """
+    num_vertices = len(world.first) - 1
+    first, head = world.first, world.head
+    number, limit, state, heap = scratch.number, scratch.limit, scratch.state, scratch.heap
+    visited, blocked, closed_since, edge = scratch.visited, scratch.blocked, scratch.closed_since, scratch.edge
+    must_be, touched = scratch.must, scratch.touched
+    number[MARK] += 1
+    now = number[MARK]
+    stamp, num_edges = number[STAMP], number[NUM_EDGES]
+    last, has_must = limit[LAST], limit[HAS_MUST]
+    least = max(np.int64(distance[start]), limit[EARLIEST]) if stay else np.int64(distance[start])
+    if distance[start] >= UNREACHABLE or least > limit[LATEST] or forbidden(world, scratch, start, start, 0):
+        return NO_PATH, least
+    open_from = limit[OPEN_FROM] if stay else np.int64(0)
+    state[0, VERTEX], state[0, STEP] = start, 0
+    visited[start] = now << 32
+    num_states = 1
+    push(heap, 0, np.int64(distance[start]) << 32)
+    count = 1
+    spent = 0
+    code = NO_PATH
+    while count:
+        key = pop(heap, count)
+        count -= 1
+        k = key & 0xFFFFFFFF
+        u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
+        least = max(least, key >> 32) if stay else key >> 32
+        if u == goal and t >= open_from:
+            code = OK
+            break
+        spent += 1
+        if spent > budget:
+            code = OUT_OF_BUDGET
+            break
+        # until when the robot can stay at u
+        until = np.int64(closed_since[u]) - 1
+        if t <= last and (has_must or touched[u] == stamp):
+            for step in range(t + 1, min(last, until) + 1):
+                found = blocked[step * num_vertices + u]
+                must = must_be[step] if has_must else 0
+                if (found >> 2 == stamp and found & 1) or (must >> 32 == stamp and (must & 0xFFFFFFFF) != u):
+                    until = step - 1
+                    break
+        for lane in range(first[u], first[u + 1]):
+            v = head[lane]
+            if distance[v] >= UNREACHABLE or (ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u))):
+                continue
+            latest = min(until + 1, np.int64(closed_since[v]) - 1)
+            constrained = has_must or touched[v] == stamp
+            arrive = t + 1
+            while arrive <= latest:
+                begin = np.int64(0)  # the first step of the interval of v that is entered
+                if constrained and arrive <= last + 1:
+                    while arrive <= last:  # the next step at which v may be entered from u
+                        found = blocked[arrive * num_vertices + v]
+                        barred = found >> 2 == stamp and found & 1 == 1
+                        if found >> 2 == stamp and found & 2:
+                            for e in range(num_edges):
+                                if edge[e, 0] == arrive and edge[e, 1] == u and edge[e, 2] == v:
+                                    barred = True
+                        must = must_be[arrive] if has_must else 0
+                        if not barred and not (must >> 32 == stamp and (must & 0xFFFFFFFF) != v):
+                            break
+                        arrive += 1
+                    if arrive > latest:
+                        break
+                    begin = arrive
+                    while begin > 0:
+                        found = blocked[(begin - 1) * num_vertices + v]
+                        must = must_be[begin - 1] if has_must else 0
+                        if (found >> 2 == stamp and found & 1) or (must >> 32 == stamp and (must & 0xFFFFFFFF) != v):
+                            break
+                        begin -= 1
+                elif constrained:
+                    begin = last + 1
+                cell = min(begin, last + 1) * num_vertices + v
+                seen = visited[cell]
+                if not (seen >> 32 == now and state[seen & 0xFFFFFFFF, STEP] <= arrive):
+                    if num_states >= len(state) or count >= len(heap):
+                        return SCRATCH_FULL, least
+                    state[num_states, VERTEX], state[num_states, STEP] = v, arrive
+                    visited[cell] = (now << 32) | num_states
+                    push(heap, count, ((arrive + distance[v]) << 32) | num_states)
+                    num_states += 1
+                    count += 1
+                if not constrained or arrive > last:
+                    break
+                arrive += 1  # the next interval of v, if u can be held so long
+                while arrive <= last:
+                    found = blocked[arrive * num_vertices + v]
+                    must = must_be[arrive] if has_must else 0
+                    if (found >> 2 == stamp and found & 1) or (must >> 32 == stamp and (must & 0xFFFFFFFF) != v):
+                        break
+                    arrive += 1
+                if arrive > last:
+                    break
+    number[EXPANSIONS] += spent
+    if code == OK and stay and least > limit[LATEST]:
+        code = NO_PATH
+    return code, least
+
+
+@njit(cache=True)
+def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budget):
+    """The path of a cost of at most `bound` that disturbs fewest, under the loaded constraints.
+
+    Parameters
+    ----------
+    world, store, occupancy, scratch
+        As above; the searching robot is not installed.
+    robot
+        Who searches.
+    least
+        The least cost there is.
+    bound
+        The most that the path may cost.
+    soft
+        Whether to count disturbed robots.
+    budget
+        Expansions allowed.
+
+    Returns
+    -------
+    code, state
+        OK and the last state, from which `BEFORE` leads back.
     """
     # arrays by themselves: to hand a tuple to a function in the inner loop counts references of all its arrays
     num_vertices = len(world.first) - 1
     horizon = len(scratch.must)
+    start, goal, distance = world.start[robot], world.goal[robot], world.distance[world.row[robot]]
     first, head, following = world.first, world.head, world.following
     meta, path = store.meta, store.path
     someone, another, parked = occupancy.someone, occupancy.another, occupancy.parked
     since, installed = occupancy.since, occupancy.record
     number, limit, state, heap = scratch.number, scratch.limit, scratch.state, scratch.heap
-    visited, blocked, bucket, open_at = scratch.visited, scratch.blocked, scratch.bucket, scratch.open_at
-    closed_since, edge, must_be = scratch.closed_since, scratch.edge, scratch.must
+    visited, blocked, closed_since, edge, must_be = scratch.visited, scratch.blocked, scratch.closed_since, scratch.edge, scratch.must
     number[MARK] += 1
     now = number[MARK]
     stamp = number[STAMP]
-    last = limit[LAST]
-    earliest, latest = (limit[EARLIEST], limit[LATEST]) if stay else (np.int64(0), np.int64(FOREVER))
+    last, earliest, latest = limit[LAST], limit[EARLIEST], min(limit[LATEST], bound)
     has_must, num_edges = limit[HAS_MUST], number[NUM_EDGES]
-    if distance[start] >= UNREACHABLE or forbidden(world, scratch, start, start, 0):
-        return NO_PATH, -1, lower
     cap = max(last, earliest)
     if soft:
-        for robot in range(len(occupancy.record)):
-            record = occupancy.record[robot]
-            if record >= 0:
-                cap = max(cap, store.meta[record, COST])
-    cap += 1
+        for other in range(len(installed)):
+            if installed[other] >= 0:
+                cap = max(cap, meta[installed[other], COST])
+    cap += 1  # from this step on nothing changes
     if cap + 1 >= horizon:
-        return TOO_LATE, -1, lower
-    base = max(np.int64(distance[start]), earliest)
-    if base > latest:
-        return NO_PATH, -1, lower
-    first_end = min(np.int64(distance[start]), cap)
-    if soft and stay:
-        count = 0
-        for t in range(cap, first_end - 1, -1):
-            other = occupancy.someone[t * num_vertices + goal]
+        return TOO_LATE, -1
+    if soft:
+        visits = 0
+        for t in range(cap, min(np.int64(distance[start]), cap) - 1, -1):
+            other = np.int64(someone[t * num_vertices + goal])
             while other:
-                count += 1
-                other = occupancy.another[(other - 1) * horizon + t]
-            scratch.after[t] = count
-    lower = max(lower, base)
-    least = base  # f of the best open state
-    top = base  # largest f seen
-    bound = np.int64(w * lower + 1e-9)
+                visits += 1
+                other = np.int64(another[(other - 1) * horizon + t])
+            scratch.after[t] = visits
     state[0, VERTEX], state[0, STEP], state[0, BEFORE], state[0, DISTURBS], state[0, STATUS] = start, 0, -1, 0, WAITING
     visited[start] = now << 32
     num_states = 1
-    bucket[0] = 0
-    open_at[0] = 1
     push(heap, 0, np.int64(0))
     count = 1
     spent = 0
     code, end = NO_PATH, -1
-    while True:
-        while least <= top and open_at[least - base] == 0:
-            least += 1
-        if least > top:
-            break
-        if least > lower:
-            lower = least
-            old, bound = bound, np.int64(w * lower + 1e-9)
-            for f in range(old + 1, min(bound, top) + 1):
-                k = bucket[f - base]
-                bucket[f - base] = 0
-                while k:
-                    k -= 1
-                    v = np.int64(state[k, VERTEX])
-                    if visited[min(np.int64(state[k, STEP]), cap) * num_vertices + v] == (now << 32) | k:
-                        if count >= len(heap):
-                            code = SCRATCH_FULL
-                            break
-                        key = (min(np.int64(state[k, DISTURBS]), 4095) << 51) | (min(f - base, 8191) << 38)
-                        push(heap, count, key | (min(np.int64(distance[v]), 8191) << 25) | k)
-                        count += 1
-                    k = state[k, NEXT]
-        if count == 0 or code == SCRATCH_FULL:
-            break
+    while count:
         key = pop(heap, count)
         count -= 1
         k = key & 0x1FFFFFF
-        u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
-        disturbs = np.int64(state[k, DISTURBS])
-        f = max(t + distance[u], earliest)
         if state[k, STATUS] == FINISH:
             code, end = OK, k
             break
-        if state[k, STATUS] == EXPANDED or visited[min(t, cap) * num_vertices + u] != (now << 32) | k:
+        u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
+        if visited[min(t, cap) * num_vertices + u] != (now << 32) | k:
             continue
+        disturbs = np.int64(state[k, DISTURBS])
         state[k, STATUS] = EXPANDED
+        if num_states + first[u + 1] - first[u] + 8 >= len(state) or count + first[u + 1] - first[u] + 8 >= len(heap):
+            code = SCRATCH_FULL
+            break
         if u == goal and t >= earliest:
-            more = np.int64(scratch.after[min(t, cap)]) if soft and stay else 0
+            more = np.int64(scratch.after[min(t, cap)]) if soft else np.int64(0)
             if more == 0:
                 code, end = OK, k
                 break
-            if num_states + 8 >= len(state) or count >= len(heap):
-                code = SCRATCH_FULL
-                break
-            s = num_states  # the robot may stay in the way, or go on
+            # the robot may stay in the way, or go on
+            state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = u, t, k
+            state[num_states, DISTURBS], state[num_states, STATUS] = disturbs + more, FINISH
+            push(heap, count, (min(disturbs + more, 4095) << 51) | (min(max(t, least) - least, 8191) << 38) | num_states)
             num_states += 1
-            state[s, VERTEX], state[s, STEP], state[s, BEFORE] = u, t, k
-            state[s, DISTURBS], state[s, STATUS] = disturbs + more, FINISH
-            open_at[f - base] += 1
-            push(heap, count, (min(disturbs + more, 4095) << 51) | (min(f - base, 8191) << 38) | s)
             count += 1
-        open_at[f - base] -= 1
         spent += 1
         if spent > budget:
             code = OUT_OF_BUDGET
             break
         step = t + 1
-        slot = min(step, cap)
+        row = min(step, cap) * num_vertices
         lanes_end = first[u + 1]
-        if num_states + (lanes_end - first[u]) + 8 >= len(state):
-            code = SCRATCH_FULL
-            break
         for lane in range(first[u], lanes_end + 1):
             v = head[lane] if lane < lanes_end else u
             to_go = np.int64(distance[v])
-            if to_go >= UNREACHABLE:
-                continue
-            f = max(step + to_go, earliest)
-            if f > latest or step >= closed_since[v]:
+            if step + to_go > latest or step >= closed_since[v]:
                 continue
             if step <= last:
                 found = blocked[step * num_vertices + v]
@@ -465,8 +541,6 @@ def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower,
                     must = must_be[step]
                     if must >> 32 == stamp and (must & 0xFFFFFFFF) != v:
                         continue
-            if ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u)):
-                continue
             new_disturbs = disturbs
             if soft:
                 if parked[v] >= 0 and since[v] <= step:
@@ -491,42 +565,22 @@ def find_path(world, store, occupancy, scratch, start, goal, distance, w, lower,
                                 if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
                                     new_disturbs += 1
                                 other = np.int64(another[(other - 1) * horizon + step])
-            cell = slot * num_vertices + v
-            seen = visited[cell]
+            seen = visited[row + v]
             if seen >> 32 == now:
                 e = seen & 0xFFFFFFFF
                 if state[e, STEP] < step:
                     continue
                 if state[e, STEP] == step and (state[e, STATUS] == EXPANDED or state[e, DISTURBS] <= new_disturbs):
                     continue
-                if state[e, STATUS] == WAITING:
-                    open_at[max(state[e, STEP] + to_go, earliest) - base] -= 1
-            while f > top:
-                top += 1
-                if top - base >= len(bucket):
-                    return SCRATCH_FULL, -1, lower
-                bucket[top - base] = 0
-                open_at[top - base] = 0
-            s = num_states
+            state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = v, step, k
+            state[num_states, DISTURBS], state[num_states, STATUS] = new_disturbs, WAITING
+            visited[row + v] = (now << 32) | num_states
+            key = (min(new_disturbs, 4095) << 51) | (min(max(step + to_go, least) - least, 8191) << 38)
+            push(heap, count, key | (min(to_go, 8191) << 25) | num_states)
             num_states += 1
-            state[s, VERTEX], state[s, STEP], state[s, BEFORE] = v, step, k
-            state[s, DISTURBS], state[s, STATUS] = new_disturbs, WAITING
-            visited[cell] = (now << 32) | s
-            open_at[f - base] += 1
-            if f <= bound:
-                if count >= len(heap):
-                    code = SCRATCH_FULL
-                    break
-                key = (min(new_disturbs, 4095) << 51) | (min(f - base, 8191) << 38) | (min(to_go, 8191) << 25)
-                push(heap, count, key | s)
-                count += 1
-            else:
-                state[s, NEXT] = bucket[f - base]
-                bucket[f - base] = s + 1
-        if code == SCRATCH_FULL:
-            break
+            count += 1
     number[EXPANSIONS] += spent
-    return code, end, lower
+    return code, end
 
 
 @njit(cache=True)
@@ -545,9 +599,10 @@ def replan(world, store, occupancy, scratch, record, w, lower, soft, budget):
     if occupancy.record[robot] >= 0:
         uninstall(world, store, occupancy, robot)
     distance = world.distance[world.row[robot]]
-    code, end, bound = find_path(
-        world, store, occupancy, scratch, world.start[robot], world.goal[robot], distance, w, lower, soft, True, -1, -1, budget
-    )
+    code, least = earliest_arrival(world, scratch, world.start[robot], world.goal[robot], distance, True, -1, -1, budget)
+    if code != OK:
+        return code
+    code, end = find_path(world, store, occupancy, scratch, robot, least, np.int64(w * max(least, lower) + 1e-9), soft, budget)
     if code != OK:
         return code
     state = scratch.state
@@ -564,5 +619,5 @@ def replan(world, store, occupancy, scratch, record, w, lower, soft, budget):
     store.used[PATH] = begin + cost + 1
     store.meta[record, PATH0] = begin
     store.meta[record, COST] = cost
-    store.meta[record, BOUND] = min(bound, cost)
+    store.meta[record, BOUND] = min(max(least, lower), cost)
     return OK
