@@ -4,6 +4,7 @@ So a run may crash, take too long or too much memory there as here, and the Dask
 machines need the same version of mrp_sumo, and maps that are files at the same path.
 """
 
+import logging
 import queue
 import threading
 from typing import Any
@@ -16,8 +17,7 @@ from mrp_sumo.experiments.worker import CRASHED, Answer, Job, failure, machine
 PATIENCE_S = 10.0  # for the scheduler to answer
 _WRONG_VERSION = "wrong_version"
 
-_here = threading.local()  # the process of this thread of a Dask worker
-_all_here: list[Processes] = []
+_here: dict[int, Processes] = {}  # of each thread of a Dask worker
 
 
 class Cluster:
@@ -34,6 +34,9 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise BatchError("--scheduler needs dask.distributed: pip install 'mrp-sumo[cluster]'") from None
+        for name in list(logging.root.manager.loggerDict):  # what goes wrong is told below, in one line
+            if name.startswith("distributed"):
+                logging.getLogger(name).setLevel(logging.CRITICAL)
         connect: Any = Client
         try:
             self._client = connect(address, timeout=PATIENCE_S, set_as_default=False)
@@ -76,7 +79,7 @@ class Cluster:
     def close(self) -> None:
         if self._client.status == "running":
             self._client.run(_close_here)
-        self._client.close()
+        self._client.close(timeout=2)
 
     def _answer(self, future: Any) -> tuple[Job, Answer]:
         job = self._under_way.pop(future.key)
@@ -96,18 +99,21 @@ def make_here(job: Job, function: str, code: str) -> Answer:
     if code != code_version():
         reason = f"{machine()['machine']}: has mrp_sumo {code_version()}, the batch {code}; install the same on all machines"
         return failure(_WRONG_VERSION, reason)
-    if not hasattr(_here, "process"):
-        _here.process = Processes(1, function)
-        _all_here.append(_here.process)
-    _here.process.submit(job)
+    thread = threading.get_ident()
+    if thread not in _here:
+        _here[thread] = Processes(1, function)
+    _here[thread].submit(job)
     while True:
-        if ended := _here.process.wait(1.0):
+        if ended := _here[thread].wait(1.0):
             return dict(ended[0][1])
 
 
 def _close_here() -> None:
-    for process in _all_here:
-        process.close()
+    """End the processes of a Dask worker, but for those that make runs of another batch."""
+    for thread, process in list(_here.items()):
+        if not process.running:
+            del _here[thread]
+            process.close()
 
 
 def _line(error: BaseException | None) -> str:

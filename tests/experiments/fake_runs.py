@@ -51,3 +51,13 @@ def make(job, workshop):
     }
     solved = seed % 5 != 4
     return {"status": "completed" if solved else "planning_timed_out", "success": solved, "reason": "", "metrics": metrics}
+
+
+class Silent:
+    """A watcher that says nothing."""
+
+    def begin(self, num_runs, num_done): ...
+
+    def ended(self, record): ...
+
+    def told(self, line): ...

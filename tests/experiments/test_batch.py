@@ -11,7 +11,7 @@ from pathlib import Path
 
 import fake_runs
 import pytest
-from drive import Silent
+from fake_runs import Silent
 
 from mrp_sumo import load_results
 from mrp_sumo.errors import BatchError

@@ -166,7 +166,7 @@ def test_bundled_suite_has_runs(path):
 
 
 def test_unknown_suite_is_told_with_the_nearest():
-    with pytest.raises(ScenarioError, match="no suite 'paper_comparisn'.*did you mean 'paper_comparison'"):
+    with pytest.raises(ScenarioError, match=r"no suite 'paper_comparisn'.*did you mean 'paper_comparison'"):
         find_suite("paper_comparisn")
 
 

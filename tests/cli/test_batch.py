@@ -1,0 +1,148 @@
+"""`mrp-sumo batch`, `status`, `query` and `compare` on real runs of the bundled office."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import mrp_sumo
+from mrp_sumo.cli.main import main
+from mrp_sumo.experiments import batch as batches
+from mrp_sumo.io.results import MACHINE_COLUMNS
+from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+
+SUITE = """
+name: study
+description: Two planners.
+base: {map: office, robots: {count: 2, draw: mrp_bench}}
+grid_search:
+  planner: [astar, cbs]
+  seed: 3000..3002
+views:
+  cost: select planner, avg(soc_steps) as cost from results group by planner order by planner
+"""
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A suite and the folder of its batch."""
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "study.yaml").write_text(SUITE)
+    before, batches.code_version = batches.code_version, lambda: "1"  # whatever is edited meanwhile
+    assert main(["batch", str(folder / "study.yaml"), "--out", str(folder / "out"), "--workers", "1"]) == 0
+    yield folder
+    batches.code_version = before
+
+
+def test_runs_end_in_a_table_with_metrics(study):
+    results = mrp_sumo.load_results(study / "out")
+    assert list(results["planner"]) == ["astar"] * 3 + ["cbs"] * 3
+    assert results["plan_success"].all()
+    assert results[results["planner"] == "cbs"]["success"].all()
+    assert (results["soc_steps"] >= results["lower_bound_steps"]).all()
+
+
+def test_one_and_two_workers_give_equal_results(study):
+    assert main(["batch", str(study / "study.yaml"), "--out", str(study / "two"), "--workers", "2"]) == 0
+    one, two = (mrp_sumo.load_results(study / name) for name in ("out", "two"))
+    assert list(one.columns) == list(two.columns)
+    for column in one:
+        if column not in (*MACHINE_COLUMNS, *MACHINE_DEPENDENT):
+            assert [repr(v) for v in one[column]] == [repr(v) for v in two[column]], column
+
+
+def test_dry_run_tells_runs_and_time_and_makes_none(study, capsys):
+    assert main(["batch", str(study / "study.yaml"), "--out", str(study / "none"), "--dry-run"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("study: 6 runs, 0 done, 6 to make\nTwo planners.\n  planner: astar, cbs (2)\n  seed: 3000, 3001, 3002 (3)\n")
+    assert "planner=cbs seed=3001" in told
+    assert "about" in told.splitlines()[-1]
+    assert not (study / "none").exists()
+
+
+def test_batch_in_a_pipe_is_quiet(study, capsys):
+    assert main(["batch", str(study / "study.yaml"), "--out", str(study / "out")]) == 0
+    told = capsys.readouterr()
+    assert told.out == f"study: 6 of 6 runs done; {study}/out/results.parquet, {study}/out/results.csv\n"
+    assert told.err == "mrp-sumo: going on: 6 of 6 runs done\n"
+
+
+def test_status_counts_what_ended_how(study, capsys):
+    assert main(["status", str(study / "out")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("study: 6 of 6 runs done, complete")
+    assert any(line.split()[1:] == ["completed"] for line in lines[1:])
+
+
+def test_query_answers_sql_and_views(study, capsys):
+    assert main(["query", str(study / "out"), "select planner, count(*) as n from results group by planner order by 1", "--csv"]) == 0
+    assert capsys.readouterr().out == "planner,n\nastar,3\ncbs,3\n"
+    assert main(["query", str(study / "out"), "cost"]) == 0
+    assert capsys.readouterr().out.split()[:2] == ["planner", "cost"]
+    assert main(["query", str(study / "out")]) == 0
+    assert "view cost: select planner" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["query", "OUT", "costs"], "'costs' is neither SQL nor a view of the suite (did you mean 'cost'?)"),
+        (["query", "OUT", "select nothing from results"], "query: Binder Error"),
+        (["query", "OUT/nowhere", "select 1"], "no such folder"),
+        (["status", "SUITE"], "not the folder of a batch"),
+        (["batch", "STUDY", "--workers", "0"], "--workers: found 0, expected 1 or more"),
+        (["batch", "STUDY", "--memory-limit", "-5"], "--memory-limit: found -5, expected more than 0"),
+        (["batch", "STUDY", "--out", "STUDY"], "cannot be written to"),
+        (["compare", "OUT", "OUT", "--metric", "soc"], "no metric 'soc' (did you mean 'soc_steps'?)"),
+        (["compare", "OUT", "OUT", "--alpha", "2"], "--alpha: found 2, expected a number between 0 and 1"),
+    ],
+)
+def test_bad_input_is_one_line(study, capsys, arguments, told):
+    names = {"OUT": str(study / "out"), "OUT/nowhere": str(study / "nowhere"), "SUITE": str(study), "STUDY": str(study / "study.yaml")}
+    assert main([names.get(argument, argument) for argument in arguments]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+
+
+def test_compare_passes_a_folder_against_itself_and_fails_a_costlier_one(study, capsys, tmp_path):
+    out = str(study / "out")
+    assert main(["compare", out, out]) == 0
+    assert "6 runs in common" in capsys.readouterr().out
+    results = mrp_sumo.load_results(out)
+    results["makespan_s"] *= 1.5
+    results.to_parquet(tmp_path / "slow.parquet")
+    assert main(["compare", out, str(tmp_path / "slow.parquet"), "--metric", "makespan_s", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["differences"][0]["num_worse"] == 6
+
+
+def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_path):
+    (tmp_path / "long.yaml").write_text(SUITE.replace("name: study", "name: long").replace("3000..3002", "3000..3400"))
+    command = [
+        sys.executable,
+        "-m",
+        "mrp_sumo.cli.main",
+        "batch",
+        str(tmp_path / "long.yaml"),
+        "--out",
+        str(tmp_path / "out"),
+        "--workers",
+        "1",
+    ]
+    code = "import sys; from mrp_sumo.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    process = subprocess.Popen(
+        [command[0], "-c", code, *command[3:]], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ
+    )
+    deadline = time.monotonic() + 60
+    while len(list((tmp_path / "out").glob("runs/*/*.json"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert "ending after the runs under way" in told
+    assert f"to go on: mrp-sumo batch {tmp_path / 'long.yaml'} --out {tmp_path / 'out'}" in told
+    assert len(mrp_sumo.load_results(tmp_path / "out")) >= 2

@@ -1,0 +1,59 @@
+"""The second of two tables is worse when it is worse beyond chance and tolerance, on the runs they share."""
+
+import pandas as pd
+import pytest
+
+from mrp_sumo.errors import BatchError
+from mrp_sumo.experiments.compare import compare
+
+
+def table(success, soc_steps=None, first=0):
+    keys = [f"k{first + i}" for i in range(len(success))]
+    steps = [100] * len(success) if soc_steps is None else soc_steps
+    return pd.DataFrame({"scenario_key": keys, "success": pd.array(success, "boolean"), "soc_steps": steps, "reason": "x"})
+
+
+def test_equal_tables_are_not_worse():
+    found = compare(table([True] * 10), table([True] * 10))
+    assert not found.worse
+    assert found.num_pairs == 10
+    assert [d.metric for d in found.differences] == ["success", "soc_steps"]
+
+
+def test_lost_successes_beyond_chance_are_worse_and_gained_ones_are_not():
+    before, after = table([True] * 20), table([True] * 12 + [False] * 8)
+    assert compare(before, after).worse
+    assert not compare(after, before).worse
+
+
+def test_a_single_lost_success_is_worse_only_in_strict_mode():
+    before, after = table([True] * 20), table([True] * 19 + [False])
+    assert not compare(before, after).worse
+    assert compare(before, after, strict=True).worse
+
+
+def test_higher_cost_is_worse_beyond_the_tolerance():
+    before, after = table([True] * 20), table([True] * 20, [103] * 20)
+    assert compare(before, after).worse
+    assert not compare(before, after, tolerance=0.05).worse
+    assert not compare(after, before).worse
+    assert compare(before, after).differences[1].num_worse == 20
+
+
+def test_only_runs_in_both_are_compared():
+    found = compare(table([True] * 10), table([True] * 10, first=4))
+    assert (found.num_pairs, found.num_only_first, found.num_only_second) == (6, 4, 4)
+
+
+def test_tables_without_a_common_run_are_refused():
+    with pytest.raises(BatchError, match="the two have no run in common"):
+        compare(table([True]), table([True], first=5))
+
+
+@pytest.mark.parametrize(
+    ("metric", "told"),
+    [("soc_step", r"no metric 'soc_step' \(did you mean 'soc_steps'\?\)"), ("reason", "metric 'reason' is neither a number nor yes or no")],
+)
+def test_metric_that_cannot_be_compared_is_refused(metric, told):
+    with pytest.raises(BatchError, match=told):
+        compare(table([True]), table([True]), [metric])

@@ -1,0 +1,127 @@
+"""Statistics give the textbook's figures on small samples."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, pairs, par2, rates, success_rates, wilcoxon, wilson
+
+
+@pytest.mark.parametrize(
+    ("successes", "count", "low", "high"),
+    [(8, 10, 0.4902, 0.9433), (0, 10, 0.0, 0.2775), (10, 10, 0.7225, 1.0), (1, 1, 0.2065, 1.0)],
+)
+def test_wilson_interval_of_small_samples(successes, count, low, high):
+    interval = wilson(successes, count)
+    assert interval.value == successes / count
+    assert (interval.low, interval.high) == pytest.approx((low, high), abs=1e-4)
+
+
+def test_rate_of_no_runs_is_unknown():
+    assert math.isnan(wilson(0, 0).value)
+
+
+def test_mcnemar_is_a_sign_test_of_the_runs_that_differ():
+    first = np.array([True] * 30 + [False] * 8 + [True] * 1 + [False] * 5)
+    second = np.array([True] * 30 + [True] * 8 + [False] * 1 + [False] * 5)
+    found = mcnemar(first, second)
+    assert (found.only_first, found.only_second, found.count) == (1, 8, 44)
+    assert found.p_value == pytest.approx(2 * (1 + 9) / 2**9)
+    assert found.odds_ratio == 8
+    assert found.difference.value == pytest.approx(7 / 44)
+
+
+def test_paired_difference_has_newcombes_interval():
+    first = np.array([True] * 20 + [False] * 12 + [True] * 2 + [False] * 16)
+    second = np.array([True] * 20 + [True] * 12 + [False] * 2 + [False] * 16)
+    difference = mcnemar(first, second).difference
+    assert difference.value == pytest.approx(0.2)
+    assert (difference.low, difference.high) == pytest.approx((0.0562, 0.3290), abs=2e-3)
+
+
+def test_outcomes_that_never_differ_are_no_evidence():
+    found = mcnemar([True, False, True], [True, False, True])
+    assert (found.p_value, found.difference.value) == (1.0, 0.0)
+    assert math.isnan(found.odds_ratio)
+
+
+def test_wilcoxon_of_five_runs_that_all_got_larger_is_exact():
+    found = wilcoxon([1, 2, 3, 4, 5], [2, 4, 6, 8, 10])
+    assert found.p_value == pytest.approx(2 / 2**5)
+    assert found.rank_biserial == 1
+    assert found.shift == 3
+    assert (found.first, found.second) == (3, 6)
+
+
+def test_wilcoxon_leaves_out_runs_without_both_values():
+    found = wilcoxon([1, np.nan, 3], [1, 2, np.nan])
+    assert (found.count, found.p_value, found.rank_biserial) == (1, 1.0, 0.0)
+    assert wilcoxon([np.nan], [1]).count == 0
+
+
+def test_wilcoxon_of_many_runs_is_that_of_scipy():
+    rng = np.random.default_rng(3)
+    a = rng.normal(size=80)
+    b = a + rng.normal(0.3, 1, 80)
+    assert wilcoxon(a, b).p_value == pytest.approx(stats.wilcoxon(b - a, method="approx").pvalue)
+
+
+def test_bootstrap_interval_is_that_of_scipy():
+    x = np.random.default_rng(1).exponential(size=60)
+    ours, theirs = bootstrap_mean(x), stats.bootstrap((x,), np.mean, rng=0).confidence_interval
+    assert ours.value == x.mean()
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.02)
+    assert bootstrap_mean(x) == ours  # the same every time
+
+
+def test_bootstrap_of_one_value_or_equal_ones():
+    assert bootstrap_mean([2.0, 2.0, np.nan]).low == 2.0
+    assert math.isnan(bootstrap_mean([2.0]).low)
+    assert math.isnan(bootstrap_mean([]).value)
+
+
+def test_holm_adjusts_for_the_number_of_tests():
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([]) == []
+
+
+def test_normalised_rate_is_of_runs_with_a_plan_and_overall_of_all():
+    normalised, overall = success_rates([True, True, True, False], [True, False, True, False])
+    assert (normalised.value, normalised.count) == (pytest.approx(2 / 3), 3)
+    assert (overall.value, overall.count) == (0.5, 4)
+
+
+def test_unsolved_runs_count_twice_the_limit():
+    assert par2([1.0, math.nan, 30.0, 61.0], [True, False, False, True], 60.0) == pytest.approx((1 + 120 + 120 + 120) / 4)
+
+
+RESULTS = pd.DataFrame(
+    {
+        "map": ["office"] * 6,
+        "planner": ["cbs", "cbs", "cbs", "ecbs", "ecbs", "ecbs"],
+        "planner.parameters.w": [math.nan] * 3 + [1.2] * 3,
+        "planner.time_limit_s": [60.0] * 6,
+        "seed": [0, 1, 2, 2, 0, 5],
+        "repeat": [0] * 6,
+        "plan_success": pd.array([True, False, None, True, True, True], "boolean"),
+        "success": pd.array([True, False, False, True, False, True], "boolean"),
+        "planning_time_s": [1.0, 60.0, math.nan, 2.0, 3.0, 4.0],
+    }
+)
+
+
+def test_rates_of_groups_count_every_run():
+    cbs, ecbs = rates(RESULTS, ["planner"]).to_dict("records")
+    assert (cbs["num_runs"], cbs["planning"], cbs["normalised"], cbs["overall"]) == (3, pytest.approx(1 / 3), 1.0, pytest.approx(1 / 3))
+    assert cbs["planning_par2_s"] == pytest.approx((1 + 120 + 120) / 3)
+    assert (ecbs["normalised"], ecbs["planning_par2_s"]) == (pytest.approx(2 / 3), 3.0)
+
+
+def test_pairs_are_runs_equal_in_all_but_the_factor():
+    a, b = pairs(RESULTS, "planner", "cbs", "ecbs")
+    assert list(a["seed"]) == list(b["seed"]) == [0, 2]
+    assert list(a["planner"]) == ["cbs", "cbs"]
+    assert list(b["planner"]) == ["ecbs", "ecbs"]
