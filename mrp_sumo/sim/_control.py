@@ -145,7 +145,7 @@ def advance(now, dt, s, drive, path, need, state, log, news, factor, hold_until,
     count = 0
     if now > 0.0:
         count = _observe(now, dt, s, drive, path, need, state, log, cell, window, tolerance, wait_least)
-    _extend_all(now, drive, path, need, state, look_ahead)
+    _extend(now, drive, path, need, state, look_ahead)
     changed = _command(now, dt, drive, path, state, factor, hold_until, paced, news.changed)
     due = 0
     for r in range(len(s)):
@@ -158,111 +158,115 @@ def advance(now, dt, s, drive, path, need, state, log, news, factor, hold_until,
 @njit(cache=True)
 def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least):
     """Book the step that ended at `now`, turn, log arrivals, free what was left. Returns entries in the log."""
+    # arrays are taken out of their tuples once: numba counts references each time
+    was, speed, first, nx, heading = state.s, state.speed, path.first, state.nx, path.heading
+    yaw, turn_rate, cause, commanded, stuck = state.yaw, drive.turn_rate, state.cause, state.command, state.stuck
+    booked, mark_t, mark_s, wait_cause, wait_where = state.booked, state.mark_t, state.mark_s, state.wait_cause, state.wait_where
+    wait_other, other, where, wait_since, at = state.wait_other, state.other, state.where, state.wait_since, path.at
+    arrived, claims, lane, goal, back = state.arrived, state.claims, path.lane, state.goal, state.back
+    won, first_need, freed, left_at = state.won, need.first, state.freed, need.left_at
+    resource, held, holder, closes, turn = need.resource, state.held, state.holder, need.closes, state.turn
     count = 0
     for r in range(len(s)):
-        moved = s[r] - state.s[r]
-        state.speed[r] = moved / dt
-        last = path.first[r + 1] - 1
-        finished = state.nx[r] > last
+        moved = s[r] - was[r]
+        speed[r] = moved / dt
+        last = first[r + 1] - 1
+        finished = nx[r] > last
         # turning
-        target = path.heading[min(state.nx[r], last)]
-        away = (target - state.yaw[r] + np.pi) % (2 * np.pi) - np.pi
+        target = heading[min(nx[r], last)]
+        away = (target - yaw[r] + np.pi) % (2 * np.pi) - np.pi
         turned = abs(away) > 1e-12
         if turned:
-            most = drive.turn_rate[r] * dt
+            most = turn_rate[r] * dt
             if abs(away) <= most + 1e-9:
-                state.yaw[r] = target
+                yaw[r] = target
             else:
-                state.yaw[r] += most if away > 0 else -most
+                yaw[r] += most if away > 0 else -most
         # booking
         waits = False
         if finished:
             category = AT_GOAL
         elif moved > 1e-6:
             category = MOVING
-        elif state.cause[r] == DISTURBED:
+        elif cause[r] == DISTURBED:
             category = DISTURBANCE
         elif turned:
             category = TURN
-        elif state.cause[r] == PLANNED:
+        elif cause[r] == PLANNED:
             category = PLANNED_WAIT
-        elif state.cause[r] == FREE and state.command[r] <= 1e-6:
+        elif cause[r] == FREE and commanded[r] <= 1e-6:
             category = MOVING  # it has just been allowed to go on
         else:
             waits = True
-            category = BLOCKED if state.stuck[r] else DEPENDENCY_WAIT
-        state.booked[r, category] += dt
+            category = BLOCKED if stuck[r] else DEPENDENCY_WAIT
+        booked[r, category] += dt
         # blocking: no progress by a cell, not counting waits that the plan or a disturbance asks for
         if category in (TURN, PLANNED_WAIT, DISTURBANCE):
-            state.mark_t[r] += dt
-        if finished or s[r] - state.mark_s[r] >= cell:
-            if state.stuck[r]:
-                state.stuck[r] = False
-                count = _note(
-                    log, count, STOOD_BLOCKED, r, state.wait_cause[r], state.wait_where[r], state.wait_other[r], state.mark_t[r], now
-                )
-            state.mark_s[r] = s[r]
-            state.mark_t[r] = now
-        elif now - state.mark_t[r] >= window:
-            state.stuck[r] = True
+            mark_t[r] += dt
+        if finished or s[r] - mark_s[r] >= cell:
+            if stuck[r]:
+                stuck[r] = False
+                count = _note(log, count, STOOD_BLOCKED, r, wait_cause[r], wait_where[r], wait_other[r], mark_t[r], now)
+            mark_s[r] = s[r]
+            mark_t[r] = now
+        elif now - mark_t[r] >= window:
+            stuck[r] = True
         # waits
-        cause = FOLLOWING if state.cause[r] == FREE else state.cause[r]
-        same = waits and cause == state.wait_cause[r] and state.other[r] == state.wait_other[r] and state.where[r] == state.wait_where[r]
-        if state.wait_since[r] < np.inf and not same:
-            if now - dt - state.wait_since[r] >= wait_least:
-                count = _note(
-                    log, count, WAITED, r, state.wait_cause[r], state.wait_where[r], state.wait_other[r], state.wait_since[r], now - dt
-                )
-            state.wait_since[r] = np.inf
+        why = FOLLOWING if cause[r] == FREE else cause[r]
+        same = waits and why == wait_cause[r] and other[r] == wait_other[r] and where[r] == wait_where[r]
+        if wait_since[r] < np.inf and not same:
+            if now - dt - wait_since[r] >= wait_least:
+                count = _note(log, count, WAITED, r, wait_cause[r], wait_where[r], wait_other[r], wait_since[r], now - dt)
+            wait_since[r] = np.inf
         if waits and not same:
-            state.wait_since[r] = now - dt
-            state.wait_cause[r] = cause
-            state.wait_other[r] = state.other[r]
-            state.wait_where[r] = state.where[r]
+            wait_since[r] = now - dt
+            wait_cause[r] = why
+            wait_other[r] = other[r]
+            wait_where[r] = where[r]
         # arrivals
-        if moved > 0.0 and state.s[r] == 0.0:
-            count = _note(log, count, SET_OUT, r, FREE, path.first[r], -1, now - dt, now - dt)
-        while state.nx[r] <= last and s[r] >= path.at[state.nx[r]] - ARRIVED_M:
-            k = state.nx[r]
-            late = (s[r] - path.at[k] + ARRIVED_M) / moved * dt if moved > 0.0 else 0.0
-            state.arrived[k] = now - min(max(late, 0.0), dt)
-            state.claims[path.lane[k]] -= 1
-            state.nx[r] += 1
-        if state.goal[r] != state.goal[r]:
-            near = s[r] >= path.at[last] - goal_tolerance and moved <= 1e-6 and state.nx[r] >= last
-            if state.nx[r] > last or near:
-                state.goal[r] = state.arrived[last] if state.nx[r] > last else now
-                count = _note(log, count, ARRIVED_AT_GOAL, r, FREE, last, -1, state.goal[r], state.goal[r])
+        if moved > 0.0 and was[r] == 0.0:
+            count = _note(log, count, SET_OUT, r, FREE, first[r], -1, now - dt, now - dt)
+        while nx[r] <= last and s[r] >= at[nx[r]] - ARRIVED_M:
+            k = nx[r]
+            late = (s[r] - at[k] + ARRIVED_M) / moved * dt if moved > 0.0 else 0.0
+            arrived[k] = now - min(max(late, 0.0), dt)
+            claims[lane[k]] -= 1
+            nx[r] += 1
+        if goal[r] != goal[r]:
+            near = s[r] >= at[last] - goal_tolerance and moved <= 1e-6 and nx[r] >= last
+            if nx[r] > last or near:
+                goal[r] = arrived[last] if nx[r] > last else now
+                count = _note(log, count, ARRIVED_AT_GOAL, r, FREE, last, -1, goal[r], goal[r])
         # what has been left
-        k = state.back[r]
+        k = back[r]
         oldest = True
-        while k < state.nx[r] + 1 and k <= state.won[r]:
+        while k < nx[r] + 1 and k <= won[r]:
             all_freed = True
-            for e in range(need.first[k], need.first[k + 1]):
-                if state.freed[e]:
+            for e in range(first_need[k], first_need[k + 1]):
+                if freed[e]:
                     continue
-                if s[r] >= need.left_at[e]:
-                    _free(need, state, e)
+                if s[r] >= left_at[e]:
+                    _free(e, resource, freed, held, holder, closes, turn)
                 else:
                     all_freed = False
             if not all_freed:
                 oldest = False
             k += 1
             if oldest:
-                state.back[r] = k
-        state.s[r] = s[r]
+                back[r] = k
+        was[r] = s[r]
     return count
 
 
 @njit(cache=True)
-def _free(need, state, e):
-    q = need.resource[e]
-    state.freed[e] = True
-    state.held[q] -= 1
-    if state.held[q] == 0:
-        state.holder[q] = -1
-    if need.closes[e]:
-        state.turn[q] += 1
+def _free(e, resource, freed, held, holder, closes, turn):
+    q = resource[e]
+    freed[e] = True
+    held[q] -= 1
+    if held[q] == 0:
+        holder[q] = -1
+    if closes[e]:
+        turn[q] += 1
 
 
 @njit(cache=True)
@@ -278,116 +282,110 @@ def _note(log, count, kind, robot, cause, visit, other, begin, end):
 
 
 @njit(cache=True)
-def _extend_all(now, drive, path, need, state, look_ahead):
-    """Let robots claim their next visits: in the order of passages, or those first who have asked longest."""
-    num_robots = len(state.s)
-    if len(need.passing):
-        for r in range(num_robots):
-            _extend(r, now, drive, path, need, state, look_ahead)
-        return
-    asking = np.flatnonzero(state.asked < np.inf)
-    for r in asking[np.argsort(state.asked[asking], kind="mergesort")]:
-        _extend(r, now, drive, path, need, state, look_ahead)
-    for r in range(num_robots):
-        if state.asked[r] == np.inf:
-            _extend(r, now, drive, path, need, state, look_ahead)
+def _turns_to_ask(ordered, asked):
+    """Robots in the order in which they may claim: any, or those first who have asked longest."""
+    if ordered:
+        return np.arange(len(asked))
+    asking = np.flatnonzero(asked < np.inf)
+    others = np.flatnonzero(asked == np.inf)
+    return np.concatenate((asking[np.argsort(asked[asking], kind="mergesort")], others))
 
 
 @njit(cache=True)
-def _extend(r, now, drive, path, need, state, look_ahead):
-    ordered = len(need.passing) > 0
-    last = path.first[r + 1] - 1
-    state.cause[r] = FREE
-    state.other[r] = -1
-    while True:
-        m = state.won[r]
-        k = m + 1
-        state.where[r] = min(k, last)
-        if m == last:
-            if state.nx[r] > last:
-                state.cause[r] = FINISHED
-            return
-        if k - state.nx[r] >= look_ahead:
-            return
-        driving = state.nx[r] <= m
-        if path.turns[m]:
-            if driving:
-                return
-            if state.yaw[r] != path.heading[k]:
-                state.cause[r] = TURNING
-                return
-        lead = drive.speed[r] / drive.decel[r] if driving else 0.0
-        if now < path.earliest[m] - lead - 1e-9:
-            state.cause[r] = PLANNED
-            return
-        if not ordered and state.allowed[r] - state.s[r] > drive.reach[r]:
-            return
-        back = path.reverse[path.lane[k]]
-        if not state.on_lane[r] and back >= 0 and state.claims[back] > 0:
-            state.cause[r] = ONCOMING
-            state.other[r] = state.claimer[back]
-            _ask(state, r, now)
-            return
-        missing = -1
-        for e in range(need.first[k], need.first[k + 1]):
-            q = need.resource[e]
-            if ordered and state.turn[q] != need.passage[e]:
-                missing = need.passing[state.turn[q]]
-            elif state.holder[q] >= 0 and state.holder[q] != r:
-                missing = state.holder[q]
-            if missing >= 0:
+def _extend(now, drive, path, need, state, look_ahead):
+    """Let robots claim their next visits."""
+    first, cause, other, won, where = path.first, state.cause, state.other, state.won, state.where
+    nx, turns, yaw, heading, top = state.nx, path.turns, state.yaw, path.heading, drive.speed
+    decel, earliest, allowed, was, reach = drive.decel, path.earliest, state.allowed, state.s, drive.reach
+    reverse, lane, on_lane, claims, claimer = path.reverse, path.lane, state.on_lane, state.claims, state.claimer
+    first_need, resource, turn, passage, passing = need.first, need.resource, state.turn, need.passage, need.passing
+    holder, short_of, held, asked, at = state.holder, path.short_of, state.held, state.asked, path.at
+    ordered = len(passing) > 0
+    for r in _turns_to_ask(ordered, asked):
+        last = first[r + 1] - 1
+        cause[r] = FREE
+        other[r] = -1
+        while True:
+            m = won[r]
+            k = m + 1
+            where[r] = min(k, last)
+            if m == last:
+                if nx[r] > last:
+                    cause[r] = FINISHED
                 break
-        if missing >= 0:
-            state.cause[r] = OTHER
-            state.other[r] = missing
-            if not state.on_lane[r] and path.short_of[k] < np.inf:
-                state.on_lane[r] = True
-                state.allowed[r] = path.short_of[k]
-                _claim(path, state, r, k)
-            _ask(state, r, now)
-            return
-        for e in range(need.first[k], need.first[k + 1]):
-            q = need.resource[e]
-            state.holder[q] = r
-            state.held[q] += 1
-        if not state.on_lane[r]:
-            _claim(path, state, r, k)
-        state.on_lane[r] = False
-        state.asked[r] = np.inf
-        state.won[r] = k
-        state.allowed[r] = path.at[k]
-
-
-@njit(cache=True)
-def _ask(state, r, now):
-    if state.asked[r] == np.inf:
-        state.asked[r] = now
-
-
-@njit(cache=True)
-def _claim(path, state, r, k):
-    state.claims[path.lane[k]] += 1
-    state.claimer[path.lane[k]] = r
+            if k - nx[r] >= look_ahead:
+                break
+            driving = nx[r] <= m
+            if turns[m]:
+                if driving:
+                    break
+                if yaw[r] != heading[k]:
+                    cause[r] = TURNING
+                    break
+            lead = top[r] / decel[r] if driving else 0.0
+            if now < earliest[m] - lead - 1e-9:
+                cause[r] = PLANNED
+                break
+            if not ordered and allowed[r] - was[r] > reach[r]:
+                break
+            back = reverse[lane[k]]
+            if not on_lane[r] and back >= 0 and claims[back] > 0:
+                cause[r] = ONCOMING
+                other[r] = claimer[back]
+                asked[r] = min(asked[r], now)
+                break
+            missing = -1
+            for e in range(first_need[k], first_need[k + 1]):
+                q = resource[e]
+                if ordered and turn[q] != passage[e]:
+                    missing = passing[turn[q]]
+                elif holder[q] >= 0 and holder[q] != r:
+                    missing = holder[q]
+                if missing >= 0:
+                    break
+            if missing >= 0:
+                cause[r] = OTHER
+                other[r] = missing
+                if not on_lane[r] and short_of[k] < np.inf:
+                    on_lane[r] = True
+                    allowed[r] = short_of[k]
+                    claims[lane[k]] += 1
+                    claimer[lane[k]] = r
+                asked[r] = min(asked[r], now)
+                break
+            for e in range(first_need[k], first_need[k + 1]):
+                q = resource[e]
+                holder[q] = r
+                held[q] += 1
+            if not on_lane[r]:
+                claims[lane[k]] += 1
+                claimer[lane[k]] = r
+            on_lane[r] = False
+            asked[r] = np.inf
+            won[r] = k
+            allowed[r] = at[k]
 
 
 @njit(cache=True)
 def _command(now, dt, drive, path, state, factor, hold_until, paced, changed):
     """The robots' speeds for the next step. Returns how many changed; `changed` tells which."""
+    was, allowed, decel, top, cause = state.s, state.allowed, drive.decel, drive.speed, state.cause
+    nx, first, due, at, commanded = state.nx, path.first, path.due, path.at, state.command
     count = 0
-    for r in range(len(state.s)):
-        v = stop_speed(state.allowed[r] - state.s[r] - MARGIN_M, drive.decel[r], dt)
-        v = min(v, drive.speed[r] * factor[r])
+    for r in range(len(was)):
+        v = stop_speed(allowed[r] - was[r] - MARGIN_M, decel[r], dt)
+        v = min(v, top[r] * factor[r])
         if now < hold_until[r]:
             v = 0.0
-            if state.cause[r] != FINISHED:
-                state.cause[r] = DISTURBED
-        k = state.nx[r]
-        if paced and v > 0.0 and k < path.first[r + 1] and path.due[k] > now:
-            v = min(v, max((path.at[k] - state.s[r]) / (path.due[k] - now), SLOWEST * drive.speed[r]))
+            if cause[r] != FINISHED:
+                cause[r] = DISTURBED
+        k = nx[r]
+        if paced and v > 0.0 and k < first[r + 1] and due[k] > now:
+            v = min(v, max((at[k] - was[r]) / (due[k] - now), SLOWEST * top[r]))
         if v < 1e-9:
             v = 0.0
-        if abs(v - state.command[r]) > 1e-4 or (v == 0.0 and state.command[r] != 0.0):
-            state.command[r] = v
+        if abs(v - commanded[r]) > 1e-4 or (v == 0.0 and commanded[r] != 0.0):
+            commanded[r] = v
             changed[count] = r
             count += 1
     return count
