@@ -1,4 +1,4 @@
-"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON or SUMO's FCD.
+"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON, SUMO's FCD, or set-ups for viewers.
 
 The run's trajectory is the source of all of them. Files go into the run folder unless --out says otherwise;
 what exists is not replaced.
@@ -13,6 +13,7 @@ FORMATS = {  # option -> (name of the file or folder, help)
     "csv": ("trajectory.csv", "one line a robot and sample"),
     "geojson": ("run.geojson", "map, paths and events, in metres"),
     "fcd": ("fcd.xml", "floating car data, as SUMO writes them"),
+    "viewers": ("viewers", "set-ups for RViz 2, Foxglove, PlotJuggler and Rerun (folder)"),
 }
 
 
@@ -56,6 +57,11 @@ def run(options: argparse.Namespace) -> int:
         else:
             exports.write_ros2(out, lambda folder: write_bag(folder, record, choice))
     else:
-        {"csv": exports.write_csv, "geojson": exports.write_geojson, "fcd": exports.write_fcd}[options.format](out, record)
+        {
+            "csv": exports.write_csv,
+            "geojson": exports.write_geojson,
+            "fcd": exports.write_fcd,
+            "viewers": exports.write_viewers,
+        }[options.format](out, record)
     print(out)
     return 0

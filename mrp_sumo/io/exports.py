@@ -1,4 +1,4 @@
-"""Other people's formats, made of a finished run: CSV, GeoJSON, SUMO's FCD and a ROS 1 bag.
+"""Other people's formats, made of a finished run: CSV, GeoJSON, SUMO's FCD, bags, and set-ups for viewers.
 
 Everything derives from the record, and appears whole or not at all. Refuses places that are taken.
 """
@@ -8,7 +8,9 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import resources
 from pathlib import Path
+from string import Template
 from tempfile import TemporaryDirectory
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -173,6 +175,28 @@ def write_ros1(path: Path, record: Record, make_bag: Callable[[Path], Any]) -> N
     with replacing(path) as partial, TemporaryDirectory(prefix="mrp_sumo_") as scratch:
         make_bag(Path(scratch) / "bag")
         convert_to_ros1(Path(scratch) / "bag", partial, NO_ROS1_TYPE)
+
+
+def write_viewers(path: Path, record: Record) -> None:
+    """Set-ups for RViz 2, Foxglove, PlotJuggler and Rerun in a folder, looking at this run's map."""
+    xy = (record.nav or record.graph).xy
+    low, high = (xy.min(0), xy.max(0)) if len(xy) else (np.zeros(2), np.ones(2))
+    centre, width, height = (low + high) / 2, float(high[0] - low[0]) + 2, float(high[1] - low[1]) + 2
+    figures = {
+        "centre_x": f"{centre[0]:.2f}",
+        "centre_y": f"{centre[1]:.2f}",
+        "pixels_per_m": f"{min(1000 / width, 700 / height):.2f}",
+        "distance_m": f"{1.3 * max(width * 0.7, height):.1f}",
+        "robot_m": f"{float(record.fleet.width_m.max(initial=0.1)):.3f}",
+        "num_robots": str(record.fleet.num_robots),
+        "seconds": f"{float(record.execution.t_s[-1]):.1f}",
+    }
+    folder = resources.files("mrp_sumo") / "data" / "viewers"
+    with replacing(path) as partial:
+        partial.mkdir(parents=True)
+        for file in sorted(folder.iterdir(), key=lambda f: f.name):
+            if file.is_file():
+                (partial / file.name).write_text(Template(file.read_text(encoding="utf-8")).substitute(figures), encoding="utf-8")
 
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -40,6 +41,7 @@ CLOUD = np.dtype(
 LABEL_OFFSET = 0.4 * np.array([math.cos(0.7853), math.sin(0.7853)])  # where MRP-Bench's graph reader looks for names
 
 
+@cache
 def typestore(generation: str) -> Any:
     """Humble's message types and those of rmf_fleet_msgs in a generation.
 

@@ -7,13 +7,14 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from record_of_four import record_of_four
 from rosbags.highlevel import AnyReader
 from test_run_folder import run_of_four
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.exports import write_csv, write_fcd, write_geojson, write_ros1
+from mrp_sumo.io.exports import write_csv, write_fcd, write_geojson, write_ros1, write_viewers
 from mrp_sumo.io.rosbag import BagOptions, write_bag
 
 
@@ -95,6 +96,7 @@ def folder(tmp_path_factory):
         (["--geojson"], "run.geojson"),
         (["--fcd"], "fcd.xml"),
         (["--ros1"], "run.bag"),
+        (["--viewers"], "viewers"),
         (["--bag", "--out", "OUT", "--storage", "sqlite3", "--rmf", "galactic", "--robots", "robot_0,robot_1"], "OUT"),
     ],
 )
@@ -118,3 +120,22 @@ def test_metrics_of_a_bag_are_those_of_the_run(folder, capsys):
     assert told["numGoals"] == 4 and told["messages"] == 7
     distance = np.hypot(np.diff(record_of_four(seconds=3.0).execution.x_m[::5, :2], axis=1)[:, 0], 1.0).min()
     assert told["minDistanceBetweenTwoAgents"] == pytest.approx(distance, abs=1e-6)
+
+
+def test_viewer_set_ups_name_topics_of_the_bag_and_look_at_the_map(tmp_path):
+    record = record_of_four(seconds=2.0)
+    write_viewers(tmp_path / "viewers", record)
+    write_bag(tmp_path / "bag", record)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        topics = set(reader.topics)
+    layout = json.loads((tmp_path / "viewers" / "foxglove.json").read_text())
+    floor = layout["configById"]["3D!floor"]
+    assert set(floor["topics"]) <= topics and floor["cameraState"]["targetOffset"] == [3.5, 1.5, 0]
+    plots = [p["value"] for panel in layout["configById"].values() for p in panel.get("paths", [])]
+    assert plots and {p.removesuffix(".data") for p in plots} <= topics
+    rviz = yaml.safe_load((tmp_path / "viewers" / "mrp_sumo.rviz").read_text())
+    shown = {d["Topic"]["Value"] for d in rviz["Visualization Manager"]["Displays"] if "Topic" in d}
+    assert shown <= topics and rviz["Visualization Manager"]["Views"]["Current"]["X"] == 3.5
+    juggler = ElementTree.parse(tmp_path / "viewers" / "plotjuggler.xml")
+    assert {c.get("name").removesuffix("/data") for c in juggler.iter("curve")} <= topics
+    compile((tmp_path / "viewers" / "open_in_rerun.py").read_text(), "open_in_rerun.py", "exec")
