@@ -1,5 +1,6 @@
 """Gets the controller's kernels compiled or loaded before time is measured, by a drive without SUMO."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,5 @@ class _Standstill:
     def collisions(self) -> list[tuple[str, str, str]]:
         return []
 
-    def _nothing(self, *_: object) -> None:
-        """Done."""
-
-    set_speed = raise_limit = insert = begin = step = set_route = _nothing
+    def __getattr__(self, order: str) -> Callable[..., None]:
+        return lambda *_: None
