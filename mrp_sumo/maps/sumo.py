@@ -18,9 +18,11 @@ import numpy as np
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building
+from mrp_sumo.maps.cache import remembered
 
 NO_LIMIT_MPS = 2.0  # of lanes without a limit; SUMO looks for followers by it, at 30 m/s an insertion takes 30 ms
 LANE_WIDTH_M = 0.3  # drawn only
+LARGE = 20_000  # lanes; larger networks are remembered
 
 
 def edge_name(tail: int, head: int) -> str:
@@ -59,17 +61,13 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
     path = Path(path)
     if not graph.num_lanes:
         raise MapError(f"'{graph.name}' has no lanes, so there is no network to make")
-    edges = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        (work / "x.nod.xml").write_text(_document("nodes", _nodes(graph)))
-        (work / "x.edg.xml").write_text(_document("edges", _edges(graph, edges)))
-        (work / "x.con.xml").write_text(_document("connections", _connections(graph, edges)))
-        _netconvert(work)
-        text = (work / "x.net.xml").read_text()
-    text = re.sub(r"<!--.*?-->\s*", "", text, count=1, flags=re.DOTALL)  # netconvert's header carries date and paths
-    _write(path, _straight(text, graph, edges))
+    if graph.num_lanes < LARGE:
+        text = _network(graph)
+    else:
+        content = b"".join(a.tobytes() for a in (graph.xy, graph.tail, graph.head, graph.length_m, graph.speed_mps))
+        text = remembered("network", content, lambda: _network(graph))
+    _write(path, text)
     if building is not None and (backdrop := list(_backdrop(building))):
         _write(backdrop_of(path), _document("additional", backdrop))
     return path
@@ -78,6 +76,20 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
 def backdrop_of(path: Path) -> Path:
     """Where floors and walls of the network at `path` are drawn, if they are."""
     return path.with_name(path.name.removesuffix(".net.xml").removesuffix(".xml") + ".poly.xml")
+
+
+def _network(graph: NavGraph) -> str:
+    """The network file's text."""
+    edges = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        (work / "x.nod.xml").write_text(_document("nodes", _nodes(graph)))
+        (work / "x.edg.xml").write_text(_document("edges", _edges(graph, edges)))
+        (work / "x.con.xml").write_text(_document("connections", _connections(graph, edges)))
+        _netconvert(work)
+        text = (work / "x.net.xml").read_text()
+    text = re.sub(r"<!--.*?-->\s*", "", text, count=1, flags=re.DOTALL)  # netconvert's header carries date and paths
+    return _straight(text, graph, edges)
 
 
 def _document(root: str, lines: list[str] | Iterator[str]) -> str:
