@@ -1,12 +1,11 @@
 """The key facts of a map, for people to compare and machines to read."""
 
-import math
 from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
-from mrp_sumo.maps.grid import MAX_CELLS, grid_facts, grid_size
+from mrp_sumo.maps.grid import grid_facts, too_large
 from mrp_sumo.maps.map import Map
 
 
@@ -64,6 +63,6 @@ def _grid(map_: Map, cell_m: float) -> dict[str, Any] | None:
             "free": free,
             "blocked": map_.free.size - free,
         }
-    if len(np.unique(nav.level)) > 1 or math.prod(grid_size(nav, cell_m)) > MAX_CELLS:
+    if len(np.unique(nav.level)) > 1 or too_large(nav, cell_m):
         return None
     return grid_facts(nav, cell_m)

@@ -14,7 +14,8 @@ from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, Nav
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.roadmap import check_cell, plan_graph
 
-MAX_CELLS = 100_000_000
+MAX_CELLS = 20_000_000
+MAX_FREE = 2_000_000  # vertices of a grid; cells along the lanes of a nav graph, both ways counted
 NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (dx, dy) in the order the walk tries them
 
 
@@ -42,11 +43,11 @@ def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
 def paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, FloatArray]:
     """Free cells [H, W] of the recipe, the cell (column, row) of each vertex [V, 2], and the lower left corner [2]."""
     _one_level(nav)
-    width, height = grid_size(nav, cell_m)
-    low, _ = _corners(nav)
+    if reason := too_large(nav, cell_m):
+        raise MapError(reason)
+    low, high = _corners(nav)
+    width, height = (np.ceil((high - low) / cell_m) + 1).astype(np.int64).tolist()
     cell = np.floor((_single_precision(nav.xy) - low) / cell_m).astype(np.int64)
-    if width * height > MAX_CELLS:
-        raise MapError(f"cells of {cell_m:g} m would make a grid of {width} x {height} on '{nav.name}', more than {MAX_CELLS:.0e} cells")
     free = np.zeros((height, width), np.bool_)
     is_vertex = np.zeros_like(free)
     is_once = (nav.reverse < 0) | (nav.tail < nav.head)
@@ -73,12 +74,15 @@ def grid_facts(nav: NavGraph, cell_m: float = 0.4) -> dict[str, Any]:
     return {"cell_m": cell_m, "width": width, "height": height, "total": total, "free": num_free, "blocked": total - num_free}
 
 
-def grid_size(nav: NavGraph, cell_m: float) -> tuple[int, int]:
-    """Columns and rows of the grid of a nav graph."""
+def too_large(nav: NavGraph, cell_m: float) -> str:
+    """Why the grid of a nav graph would be of no use; '' if it is of use."""
     check_cell(cell_m)
     low, high = _corners(nav)
-    width, height = (np.ceil((high - low) / cell_m) + 1).astype(np.int64).tolist()
-    return width, height
+    width, height = np.ceil((high - low) / cell_m) + 1
+    if width * height > MAX_CELLS:
+        return f"cells of {cell_m:g} m would make a grid of {width:.0f} x {height:.0f} on '{nav.name}', more than {MAX_CELLS:.0e} cells"
+    steps = np.abs(nav.xy[nav.tail] - nav.xy[nav.head]).sum() / cell_m
+    return f"the lanes of '{nav.name}' cover more than {MAX_FREE:.0e} cells of {cell_m:g} m" if steps > MAX_FREE else ""
 
 
 def grid_graph(
@@ -113,6 +117,8 @@ def grid_graph(
         both cells are free.
     """
     check_cell(cell_m)
+    if np.count_nonzero(free) > MAX_FREE:
+        raise MapError(f"grid '{name}' has {np.count_nonzero(free)} free cells; more than {MAX_FREE:.0e} are not planned on")
     number = np.cumsum(free.ravel()).reshape(free.shape) - 1  # [H, W] vertex of each free cell
     row, column = np.nonzero(free)
     xy = np.asarray(origin, np.float64) + (np.stack([column, row], axis=1) + 0.5) * cell_m

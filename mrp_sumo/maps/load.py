@@ -14,11 +14,12 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph, nav_graph
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.cache import remembered
 from mrp_sumo.maps.check import check_building, check_graph
 from mrp_sumo.maps.finding import Finding, RefusedMap, ordered
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.movingai import is_grid, is_problem_set, map_of_problem_set, read_grid
-from mrp_sumo.maps.nav_graph import graph_of_document, nav_graph_documents, origin_of_document, united_graph
+from mrp_sumo.maps.nav_graph import Misplaced, graph_of_document, nav_graph_documents, origin_of_document, united_graph
 from mrp_sumo.maps.rmf import building_of, is_building
 from mrp_sumo.maps.ros_map import ROBOT_RADIUS_M, is_ros_map, read_ros_map
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
@@ -27,6 +28,7 @@ __all__ = ["Finding", "Map", "load_map"]
 
 GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
+LARGE = 1_000_000  # characters; larger files are remembered
 LEVEL_GAP_M = 5.0  # between levels that are laid side by side
 REMEDY = {
     "no_lanes": "no lanes in any level: nothing to drive on ({})",
@@ -73,6 +75,18 @@ def load_map(
     if is_grid(source.text):
         _only_for_buildings(source, graph, level, meters_per_pixel)
         return _from_grid(source, *read_grid(source, map_name(source.path), cell_m))
+    if len(source.text) < LARGE:
+        return _from_yaml(source, graph, level, meters_per_pixel, cell_m, robot_radius_m)
+    choice = (str(source.path.resolve()), str(source.path), graph, level, meters_per_pixel, cell_m, robot_radius_m)
+    content = f"{choice}\n{source.text}".encode()
+    found = remembered("map", content, lambda: _from_yaml(source, graph, level, meters_per_pixel, cell_m, robot_radius_m))
+    _read_only(found.nav)
+    return found
+
+
+def _from_yaml(
+    source: Text, graph: GraphChoice, level: str | None, meters_per_pixel: float | None, cell_m: float, robot_radius_m: float
+) -> Map:
     document = parse(source)
     if is_building(document):
         return _from_building(building_of(document, source, meters_per_pixel), graph, level)
@@ -83,6 +97,13 @@ def load_map(
     if is_ros_map(document):
         return _from_grid(source, *read_ros_map(document, source, map_name(source.path), cell_m, robot_radius_m))
     raise source.fault("not a map this program reads (RMF building or nav graph, MovingAI .map or .scen, ROS map_server YAML)")
+
+
+def _read_only(nav: NavGraph) -> None:
+    """Pickling forgets that a graph's arrays must not be written to."""
+    for value in vars(nav).values():
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
 
 
 def map_name(path: Path) -> str:
@@ -140,8 +161,8 @@ def _from_nav_graph(document: Mapping[str, Any], source: Text, level: str | None
     try:
         origin_m = origin_of_document(document)
         nav = graph_of_document(document, map_name(source.path), levels=levels, origin_m=origin_m, source=str(source.path))
-    except MapError as error:
-        raise source.fault(str(error)) from None
+    except Misplaced as fault:
+        raise source.fault(str(fault), *fault.keys) from None
     if not nav.num_lanes:
         raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
     shift = _side_by_side(nav, None)

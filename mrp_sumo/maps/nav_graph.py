@@ -5,7 +5,8 @@ building and the nav graphs Open-RMF makes of it give the same NavGraph. Lanes o
 lanes are left out of the NavGraph. Refuses documents whose lanes name vertices that do not exist.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,24 @@ from mrp_sumo.core.graph import FloatArray, NavGraph, Options, nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Door, Lane, Level
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.rmf import origin_of
+from mrp_sumo.maps.rmf import FARTHEST, origin_of
 
 Document = Mapping[str, Any]
 
 SHORTEST_LANE_M = 1e-3
 BACKWARD = {"forward": "backward", "backward": "forward"}
+PLAIN_NAME = re.compile(
+    r"(?!(?:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z][A-Za-z0-9_]{0,40}\Z", re.IGNORECASE
+)  # needs no quotes in YAML
 NUMBERS = ("speed_limit", "merge_radius")
+
+
+class Misplaced(MapError):
+    """A fault at a place of a document; `keys` lead there from the top."""
+
+    def __init__(self, message: str, *keys: Any) -> None:
+        super().__init__(message)
+        self.keys = keys
 
 
 def nav_graph_documents(building: Building) -> dict[int, dict[str, Any]]:
@@ -61,8 +73,8 @@ def file_vertices(building: Building, graph: int) -> list[tuple[str, int]]:
 
 
 def write_nav_graph(document: Document, path: Path) -> None:
-    """Write a document as Open-RMF does (generator.py, generate_nav): keys sorted, leaves in flow style."""
-    path.write_text(yaml.dump(document, default_flow_style=None, Dumper=_Dumper), encoding="utf-8")
+    """Write a document as Open-RMF does (generator.py, generate_nav): keys sorted, innermost collections on one line."""
+    path.write_text("".join(_lines(document)), encoding="utf-8")
 
 
 def graph_of_document(
@@ -147,6 +159,46 @@ def document_of_map(map_: Map) -> dict[str, Any]:
     return document
 
 
+def _lines(document: Document) -> Iterator[str]:
+    """The YAML text; vertices and lanes without the general emitter, which takes ten times as long for them."""
+    flow: dict[str, str] = {"{}": "{}"}
+
+    def options(given: Options) -> str:
+        key = repr(given)
+        if key not in flow and len(given) == 1 and isinstance(name := given.get("name"), str) and PLAIN_NAME.match(name):
+            return f"{{name: {name}}}"
+        if key not in flow:  # as deep as in the document, for long lines break by their indentation
+            text = _dumped({"levels": {"L": {"vertices": [[0, given]]}}})
+            flow[key] = text.split("      - ", 1)[1].rstrip("\n")
+        return flow[key]
+
+    before = {key: value for key, value in document.items() if key < "levels"}
+    after = {key: value for key, value in document.items() if key > "levels"}
+    yield _dumped(before)
+    yield "levels:\n" if document["levels"] else "levels: {}\n"
+    for name, level in sorted(document["levels"].items(), key=lambda item: str(item[0])):
+        yield "  " + _dumped({name: 0}).replace(": 0\n", ":\n")
+        for kind in ("lanes", "vertices"):
+            yield f"    {kind}:\n" if level.get(kind) else f"    {kind}: []\n"
+            for first, second, *rest in level.get(kind) or ():
+                yield f"    - - {_scalar(first)}\n      - {_scalar(second)}\n"
+                if rest:
+                    yield f"      - {options(rest[0] or {})}\n"
+    yield _dumped(after)
+
+
+def _dumped(document: Document) -> str:
+    if not document:
+        return ""
+    nested = any(isinstance(value, Mapping | list) for value in document.values())
+    return yaml.dump(dict(document), default_flow_style=None if nested else False, Dumper=_Dumper)
+
+
+def _scalar(value: float) -> str:
+    text = repr(value)
+    return text.replace("e", ".0e", 1) if "e" in text and "." not in text else text
+
+
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -226,30 +278,31 @@ def _levels(
     document: Document, wanted: Iterable[str] | None
 ) -> dict[str, tuple[FloatArray, list[dict[str, Any]], list[tuple[int, int, dict[str, Any]]]]]:
     """Coordinates, vertex options and lanes of each wanted level, with types checked."""
-    where = str(document.get("building_name", "nav graph"))
     levels = document.get("levels")
     if not isinstance(levels, Mapping):
-        raise MapError(f"{where}: no 'levels', so this is no nav graph")
+        raise Misplaced("'levels' is no mapping, so this is no nav graph", "levels")
     found = {}
     for key, level in levels.items():
         name = str(key)
         if wanted is not None and name not in wanted:
             continue
         if not isinstance(level, Mapping):
-            raise MapError(f"{where}: level '{name}' is a {type(level).__name__}, expected a mapping")
+            raise Misplaced(f"level '{name}' is a {type(level).__name__}, expected a mapping", "levels", key)
         xy, options = [], []
-        for v, vertex in enumerate(_list(level, "vertices", where, name)):
+        for v, vertex in enumerate(_list(level, "vertices", key)):
+            at = ("levels", key, "vertices", v)
             if not isinstance(vertex, list) or not 2 <= len(vertex) <= 3 or not all(_is_number(c) for c in vertex[:2]):
-                raise MapError(f"{where}: level {name} vertex {v} is {str(vertex)[:40]}, expected [x, y, {{options}}]")
+                raise Misplaced(f"level {name} vertex {v} is {str(vertex)[:40]}, expected [x, y, {{options}}]", *at)
             xy.append(vertex[:2])
-            options.append(_coerced(vertex[2] if len(vertex) == 3 else None, f"{where}: level {name} vertex {v}"))
+            options.append(_coerced(vertex[2] if len(vertex) == 3 else None, f"level {name} vertex {v}", at))
         lanes = []
-        for k, lane in enumerate(_list(level, "lanes", where, name)):
+        for k, lane in enumerate(_list(level, "lanes", key)):
+            at = ("levels", key, "lanes", k)
             if not isinstance(lane, list) or not 2 <= len(lane) <= 3 or not all(type(v) is int for v in lane[:2]):
-                raise MapError(f"{where}: level {name} lane {k} is {str(lane)[:40]}, expected [vertex, vertex, {{options}}]")
+                raise Misplaced(f"level {name} lane {k} is {str(lane)[:40]}, expected [vertex, vertex, {{options}}]", *at)
             if not all(0 <= v < len(xy) for v in lane[:2]):
-                raise MapError(f"{where}: level {name} lane {k} joins vertices {lane[0]} and {lane[1]}, but there are {len(xy)}")
-            lanes.append((lane[0], lane[1], _coerced(lane[2] if len(lane) == 3 else None, f"{where}: level {name} lane {k}")))
+                raise Misplaced(f"level {name} lane {k} joins vertices {lane[0]} and {lane[1]}, but there are {len(xy)}", *at)
+            lanes.append((lane[0], lane[1], _coerced(lane[2] if len(lane) == 3 else None, f"level {name} lane {k}", at)))
         found[name] = (np.array(xy, np.float64).reshape(-1, 2), options, lanes)
     return found
 
@@ -302,35 +355,35 @@ def _assemble(
     )
 
 
-def _coerced(options: Any, where: str) -> dict[str, Any]:
+def _coerced(options: Any, what: str, at: tuple[str | int, ...]) -> dict[str, Any]:
     """Options with the types their names promise; numbers written as names become text."""
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise MapError(f"{where} has {str(options)[:40]} for options, expected a mapping")
+        raise Misplaced(f"{what} has {str(options)[:40]} for options, expected a mapping", *at)
     plain: dict[str, Any] = {}
     for key, value in options.items():
         name = str(key)
         if isinstance(value, list | dict):
-            raise MapError(f"{where}: '{name}' is {str(value)[:40]}, expected one value")
+            raise Misplaced(f"{what}: '{name}' is {str(value)[:40]}, expected one value", *at)
         if name.startswith("is_"):
             plain[name] = value.lower() == "true" if isinstance(value, str) else bool(value)
         elif name in NUMBERS:
             try:
                 plain[name] = float(value)
-            except (TypeError, ValueError):
-                raise MapError(f"{where}: '{name}' is '{value}', expected a number") from None
+            except (TypeError, ValueError, OverflowError):
+                raise Misplaced(f"{what}: '{name}' is '{str(value)[:40]}', expected a number", *at) from None
         else:
             plain[name] = "" if value is None else str(value)
     return plain
 
 
-def _list(level: Mapping[str, Any], key: str, where: str, name: str) -> list[Any]:
-    value = level.get(key)
+def _list(level: Mapping[str, Any], kind: str, key: Any) -> list[Any]:
+    value = level.get(kind)
     if value is not None and not isinstance(value, list):
-        raise MapError(f"{where}: level {name}: {key} is {str(value)[:40]}, expected a list")
+        raise Misplaced(f"level {key}: {kind} is {str(value)[:40]}, expected a list", "levels", key, kind)
     return value or []
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < FARTHEST

@@ -26,6 +26,7 @@ from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
 SYSTEMS = ("reference_image", "cartesian_meters", "wgs84", "web_mercator")
 NUM_GRAPHS = 9  # 0..8; 9 is for human lanes, which are never exported
+FARTHEST = 1e8  # no building is larger, in pixels or metres; SUMO computes with 6 decimals
 LIKELY_DEFAULT_M = 1.0  # a measurement the editor has made and nobody has set
 
 
@@ -90,7 +91,7 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
 
     drafts = {str(key): _draft(reader, str(key), value, key, system) for key, value in given.items()}
     placements = _placements(reader, drafts, reference, system, meters_per_pixel)
-    crs_name, offset = _georeference(source, system, parameters)
+    crs_name, offset = _georeference(reader, system, parameters)
     world = {n: _project(source, d.raw_xy, crs_name) if system == "wgs84" else placements[n].apply(d.raw_xy) for n, d in drafts.items()}
     on_lanes = [world[n][[lane.start, lane.end]] for n, d in drafts.items() for lane in d.lanes]
     origin = origin_of(np.concatenate(on_lanes) if on_lanes else np.zeros((0, 2)), offset)
@@ -196,8 +197,8 @@ class _Reader:
                 raise self.source.fault(f"{what} is '{value[:40]}', expected a number", *keys) from None
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.source.fault(f"{what} is {_kind(value)}, expected a number", *keys)
-        if not abs(value) < 1e12:  # NaN too
-            raise self.source.fault(f"{what} is {value:.6g}, expected a finite number", *keys)
+        if not abs(value) < FARTHEST:  # NaN too
+            raise self.source.fault(f"{what} is {value:.6g}, expected a number of sensible size", *keys)
         return float(value)
 
     def items(self, value: Any, what: str, keys: tuple[str | int, ...]) -> list[Any]:
@@ -234,7 +235,8 @@ class _Reader:
         if type(value) is not int:
             raise self.source.fault(f"{what} names vertex {value!r:.40}, expected a number from 0", *keys)
         if not 0 <= value < num_vertices:
-            raise self.source.fault(f"{what} names vertex {value}, but the level has {num_vertices} (0 to {num_vertices - 1})", *keys)
+            known = f"{num_vertices} (0 to {num_vertices - 1})" if num_vertices else "none"
+            raise self.source.fault(f"{what} names vertex {value}, but the level has {known}", *keys)
         return value
 
 
@@ -414,16 +416,17 @@ def _aligned(reader: _Reader, draft: _Draft, reference: _Draft, scale: float) ->
     return _Placement(scale / ratio, turn, (float(shift[0]), float(shift[1])))
 
 
-def _georeference(source: Text, system: str, parameters: Mapping[str, Any]) -> tuple[str, tuple[float, float] | None]:
+def _georeference(reader: _Reader, system: str, parameters: Mapping[str, Any]) -> tuple[str, tuple[float, float] | None]:
     """crs_name and offset of the nav graphs (building.py, parse_yaml)."""
     crs_name = str(parameters.get("generate_crs") or "")
     if system == "reference_image":
         return "", None
     if system == "wgs84" and not crs_name:
-        raise source.fault("coordinate_system wgs84 needs the parameter generate_crs, for example [1, 'EPSG:3414']", "parameters")
+        raise reader.source.fault("coordinate_system wgs84 needs the parameter generate_crs, for example [1, 'EPSG:3414']", "parameters")
     prefix = "suggested_offset" if system == "wgs84" else "offset"
-    offset = tuple(float(parameters.get(f"{prefix}_{axis}") or 0) for axis in "xy")
-    return crs_name, (offset[0], offset[1])
+    names = (f"{prefix}_x", f"{prefix}_y")
+    x, y = (reader.number(parameters.get(name) or 0, name, ("parameters", name)) for name in names)
+    return crs_name, (x, y)
 
 
 def _project(source: Text, degrees: FloatArray, crs_name: str) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph
 from mrp_sumo.errors import MapError
 
-MAX_VERTICES = 20_000_000
+MAX_VERTICES = 2_000_000
 
 
 def cut_lanes(nav: NavGraph, cell_m: float) -> PlanGraph:

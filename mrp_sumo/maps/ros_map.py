@@ -13,11 +13,12 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
+from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import Text
 
 ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
+MAX_PIXELS = 50_000_000
 MODES = ("trinary", "scale")
 
 
@@ -73,7 +74,7 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     path = source.path.parent / name
     try:
         with Image.open(path) as image:
-            if image.width * image.height > MAX_CELLS:
+            if image.width * image.height > MAX_PIXELS:
                 raise source.fault(f"image '{name}' has {image.width} x {image.height} pixels, too many", "image")
             with_alpha = "A" in image.getbands()
             pixels = np.asarray(image.convert("LA" if with_alpha else "L"), np.float64)

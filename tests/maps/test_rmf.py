@@ -217,7 +217,11 @@ def test_lane_without_length_and_repeated_lanes_are_left_out(tmp_path):
         ("- [1, 2, {graph", "- [1, 6, {graph", "tiny.building.yaml:21: level L1 lane 1 names vertex 6, but the level has 6 (0 to 5)"),
         ("- [1, 2, {graph", "- [-1, 2, {graph", "tiny.building.yaml:21: level L1 lane 1 names vertex -1, but the level has 6 (0 to 5)"),
         ("- [1, 2, {graph_idx: [2, 0], ", "- [1, 2, {", "tiny.building.yaml:21: level L1 lane 1 has no graph_idx"),
-        ('[300, 200, 0, ""]', '[.nan, 200, 0, ""]', "tiny.building.yaml:10: level L1 vertex 1: x is nan, expected a finite number"),
+        (
+            '[300, 200, 0, ""]',
+            '[.nan, 200, 0, ""]',
+            "tiny.building.yaml:10: level L1 vertex 1: x is nan, expected a number of sensible size",
+        ),
         ('[300, 200, 0, ""]', "[300, 200]", "vertex 1 is [300, 200], a list, expected [x, y, z, name, {parameters}]"),
         ("distance: [3, 10]", "distance: [3, 0]", "tiny.building.yaml:16: level L1 measurement 0 says that 200 pixels are 0 m"),
         ("- [0, 1, {distance", "- [1, 1, {distance", "says that 0 pixels are 10 m: no scale can be computed"),

@@ -1,0 +1,95 @@
+"""What large maps cost to make is kept in the user's cache folder, by content: the same bytes in, the same thing out.
+
+The folder is `$XDG_CACHE_HOME/mrp-sumo` or `~/.cache/mrp-sumo`; it may be deleted at any time. Entries are
+used only if they belong to the user; without a folder to write to, nothing is kept and nothing is said.
+"""
+
+import contextlib
+import gc
+import hashlib
+import os
+import pickle
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mrp_sumo import __version__
+
+T = TypeVar("T")
+
+MAX_BYTES = 2**30  # the least recently used entries go first
+
+
+def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
+    """What `make` returns; from the cache if it was made of the same content before.
+
+    Parameters
+    ----------
+    kind
+        What it is, a word.
+    content
+        Everything the result depends on, besides this program.
+    make
+        Makes it; its result must pickle.
+    """
+    path = _folder() / f"{kind}-{hashlib.sha256(_program() + content).hexdigest()[:40]}.pickle"
+    found, value = _read(path)
+    if not found:
+        value = make()
+        _keep(path, value)
+    return value
+
+
+def _folder() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "mrp-sumo"
+
+
+def _program() -> bytes:
+    """The program's version, and the state of the files that make maps: another program makes other things."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    state = [(file.name, (s := file.stat()).st_mtime_ns, s.st_size) for file in files]
+    return f"{__version__} {state}".encode()
+
+
+def _read(path: Path) -> tuple[bool, Any]:
+    was_collecting = gc.isenabled()
+    try:
+        with path.open("rb") as file:
+            if os.fstat(file.fileno()).st_uid != os.getuid():
+                return False, None  # a pickle of somebody else's is a program of somebody else's
+            gc.disable()
+            value = pickle.load(file)
+        with contextlib.suppress(OSError):
+            os.utime(path)
+        return True, value
+    except Exception:  # missing, cut off, or of another version: make it again
+        return False, None
+    finally:
+        if was_collecting:
+            gc.enable()
+
+
+def _keep(path: Path, value: Any) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
+            try:
+                pickle.dump(value, file, protocol=5)
+            except BaseException:
+                Path(file.name).unlink(missing_ok=True)
+                raise
+        Path(file.name).replace(path)
+        _prune(path.parent)
+    except OSError:
+        pass
+
+
+def _prune(folder: Path) -> None:
+    kept = 0
+    entries = [(entry.stat(), entry) for entry in folder.glob("*.pickle")]
+    for stat, entry in sorted(entries, key=lambda e: e[0].st_mtime, reverse=True):
+        kept += stat.st_size
+        if kept > MAX_BYTES:
+            entry.unlink(missing_ok=True)
