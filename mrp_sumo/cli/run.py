@@ -21,6 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's")
     parser.add_argument("--planner", metavar="NAME", help="instead of the scenario's, with its default parameters")
     parser.add_argument("--robots", type=int, metavar="N", help="instead of the scenario's")
+    parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every metric and event kind")
 
@@ -42,6 +43,10 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
     with _progress_bar() as progress:
         result = run_scenario(file, out, progress=progress, gui=options.gui)
+    if options.replay and (out / "plan.json").is_file():
+        from mrp_sumo.reports.replay import write_replay
+
+        write_replay(out)
     _print(result, out, options.verbose)
     return 0 if result["status"] == "completed" and result["metrics"]["all_goals_reached"] else 1
 

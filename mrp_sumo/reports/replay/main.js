@@ -122,20 +122,17 @@ class App {
     if (robot < 0) view.follow = false;
     this.showToggles();
     if (robot >= 0 || this.panel.tab === "robots") this.panel.open("robots");
+    if (this.isPhone()) this.openSheet(robot >= 0);
     if (robot >= 0 && show) {
       const [x, y] = scene.toScreen(motion.pose[3 * robot], motion.pose[3 * robot + 1]);
-      const bottom = this.isPhone() ? scene.height * 0.45 : scene.height;
-      if (x < 40 || y < 60 || x > scene.width - 60 || y > bottom - 30) this.bring(motion.pose[3 * robot], motion.pose[3 * robot + 1]);
+      if (x < 40 || y < 60 || x > scene.width - 60 || y > scene.height - scene.inset - 30) this.bring(motion.pose[3 * robot], motion.pose[3 * robot + 1]);
     }
-    if (this.isPhone()) this.openSheet(robot >= 0);
     this.writeAddress();
     this.touch();
   }
 
-  /* A place into sight, above the sheet on a phone. */
   bring(x, y, scale) {
     this.scene.centreOn(x, y, scale);
-    if (this.isPhone()) this.scene.camera.y -= this.scene.height * 0.22;
     this.touch();
   }
 
@@ -198,7 +195,12 @@ class App {
     return matchMedia("(max-width: 760px)").matches;
   }
 
+  /* On a phone the details lie over the lower part of the floor: the rest moves up into what is left. */
   openSheet(open) {
+    const { scene } = this, inset = open && this.isPhone() ? Math.max(0, $("stage").getBoundingClientRect().bottom - window.innerHeight * 0.44) : 0;
+    scene.camera.y -= (inset - scene.inset) / 2;
+    scene.inset = inset;
+    this.touch();
     $("side").classList.toggle("open", open);
     $("sheet").setAttribute("aria-expanded", String(open));
     if (open) this.panel.open(this.panel.tab);
@@ -257,6 +259,7 @@ class App {
     new ResizeObserver(() => {
       const { scene } = this, [w, h] = [scene.width, scene.height];
       scene.resize();
+      if (!this.isPhone() && scene.inset) this.openSheet(false);
       scene.camera.x += (scene.width - w) / 2;
       scene.camera.y += (scene.height - h) / 2;
       if (scene.camera.scale * 4 === scene.minScale * 16) scene.fit(); // nobody has zoomed yet

@@ -18,6 +18,7 @@ class Scene {
   constructor(run, motion, events) {
     Object.assign(this, { run, motion, events });
     this.map = run.map;
+    this.inset = 0; // pixels at the bottom that something covers
     this.camera = { scale: 1, x: 0, y: 0 }; // screen = (x * scale + camera.x, -y * scale + camera.y)
     this.theme = THEMES.light;
     this.heat = null;
@@ -72,7 +73,8 @@ class Scene {
   /* The whole map, with room for the counts above it. */
   fit() {
     const [w, h] = this.map.size_m;
-    const side = this.width < 600 ? 14 : 36, top = this.width < 600 ? 58 : 64, bottom = this.width < 600 ? 64 : 40;
+    const narrow = this.width < 600;
+    const side = narrow ? 14 : 36, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
     const scale = Math.min((this.width - 2 * side) / w, (this.height - top - bottom) / h);
     this.minScale = scale / 4;
     this.maxScale = Math.max(600, 4 * scale);
@@ -92,7 +94,7 @@ class Scene {
     const c = this.camera;
     c.scale = Math.max(this.minScale, Math.min(this.maxScale, scale));
     c.x = this.width / 2 - x * c.scale;
-    c.y = this.height / 2 + y * c.scale;
+    c.y = (this.height - this.inset) / 2 + y * c.scale;
   }
 
   /* Robots are to scale from this many pixels on; below, they are drawn as large as their neighbours leave room for. */
@@ -144,11 +146,11 @@ class Scene {
     for (const ends of map.doors) this.walls.add(...ends, 0.06, 1.5, false, door);
     for (let i = 0; i < map.walls.length; i += 4) this.walls.add(map.walls[i], map.walls[i + 1], map.walls[i + 2], map.walls[i + 3], 0.1, 1.2, true, wall);
     this.walls.end();
-    const named = map.stations.length <= 4000;
+    const spot = map.stations.length <= 60 ? 5 : 3.2;
     this.spots.begin(map.stations.length + map.junctions.length / 2);
     const station = packed(theme.station), special = packed(theme.special), floor = packed(theme.lane);
     for (let i = 0; i < map.junctions.length; i += 2) this.spots.add(map.junctions[i], map.junctions[i + 1], 0, 0.12, 0.12, 2, 3, 0, 1, floor);
-    for (const s of map.stations) this.spots.add(s.x, s.y, 0, 0.18, 0.18, named ? 5 : 3, 3, 0, 1, s.kind ? special : station);
+    for (const s of map.stations) this.spots.add(s.x, s.y, 0, 0.18, 0.18, spot, 3, 0, 1, s.kind ? special : station);
     this.spots.end();
     this.labelOrder = map.stations.map((_, i) => i).sort((a, b) => (map.stations[b].kind ? 1 : 0) - (map.stations[a].kind ? 1 : 0));
   }

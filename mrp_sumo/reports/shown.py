@@ -1,0 +1,142 @@
+"""A run as pictures show it: what was driven, or else the plan as if it had been; and what of the walls is furniture."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+
+from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.graph import FloatArray, PlanGraph
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.record import MOVING, WAITING, Record, robot_states
+from mrp_sumo.io.run_reader import Run
+
+ABSENT = 4  # a state beside those of io.record: not on the floor
+TURNING_RAD = 0.02  # a sample
+NARROW_M = 3.0  # closed walls narrower than this are furniture
+
+
+def shown_record(run: Run) -> Record:
+    """The run as it is shown: as driven, or as planned where it was not executed.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is neither a plan nor a trajectory.
+    """
+    if run.executed:
+        return run.record
+    if run.plan is None:
+        raise MrpSumoError(f"{run.folder}: nothing to replay, the run has neither a plan nor a trajectory ({run.result['status']})")
+    return Record(
+        name=run.result["scenario"]["name"],
+        seed=run.result["seed"],
+        fleet=run.fleet,
+        graph=run.graph,
+        target=run.plan.last_vertex,
+        plan=run.plan,
+        execution=plan_as_execution(run.plan, run.graph),
+        nav=run.nav,
+    )
+
+
+def shown_states(execution: Execution) -> NDArray[np.int8]:
+    """[T, R] the state of each robot at each sample: `robot_states`, with ABSENT, and turning in place counted as moving."""
+    state = robot_states(execution, execution.t_s)
+    turning = np.zeros(state.shape, np.bool_)
+    with np.errstate(invalid="ignore"):
+        turning[1:] = np.abs(2 * np.sin(np.diff(execution.yaw_rad, axis=0) / 2)) > TURNING_RAD
+    state[turning & (state == WAITING)] = MOVING
+    state[np.isnan(execution.x_m) | np.isnan(execution.y_m)] = ABSENT
+    return state
+
+
+def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Execution:
+    """A plan as if it had been driven exactly, for runs that were not executed.
+
+    Parameters
+    ----------
+    plan
+        R robots.
+    graph
+        Its vertices.
+    period_s
+        Between samples.
+    """
+    end_s = float(plan.end_s.max(initial=0.0))
+    t_s = np.arange(math.ceil(end_s / period_s) + 2) * period_s
+    x, y, yaw, speed = (np.zeros((len(t_s), plan.num_robots)) for _ in range(4))
+    for r in range(plan.num_robots):
+        visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
+        xy, arrive = graph.xy[plan.vertex[visits]], plan.arrive_s[visits]
+        depart = np.minimum(plan.depart_s[visits], t_s[-1] + 1)
+        at = np.column_stack((arrive, depart)).ravel()
+        x[:, r], y[:, r] = (np.interp(t_s, at, np.repeat(c, 2)) for c in xy.T)
+        step = np.diff(xy, axis=0)
+        course = np.arctan2(step[:, 1], step[:, 0]) if len(step) else np.zeros(1)
+        yaw[:, r] = course[np.clip(np.searchsorted(depart, t_s, side="left") - 1, 0, len(course) - 1)]
+        speed[1:, r] = np.hypot(np.diff(x[:, r]), np.diff(y[:, r])) / period_s
+    return Execution(
+        t_s=t_s,
+        x_m=x,
+        y_m=y,
+        yaw_rad=yaw,
+        speed_mps=speed,
+        arrived_s=plan.arrive_s,
+        goal_s=plan.end_s,
+        outcome=Outcome.COMPLETED,
+        policy="plan",
+        sim_time_s=float(t_s[-1]),
+        wall_time_s=0.0,
+        cpu_time_s=0.0,
+    )
+
+
+def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray, FloatArray]:
+    """Islands of walls that close and are narrow are furniture (racks, desks, pillars).
+
+    Parameters
+    ----------
+    walls
+        [W, 2, 2] m
+
+    Returns
+    -------
+    outlines
+        [N, 2] polygons: the ring itself, or the convex hull of an island with inner walls.
+    inner
+        [F, 2, 2] all walls of furniture.
+    walls
+        [., 2, 2] the others.
+    """
+    corners, end = np.unique(walls.reshape(-1, 2).round(3), axis=0, return_inverse=True)
+    end = end.reshape(-1, 2)
+    links = coo_array((np.ones(len(end)), end.T), shape=(len(corners), len(corners)))
+    num_islands, island = connected_components(links, directed=False)
+    degree = np.bincount(end.ravel(), minlength=len(corners))
+    is_furniture = np.zeros(num_islands, np.bool_)
+    outlines = []
+    order = np.argsort(island, kind="stable")
+    of_island = np.split(order, np.flatnonzero(np.diff(island[order])) + 1) if len(order) else []
+    beside: dict[int, list[int]] = {}
+    for a, b in end.tolist():
+        beside.setdefault(a, []).append(b)
+        beside.setdefault(b, []).append(a)
+    for members in of_island:
+        xy = corners[members]
+        if len(members) < 3 or degree[members].min() < 2 or np.ptp(xy, axis=0).min() >= NARROW_M:
+            continue
+        is_furniture[island[members[0]]] = True
+        if degree[members].max() == 2:
+            ring = [int(members[0])]
+            while len(ring) < len(members):
+                ring.append(next(c for c in beside[ring[-1]] if len(ring) < 2 or c != ring[-2]))
+            outlines.append(corners[ring])
+        elif np.ptp(xy, axis=0).min() > 0:
+            outlines.append(xy[ConvexHull(xy).vertices])
+    fine = is_furniture[island[end[:, 0]]] if len(end) else np.zeros(0, np.bool_)
+    return outlines, walls[fine], walls[~fine]

@@ -1,0 +1,219 @@
+"""A run at one moment as a picture, PNG or SVG by the file's suffix: the floor, robots to scale with heading and state, where they
+came from, and where the plan has them. The same run and time give the same bytes. Refuses other suffixes and times outside the run.
+"""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+
+from mrp_sumo.core.execution import positions_at
+from mrp_sumo.core.graph import FloatArray, PlanGraph
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.outline import Outline, read_outline
+from mrp_sumo.io.record import STATE_NAMES, Record
+from mrp_sumo.io.run_reader import Run
+from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, shown_record, shown_states
+
+INK, MUTED, PAPER, FLOOR, FURNITURE, WALL, LANE, DOOR = (
+    "#17202c",
+    "#5b6878",
+    "#eef1f5",
+    "#ffffff",
+    "#e6ebf1",
+    "#3a4454",
+    "#b9c7d8",
+    "#c2813f",
+)
+STATES = ("#2f7de1", "#e8960c", "#dc2f45", "#15936f")  # of the replay page: moving, waiting, blocked, at goal
+MARGIN_M = 0.6
+TRAIL_S = 20.0
+NAMED = 60  # robots up to which they are named and the plan is shown
+LEAST_PT = (8.0, 4.5)  # length of a robot on the page, at least: up to NAMED robots, and beyond
+
+
+def render_still(run: Run, at_s: float, path: Path, *, dpi: float = 150, width_in: float = 12.0) -> Path:
+    """Draw the run at a moment.
+
+    Parameters
+    ----------
+    run
+        With a trajectory or at least a plan.
+    at_s
+        Simulated time.
+    path
+        Ends in .png or .svg.
+    dpi
+        Of the PNG.
+    width_in
+        Of the page.
+
+    Raises
+    ------
+    MrpSumoError
+        For another suffix, a time outside the run, a run with nothing to show, and a place that cannot be written.
+    """
+    if path.suffix not in (".png", ".svg"):
+        raise MrpSumoError(f"{path}: a picture ends in .png or .svg, not '{path.suffix}'")
+    try:
+        record, outline = shown_record(run), read_outline(run.folder / "building.json")
+    except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
+        raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {error}") from None
+    execution = record.execution
+    if not execution.x_m.size:
+        raise MrpSumoError(f"{run.folder}: nothing to draw: {execution.num_robots} robots, {len(execution.t_s)} samples")
+    end_s = float(execution.t_s[-1])
+    if not 0 <= at_s <= end_s + 1e-9:
+        raise MrpSumoError(f"{at_s:g} s is outside the run, which lasts from 0 to {end_s:g} s")
+    figure, ax, points_per_m = _page(record, outline, width_in)
+    _draw_floor(ax, record, outline, points_per_m)
+    counts = _draw_robots(ax, record, at_s, points_per_m)
+    _tell(figure, ax, record, at_s, counts, planned=not run.executed)
+    metadata = {"Software": None} if path.suffix == ".png" else {"Date": None, "Creator": None}
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with mpl.rc_context({"svg.hashsalt": "mrp_sumo", "svg.fonttype": "none"}):
+            figure.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise MrpSumoError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return path
+
+
+def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
+    """[R, 2] where the plan has each robot at a time."""
+    xy = np.empty((plan.num_robots, 2))
+    for r in range(plan.num_robots):
+        visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
+        when = np.column_stack((plan.arrive_s[visits], np.minimum(plan.depart_s[visits], plan.end_s[r] + 1))).ravel()
+        places = np.repeat(graph.xy[plan.vertex[visits]], 2, axis=0)
+        xy[r] = np.interp(at_s, when, places[:, 0]), np.interp(at_s, when, places[:, 1])
+    return xy
+
+
+def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Figure, Axes, float]:
+    nav, execution = record.nav or record.graph, record.execution
+    points = [nav.xy, np.column_stack([c[np.isfinite(c)][[0, 0]] for c in (execution.x_m, execution.y_m)])]
+    points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
+    if outline is not None:
+        points += [outline.walls.reshape(-1, 2), *outline.floors]
+    every = np.concatenate(points)
+    low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
+    w, h = high - low
+    inch_per_m = float(min((width_in - 0.4) / w, 14 / h))
+    head_in, foot_in = 0.75, 0.45
+    page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
+    figure = Figure(figsize=page, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    left = (page[0] - w * inch_per_m) / 2
+    ax = figure.add_axes((left / page[0], foot_in / page[1], w * inch_per_m / page[0], h * inch_per_m / page[1]))
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.axis("off")
+    return figure, ax, 72 * inch_per_m
+
+
+def _draw_floor(ax: Axes, record: Record, outline: Outline | None, points_per_m: float) -> None:
+    nav = record.nav or record.graph
+    if outline is not None:
+        furniture, inner, walls = furniture_and_walls(outline.walls)
+        for polygons, colour in ((outline.floors, FLOOR), (outline.holes, PAPER), (furniture, FURNITURE)):
+            ax.add_collection(PolyCollection(list(polygons), facecolor=colour, edgecolor="none", zorder=0), autolim=False)
+        ax.add_collection(LineCollection(list(inner), color=WALL, lw=0.5, alpha=0.5, zorder=1), autolim=False)
+        lw = float(np.clip(0.1 * points_per_m, 0.6, 4))
+        ax.add_collection(LineCollection(list(outline.doors), color=DOOR, lw=0.6 * lw, zorder=2), autolim=False)
+        ax.add_collection(LineCollection(list(walls), color=WALL, lw=lw, capstyle="round", zorder=2), autolim=False)
+    if isinstance(nav, PlanGraph):
+        half = nav.cell_m / 2
+        cells = nav.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+        ax.add_collection(PolyCollection(list(cells), facecolor=FLOOR, edgecolor=FLOOR, lw=0.3, zorder=0), autolim=False)
+        return
+    once = (nav.reverse < 0) | (nav.tail < nav.head)
+    ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
+    ax.add_collection(LineCollection(list(ends), color=LANE, lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
+    named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
+    ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color="#7b8da3", lw=0, zorder=2.5)
+    if len(named) <= 80:
+        for v in named:
+            x, y = nav.xy[v]
+            _write(ax, nav.vertex_name[v], x, y, -7 - 0.08 * points_per_m, 6.5, MUTED, 3)
+
+
+def _draw_robots(ax: Axes, record: Record, at_s: float, points_per_m: float) -> list[int]:
+    """Draw, and count the robots by state."""
+    execution, fleet = record.execution, record.fleet
+    x, y, yaw = (c[0] for c in positions_at(execution, np.array([at_s])))
+    now = int(np.clip(np.searchsorted(execution.t_s, at_s + 1e-9) - 1, 0, len(execution.t_s) - 1))
+    state = shown_states(execution)[now]
+    there = np.flatnonzero((state != ABSENT) & np.isfinite(x))
+    few = record.fleet.num_robots <= NAMED
+    grow = np.maximum(1, LEAST_PT[not few] / (fleet.length_m * points_per_m))
+    back = max(0, now - int(TRAIL_S / max(execution.t_s[-1] / max(len(execution.t_s) - 1, 1), 1e-9)))
+    trails = [np.column_stack((execution.x_m[back : now + 1, r], execution.y_m[back : now + 1, r])) for r in there]
+    colours = [STATES[s] for s in state[there]]
+    trail_style = {"lw": max(0.05 * points_per_m, 1), "alpha": 0.35, "capstyle": "round", "zorder": 4}
+    ax.add_collection(LineCollection(trails, colors=colours, **trail_style), autolim=False)
+    if few and record.plan is not None:
+        ghosts = planned_at(record.plan, record.graph, at_s)[there]
+        ties = np.stack([ghosts, np.column_stack((x[there], y[there]))], axis=1)
+        ax.add_collection(LineCollection(list(ties), color=MUTED, lw=0.6, zorder=4.5), autolim=False)
+        boxes = [_box(*ghosts[i], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for i, r in enumerate(there)]
+        ax.add_collection(PolyCollection(boxes, facecolor="none", edgecolor=MUTED, lw=0.8, zorder=4.6), autolim=False)
+    boxes = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for r in there]
+    ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=INK, lw=0.5, zorder=5), autolim=False)
+    arrows = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
+    ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
+    if few:
+        for r in there:
+            half_pt = 0.5 * float(np.hypot(fleet.length_m[r], fleet.width_m[r]) * grow[r]) * points_per_m
+            _write(ax, fleet.robot_name[r], x[r], y[r], half_pt + 6, 7.5, INK, 6)
+    return np.bincount(state, minlength=5)[:4].tolist()
+
+
+BOX = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
+ARROW = np.array([(0.62, 0), (-0.5, 0.56), (-0.24, 0), (-0.5, -0.56)]) / 2
+
+
+def _box(x: float, y: float, yaw: float, length: float, width: float, shape: FloatArray = BOX) -> FloatArray:
+    c, s = np.cos(yaw), np.sin(yaw)
+    return shape * (length, width) @ np.array([(c, s), (-s, c)]) + (x, y)
+
+
+def _write(ax: Axes, text: str, x: float, y: float, dy_pt: float, size_pt: float, colour: str, zorder: float) -> None:
+    note = ax.annotate(
+        text, (x, y), (0, dy_pt), textcoords="offset points", fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder
+    )
+    note.set_path_effects([withStroke(linewidth=1.8, foreground=FLOOR)])
+    note.set_parse_math(False)  # a name is a name
+
+
+def _tell(figure: Figure, ax: Axes, record: Record, at_s: float, counts: list[int], *, planned: bool) -> None:
+    width, height = figure.get_size_inches()
+    title = figure.text(0.2 / width, 1 - 0.3 / height, record.name, fontsize=14, fontweight="bold", color=INK, va="center")
+    title.set_parse_math(False)
+    what = "planned, at" if planned else "at"
+    figure.text(
+        0.2 / width, 1 - 0.55 / height, f"{what} {at_s:.1f} s of {record.execution.t_s[-1]:.1f} s", fontsize=9, color=MUTED, va="center"
+    )
+    style = {"marker": "s", "ls": "", "ms": 7, "mec": "none"}
+    keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, STATE_NAMES, counts)]
+    if record.plan is not None and record.fleet.num_robots <= NAMED and not planned:
+        keys.append(Line2D([], [], marker="s", ls="", ms=7, mfc="none", mec=MUTED, label="where the plan has it"))
+    where = {"loc": "lower left", "bbox_to_anchor": (0.1 / width, 0.02 / height)}
+    figure.legend(handles=keys, ncol=len(keys), frameon=False, fontsize=8.5, labelcolor=INK, handletextpad=0.3, columnspacing=1.4, **where)
+    wanted = 90 / (72 * width * ax.get_position().width / float(np.ptp(ax.get_xlim())))
+    power = 10.0 ** np.floor(np.log10(wanted))
+    length = float(max(m * power for m in (1, 2, 5) if m * power <= wanted))
+    right, low = ax.get_xlim()[1], ax.get_ylim()[0] - 0.12 * wanted
+    ax.plot([right - length, right], [low, low], color=MUTED, lw=2.5, solid_capstyle="butt", clip_on=False)
+    ax.annotate(
+        f"{length:g} m", (right - length, low), (-4, 0), textcoords="offset points", fontsize=8, color=MUTED, ha="right", va="center"
+    )

@@ -1,0 +1,329 @@
+"""The replay page holds the run, to half a centimetre; names cannot become HTML; bad run folders are refused in one line."""
+
+import base64
+import json
+import re
+import shutil
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.run import run_scenario
+from mrp_sumo.io.outline import Outline, outline_of, read_outline, write_outline
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING, Record
+from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.maps.catalogue import find_map
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.load import load_map
+from mrp_sumo.reports.replay import About, replay_page, write_replay
+from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, plan_as_execution, shown_states
+
+MODEL = RobotType("cart", 0.4, 0.3, 1.0, 1.0, 1.0, 2.0)
+NASTY = "</script><img src=x onerror=alert(1)> & \u2028 'ö'"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The run folder of a real run."""
+    out = tmp_path_factory.mktemp("replay") / "office"
+    overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
+    run_scenario(read_scenario(find_scenario("office_5"), overrides), out)
+    return out
+
+
+def record_of(names=("a", "b"), num_samples=41):
+    """Robot 0 drives three cells to the right in 3 s; robot 1 waits above it for 2 s, drives a cell up, and is gone at the end."""
+    graph = grid_graph(np.ones((3, 4), bool), 1.0, (0.0, 0.0), name="floor")
+    fleet = replace(fleet_of(MODEL, 2), robot_name=tuple(names))
+    plan = plan_of_paths([[0, 1, 2, 3], [4, 4, 4, 8]], 1.0)
+    t = np.arange(num_samples) * 0.1
+    x = np.column_stack((0.5 + np.minimum(t, 3), np.full(num_samples, 0.5)))
+    y = np.column_stack((np.full(num_samples, 0.5), 1.5 + np.clip(t - 2, 0, 1)))
+    yaw = np.column_stack((np.zeros(num_samples), np.full(num_samples, np.pi / 2)))
+    x[-1, 1] = np.nan
+    speed = np.vstack([np.diff(x, axis=0)[:1], np.diff(x, axis=0)]) * 10 + np.vstack([np.diff(y, axis=0)[:1], np.diff(y, axis=0)]) * 10
+    events = (Event(0.0, "blocked", 1, 8, 0, 1.0, f"because of {names[0]}"), Event(3.0, "goal", 0, 3))
+    arrived = np.array([0.0, 1, 2, 3, 0, 3])
+    execution = Execution(t, x, y, yaw, speed, arrived, np.array([3.0, np.nan]), Outcome.TIME_LIMIT, "adg", 4.0, 1.0, 1.0, events)
+    return Record("trial", 0, fleet, graph, plan.last_vertex, plan, execution)
+
+
+def read_back(page):
+    """Head and columns of a page: the inverse of what the page's own reader does, written apart from it."""
+    text = {i: re.search(rf'<script type="[\w/]+" id="{i}">(.*?)</script>', page, re.S)[1] for i in ("run-head", "run-data")}
+    head = json.loads(text["run-head"])
+    raw = np.frombuffer(zlib.decompress(base64.b64decode(text["run-data"])), np.uint8)
+    columns = {}
+    for c in head["manifest"]:
+        count = c["rows"] * c["length"]
+        planes = raw[c["offset"] : c["offset"] + count * c["size"]].reshape(c["size"], count).astype(np.int64)
+        words = (planes * 256 ** np.arange(c["size"])[:, None]).sum(0)
+        if c["order"]:
+            words = (words >> 1) ^ -(words & 1)
+        words = words.reshape(c["rows"], c["length"])
+        for _ in range(c["order"]):
+            words = words.cumsum(axis=1)
+        columns[c["name"]] = words % 256 ** c["size"]
+    return head, columns
+
+
+def test_page_holds_poses_to_half_a_unit():
+    record = record_of()
+    head, columns = read_back(replay_page(record, About("trial")))
+    there = np.isfinite(record.execution.x_m).T
+    low = np.array([0.5, 0.5]) - 0.6  # of the cells' centres, less the margin
+    for name, truth, origin in (("x", record.execution.x_m, low[0]), ("y", record.execution.y_m, low[1])):
+        shown = columns[name] * head["unit_m"] + origin
+        assert np.abs(shown - truth.T)[there].max() <= head["unit_m"] / 2 + 1e-9
+    turned = (columns["yaw"] / 128 * np.pi - record.execution.yaw_rad.T + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(turned).max() <= np.pi / 256 + 1e-9
+    assert head["period_s"] == 0.1
+    assert head["num_samples"] == 41
+
+
+def test_states_are_those_of_the_run():
+    state = shown_states(record_of().execution)
+    assert state[5].tolist() == [MOVING, BLOCKED]
+    assert state[15].tolist() == [MOVING, WAITING]
+    assert state[25].tolist() == [MOVING, MOVING]
+    assert state[-1].tolist() == [AT_GOAL, ABSENT]
+
+
+def test_a_robot_that_turns_in_place_does_not_wait():
+    record = record_of()
+    yaw = record.execution.yaw_rad.copy()
+    yaw[12:16, 1] += 0.1 * np.arange(4)
+    state = shown_states(replace(record.execution, yaw_rad=yaw))
+    assert state[13:16, 1].tolist() == [MOVING] * 3
+    assert state[18, 1] == WAITING
+
+
+def test_plan_and_events_come_back():
+    record = record_of()
+    head, columns = read_back(replay_page(record, About("trial")))
+    assert columns["plan_first"].tolist() == [[0, 4, 6]]
+    assert [head["vertices"][v] for v in columns["plan_vertex"][0]] == [record.graph.label(v) for v in record.plan.vertex]
+    assert columns["plan_arrive"][0].tolist() == [0, 1000, 2000, 3000, 0, 3000]
+    assert columns["plan_depart"][0].tolist() == [0, 1000, 2000, 2**32 - 1, 2000, 2**32 - 1]
+    assert columns["plan_arrived"][0].tolist() == [0, 1000, 2000, 3000, 0, 3000]
+    assert [head["event_kinds"][k] for k in columns["event_kind"][0]] == ["blocked", "goal"]
+    assert columns["event_other"][0].tolist() == [0, 2**32 - 1]
+    assert columns["event_duration"][0].tolist() == [1000, 0]
+    assert head["event_text"] == {"0": "because of a"}
+
+
+def test_names_cannot_become_html():
+    page = replay_page(record_of(names=(NASTY, "{{data}}")), About(NASTY, note=NASTY, facts=((NASTY, NASTY),)))
+    plain = replay_page(record_of(), About("trial"))
+    assert page.count("<script") == plain.count("<script")
+    assert page.count("<img") == 0
+    head, columns = read_back(page)
+    assert head["robots"] == [NASTY, "{{data}}"]
+    assert head["name"] == NASTY
+    assert columns["x"].shape == (2, 41)
+
+
+def test_a_name_that_is_no_text_is_told_as_far_as_it_can_be():
+    head, _ = read_back(replay_page(record_of(names=("\ud800", "b")), About("trial")))
+    assert head["robots"][1] == "b"
+
+
+def test_page_asks_no_network():
+    page = replay_page(record_of(), About("trial"))
+    own = re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.S)
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:,|#)[^"']+""", own)
+    assert "import(" not in own
+    assert "fetch(" not in own
+
+
+def test_page_sets_no_html():
+    own = re.sub(r'<script type="text/plain".*?</script>', "", replay_page(record_of(), About("trial")), flags=re.S)
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(", own)
+
+
+def test_long_runs_are_thinned(monkeypatch):
+    monkeypatch.setattr("mrp_sumo.reports.replay.MAX_POSES", 30)
+    head, columns = read_back(replay_page(record_of(), About("trial")))
+    assert columns["x"].shape == (2, 14)  # every third of 41
+    assert head["period_s"] == pytest.approx(0.3)
+
+
+def test_a_run_without_samples_or_robots_is_refused():
+    record = record_of()
+    none = {name: getattr(record.execution, name)[:0] for name in ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps")}
+    with pytest.raises(MrpSumoError, match="nothing to replay: 2 robots, 0 samples"):
+        replay_page(replace(record, execution=replace(record.execution, **none)), About("trial"))
+
+
+def test_plan_alone_is_driven_exactly():
+    record = record_of()
+    execution = plan_as_execution(record.plan, record.graph)
+    k = {round(t, 6): i for i, t in enumerate(execution.t_s)}
+    assert execution.x_m[k[1.0]].tolist() == pytest.approx([1.5, 0.5])
+    assert execution.y_m[k[2.6]].tolist() == pytest.approx([0.5, 2.1])
+    assert execution.yaw_rad[k[2.6]].tolist() == pytest.approx([0, np.pi / 2])
+    assert execution.goal_s.tolist() == [3, 3]
+
+
+def test_racks_are_furniture_and_rooms_are_not():
+    def ring(x0, y0, x1, y1):
+        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        return [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+
+    room, rack, stub = ring(0, 0, 9, 9), ring(2, 2, 3, 6), [((5, 5), (5, 7))]
+    divided = [*ring(6, 2, 7, 3), ((7, 2), (8, 2)), ((8, 2), (8, 3)), ((8, 3), (7, 3))]
+    outlines, inner, walls = furniture_and_walls(np.array(room + rack + stub + divided, float))
+    assert len(walls) == 5
+    assert len(inner) == 11
+    assert sorted(np.ptp(o, axis=0).tolist() for o in outlines) == [[1, 4], [2, 1]]
+
+
+def test_no_walls_are_no_furniture():
+    outlines, inner, walls = furniture_and_walls(np.zeros((0, 2, 2)))
+    assert (len(outlines), len(inner), len(walls)) == (0, 0, 0)
+
+
+def test_outline_is_read_back_to_the_millimetre(tmp_path):
+    map_ = load_map(find_map("office", tmp_path))
+    outline = outline_of(map_.building, map_.nav.level_names)
+    write_outline(tmp_path / "building.json", outline)
+    back = read_outline(tmp_path / "building.json")
+    assert np.abs(back.walls - outline.walls).max() <= 5e-4 + 1e-9
+    assert len(back.walls) > 50
+    assert [len(f) for f in back.floors] == [len(f) for f in outline.floors]
+    assert read_outline(tmp_path / "none.json") is None
+
+
+def test_building_of_no_walls_is_drawn():
+    outline = Outline(np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), (), (), ())
+    head, _ = read_back(replay_page(record_of(), About("trial", outline=outline)))
+    assert head["map"]["walls"] == []
+
+
+def test_real_run_gives_one_page_and_the_same_again(folder, tmp_path, capsys):
+    assert main(["replay", str(folder)]) == 0
+    assert "replay.html" in capsys.readouterr().out
+    first = (folder / "replay.html").read_bytes()
+    assert main(["replay", str(folder), "--out", str(tmp_path / "other.html")]) == 0
+    assert (tmp_path / "other.html").read_bytes() == first
+    assert 300_000 < len(first) < 600_000  # the library is most of it
+    head, columns = read_back(first.decode())
+    assert columns["state"].shape[0] == len(head["robots"]) == 5
+    assert (columns["state"][:, -1] == AT_GOAL).sum() >= 4  # the last one may still be slowing down
+    assert head["map"]["walls"]
+    assert head["map"]["furniture"]
+    assert {"charger", "parking"} <= {s["kind"] for s in head["map"]["stations"]}
+
+
+def test_run_that_was_not_executed_shows_its_plan(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "run")
+    for name in ("trajectory.parquet", "events.jsonl", "visits.parquet"):
+        (tmp_path / "run" / name).unlink()
+    head, columns = read_back(write_replay(tmp_path / "run").read_text(encoding="utf-8"))
+    assert head["plan_only"]
+    assert "plan only" in head["status_text"]
+    assert set(columns["state"][:, -1]) == {AT_GOAL}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda run: shutil.rmtree(run), "no such folder"),
+        (lambda run: (run / "result.json").unlink(), "no complete run"),
+        (lambda run: (run / "result.json").write_text('{"status":'), "not JSON"),
+        (lambda run: (run / "result.json").write_text("[1]"), "not the result of a run"),
+        (
+            lambda run: (run / "result.json").write_text('{"status": "completed", "scenario": {}, "metrics": {}}'),
+            "damaged, or of another version",
+        ),
+        (lambda run: (run / "floor.json").write_text("{}"), "schema version"),
+        (lambda run: (run / "floor.json").unlink(), "no such file"),
+        (lambda run: (run / "building.json").write_text("{}"), "not the outline of a building"),
+        (lambda run: (run / "trajectory.parquet").write_bytes(b"PAR1"), "Parquet"),
+        (lambda run: (run / "events.jsonl").write_text("not json\n"), "not JSON"),
+        (lambda run: (run / "events.jsonl").unlink(), "damaged"),
+        (lambda run: [(run / n).unlink() for n in ("trajectory.parquet", "plan.json")], "nothing to replay"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_bad_run_folder_is_told_in_one_line(folder, tmp_path, capsys, spoil, told):
+    shutil.copytree(folder, tmp_path / "run")
+    spoil(tmp_path / "run")
+    assert main(["replay", str(tmp_path / "run"), "--out", str(tmp_path / "page.html")]) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert len(said.splitlines()) == 1
+    assert not list(tmp_path.glob("*page.html*"))
+
+
+def test_page_is_not_written_over_a_folder(folder, tmp_path, capsys):
+    assert main(["replay", str(folder), "--out", str(tmp_path)]) == 2
+    assert "is a folder" in capsys.readouterr().err
+
+
+def test_page_below_no_folder_is_refused(folder, tmp_path, capsys):
+    assert main(["replay", str(folder), "--out", str(tmp_path / "none" / "page.html")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_the_library_comes_with_its_licence():
+    from mrp_sumo.reports.replay import SOURCES
+
+    assert b"PixiJS - v8.22.0" in (SOURCES / "pixi.min.js").read_bytes()[:2000]
+    licence = (SOURCES / "pixi.LICENSE.txt").read_text(encoding="utf-8")
+    for package in ("pixi.js", "earcut", "eventemitter3", "tiny-lru"):
+        assert f"==== {package} " in licence
+
+
+# --- stills ---
+
+
+def test_still_is_drawn_and_the_same_again(folder, tmp_path, capsys):
+    from PIL import Image
+
+    for name in ("a.png", "b.png"):
+        assert main(["render", str(folder), "--at", "12.5", "--out", str(tmp_path / name), "--dpi", "60"]) == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.width == 720
+        assert len(image.convert("RGB").getcolors(1 << 20)) > 50
+
+
+def test_a_name_is_no_formula(folder, tmp_path):
+    from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
+
+    shutil.copytree(folder, tmp_path / "run")
+    for path in (tmp_path / "run").glob("*.json*"):
+        path.write_text(path.read_text().replace("robot_0", "$x^$"))
+    path = tmp_path / "run" / "trajectory.parquet"
+    samples = read_trajectory(path)
+    write_trajectory(path, samples, ("$x^$", *samples.robot_name[1:]), {})
+    assert main(["render", str(tmp_path / "run"), "--at", "0", "--out", str(tmp_path / "x.svg")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--at", "-1", "--out", "x.png"], "outside the run"),
+        (["--at", "1e9", "--out", "x.png"], "outside the run"),
+        (["--at", "nan", "--out", "x.png"], "outside the run"),
+        (["--at", "1", "--out", "x.jpg"], "ends in .png or .svg"),
+        (["--at", "1", "--out", "none/x.png"], "cannot be written"),
+        (["--at", "1", "--out", "x.png", "--dpi", "0"], "expected 10 to 1200"),
+        (["--at", "soon", "--out", "x.png"], "invalid float"),
+    ],
+)
+def test_still_that_cannot_be_drawn_is_told_in_one_line(folder, tmp_path, monkeypatch, capsys, options, told):
+    monkeypatch.chdir(tmp_path)
+    assert main(["render", str(folder), *options]) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert len(said.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
