@@ -17,8 +17,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.io import rosbag_streams as say
 from mrp_sumo.io.record import Record
-from mrp_sumo.io.rosbag_messages import EPOCH_NS, Messages, Samples
+from mrp_sumo.io.rosbag_messages import EPOCH_NS, Messages
 
 VERSION: Literal[8] = 8
 FLEET_STATES_NS = 500_000_000  # 2 Hz, as MRP-Bench
@@ -122,18 +123,18 @@ def _write(writer: FastWriter, messages: Messages, record: Record, options: BagO
         writer.write(requests, EPOCH_NS, raw)
 
     end_ns = round(float(record.execution.t_s[-1]) * 1e9)
-    fast = Samples(record, _ticks(record, end_ns, round(options.period_s * 1e9)))
-    slow = Samples(record, np.arange(0, end_ns + 1, FLEET_STATES_NS, dtype=np.int64))
-    second = Samples(record, np.arange(0, end_ns + 1, SECOND_NS, dtype=np.int64))
+    fast = say.Samples(record, _ticks(record, end_ns, round(options.period_s * 1e9)))
+    slow = say.Samples(record, np.arange(0, end_ns + 1, FLEET_STATES_NS, dtype=np.int64))
+    second = say.Samples(record, np.arange(0, end_ns + 1, SECOND_NS, dtype=np.int64))
     streams = [
-        (topic("/tf", "tf2_msgs/TFMessage", 100), messages.transforms(fast)),
-        (topic("/robot_cloud", "sensor_msgs/PointCloud2"), messages.cloud(fast)),
-        (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), messages.fleet_states(slow)),
+        (topic("/tf", "tf2_msgs/TFMessage", 100), say.transforms(messages, fast)),
+        (topic("/robot_cloud", "sensor_msgs/PointCloud2"), say.cloud(messages, fast)),
+        (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), say.fleet_states(messages, slow)),
     ]
-    streams += [(topic(f"/{messages.robots[robot]}/odom", "nav_msgs/Odometry"), messages.odometry(fast, robot)) for robot in chosen]
+    streams += [(topic(f"/{messages.robots[robot]}/odom", "nav_msgs/Odometry"), say.odometry(messages, fast, robot)) for robot in chosen]
     log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000), list(messages.logs())
-    diagnostics = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
-    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in messages.metrics(second, 0)}
+    diagnosed, diagnostics = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray"), say.Diagnostics(messages, second)
+    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(second, 0)}
     repeats = np.zeros(0, np.int64)
     if options.repeat_latched_s > 0:
         every = round(options.repeat_latched_s * 1e9)
@@ -156,8 +157,8 @@ def _write(writer: FastWriter, messages: Messages, record: Record, options: BagO
         elif kind == len(streams) + 1:
             writer.write(log_topic, ns, logs[k][1])
         else:
-            writer.write(diagnostics, ns, messages.diagnostics(second, k))
-            for name, data in messages.metrics(second, k).items():
+            writer.write(diagnosed, ns, diagnostics.message(k))
+            for name, data in say.metrics(second, k).items():
                 if name in metrics:
                     writer.write(metrics[name], ns, data)
 

@@ -72,8 +72,9 @@ class Template:
         return True
 
     def set(self, kind: str, values: Any) -> None:
-        """Set all numbers of a kind, in order; a scalar sets them all."""
-        self._view[kind][self._index[kind]] = values
+        """Set all numbers of a kind, in order; a scalar sets them all. A message may have none."""
+        if kind in self._view:
+            self._view[kind][self._index[kind]] = values
 
     def message(self) -> bytes:
         """The serialised message with the numbers of now."""

@@ -16,7 +16,8 @@ from rosbags.rosbag2 import Reader
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, robot_states
 from mrp_sumo.io.rosbag import BagOptions, write_bag
-from mrp_sumo.io.rosbag_messages import EPOCH_NS, GENERATIONS, Messages, Samples, ros_names, typestore
+from mrp_sumo.io.rosbag_messages import EPOCH_NS, GENERATIONS, Messages, ros_names, typestore
+from mrp_sumo.io.rosbag_streams import Samples, transforms
 
 VERIFY = Path(__file__).resolve().parents[2] / "../shared/rosbag/verify"
 TOPICS = {
@@ -231,10 +232,24 @@ def test_every_reader_of_the_library_counts_the_same(bag):
     assert qos["/tf"].depth == 100 and qos["/rosout"].depth == 1000
 
 
+def test_moments_without_any_robot_are_silent_but_stamped(tmp_path):
+    record = record_of_four(seconds=4.0)
+    columns = {name: np.array(getattr(record.execution, name)) for name in ("x_m", "y_m", "yaw_rad", "speed_mps")}
+    for column in columns.values():
+        column[:20] = np.nan
+    write_bag(tmp_path / "bag", replace(record, execution=replace(record.execution, **columns)), DETAILED)
+    messages = decoded(tmp_path / "bag")
+    clouds = [(ns, m) for topic, ns, m in messages if topic == "/robot_cloud"]
+    assert [m.width for _, m in clouds[18:22]] == [0, 0, 4, 4]
+    assert all(m.header.stamp.sec * 10**9 + m.header.stamp.nanosec == ns for ns, m in clouds)
+    assert [len(m.robots) for topic, _, m in messages if topic == "/fleet_states"][:5] == [0, 0, 0, 0, 4]
+    assert sum(topic == "/robot_1/odom" for topic, _, _ in messages) == 21
+
+
 def test_templates_hold_for_robots_that_come_later():
     messages = Messages(record_of_four(absent=True))
     samples = Samples(messages.record, np.arange(0, 5 * 10**9, 10**9, dtype=np.int64))
-    stream = messages.transforms(samples)
+    stream = transforms(messages, samples)
     counts = [len(messages.typestore.deserialize_cdr(stream.message(k), "tf2_msgs/msg/TFMessage").transforms) for k in range(5)]
     assert counts == [3, 3, 4, 4, 4]
 
