@@ -5,6 +5,7 @@ file, so that its presence says that a run is complete. Replaces run folders onl
 in the way is refused.
 """
 
+import glob
 import hashlib
 import json
 import os
@@ -109,6 +110,7 @@ def write_run(
     check_replaceable(out)
     out = out.resolve()
     new = out.parent / f".{out.name}.new-{os.getpid()}"
+    _clear_leftovers(out)
     try:
         new.mkdir(parents=True)
         document = {
@@ -261,6 +263,28 @@ def _is_run(folder: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(document, dict) and {"status", "scenario", "metrics"} <= set(document)
+
+
+def _clear_leftovers(out: Path) -> None:
+    """Remove what processes left that were killed while they wrote this folder."""
+    for path in out.parent.glob(f".{glob.escape(out.name)}.*-*"):
+        kind, _, process = path.name.removeprefix(f".{out.name}.").partition("-")
+        if kind not in ("new", "old") or not process.isdecimal() or _is_alive(int(process)):
+            continue
+        if kind == "old" and not out.exists():  # killed between the two renames: the old run is the last good one
+            path.rename(out)
+        else:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # somebody else's
+        return True
+    return True
 
 
 def _put_in_place(new: Path, out: Path) -> None:

@@ -2,11 +2,14 @@
 
 import hashlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from record_of_four import record_of_four
+from rosbags.highlevel import AnyReader
 
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
@@ -150,3 +153,35 @@ def test_numbers_become_plain_and_arrays_stay_in_a_line():
     text = laid_out(value)
     assert json.loads(text) == value
     assert '"a": [0, 1, 2],' in text.splitlines()[1]
+
+
+def test_a_writer_that_is_killed_leaves_no_run_and_the_next_one_tidies_up(tmp_path):
+    code = (
+        "import os, sys\nsys.path.insert(0, sys.argv[2])\n"
+        "from pathlib import Path\nimport test_run_folder\nfrom mrp_sumo.io import run_folder\n"
+        "run_folder._put_in_place = lambda new, out: os._exit(9)\n"
+        "folder = Path(sys.argv[1])\ntest_run_folder.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
+    )
+    told = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parent)], check=False)
+    (left,) = tmp_path.glob(".run.new-*")
+    assert told.returncode == 9 and not (tmp_path / "run").exists()
+    with AnyReader([left / "bag"]) as reader:  # what was complete stays readable
+        assert reader.message_count > 0
+    run_of_four(tmp_path / "run", tmp_path / "x.net.xml")
+    assert {p.name for p in tmp_path.iterdir()} == {"x.net.xml", "run"}
+
+
+def test_a_run_whose_replacement_was_killed_half_way_is_kept(tmp_path, monkeypatch):
+    run_of_four(tmp_path / "run", tmp_path / "x.net.xml")
+    before = (tmp_path / "run" / "result.json").read_bytes()
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    (tmp_path / "run").rename(tmp_path / f".run.old-{process.pid}")
+
+    def fail(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(run_folder, "write_floor", fail)
+    with pytest.raises(ZeroDivisionError):
+        run_of_four(tmp_path / "run", tmp_path / "x.net.xml")
+    assert (tmp_path / "run" / "result.json").read_bytes() == before

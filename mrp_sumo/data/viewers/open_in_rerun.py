@@ -11,6 +11,8 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+CENTRE = float("$centre_x"), float("$centre_y")
+DISTANCE_M = float("$distance_m")
 ROBOT_M = float("$robot_m")  # diameter, filled in by `mrp-sumo export`
 
 
@@ -25,8 +27,9 @@ def main() -> None:
         name="floor",
         origin="/",
         contents=["/robot_cloud", "/map", "/tf", "/tf_static"],
-        overrides={"/robot_cloud": rr.Points3D.from_fields(radii=ROBOT_M / 2)},
+        overrides={"/robot_cloud": rr.Points3D.from_fields(radii=max(ROBOT_M / 2, DISTANCE_M / 150))},
         background=[245, 245, 245],
+        eye_controls=rrb.EyeControls3D(position=(*CENTRE, DISTANCE_M), look_target=(*CENTRE, 0), eye_up=(0, 1, 0)),
     )
     figures = rrb.TextLogView(name="events", origin="/rosout")
     blueprint = rrb.Blueprint(rrb.Vertical(floor, figures, row_shares=[4, 1]), collapse_panels=True)
