@@ -12,6 +12,7 @@ PLUGINS = {
         "ecbs": "planners.ecbs:Ecbs",
         "ecbs_ta": "planners.ecbs_ta:EcbsTa",
         "eecbs": "planners.eecbs:Eecbs",
+        "external": "planners.external:External",
         "lacam": "planners.lacam:Lacam",
         "lns2": "planners.lns2:Lns2",
         "pibt": "planners.pibt:Pibt",

@@ -112,6 +112,11 @@ def timed_out(begin_s: float, lower_bound: float, message: str, **stats: float) 
     )
 
 
+def gave_up(begin_s: float, lower_bound: float, message: str, **stats: float) -> PlanResult:
+    """GAVE_UP before the time was up."""
+    return PlanResult(Status.GAVE_UP, planning_time_s=perf_counter() - begin_s, lower_bound_steps=lower_bound, stats=stats, message=message)
+
+
 def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanResult | None:
     """The result where none has to be searched for: a goal out of reach, or everybody at home already."""
     if (steps < 0).any():

@@ -20,6 +20,7 @@ from planners._refinement import Refinement, task_of
 from planners._world import (
     SLICE_S,
     checked_deadline,
+    gave_up,
     small_problem,
     solved,
     steps_table,
@@ -36,7 +37,7 @@ class Lns2:
     """Plans by MAPF-LNS2; `anytime` spends the rest of the time on lower cost."""
 
     assigns: ClassVar[bool] = False
-    guarantee: ClassVar[str] = "none"
+    guarantee: ClassVar[str] = "valid, not complete"
 
     anytime: bool = False
     neighbourhood: int = 8  # robots planned again at a time
@@ -59,7 +60,7 @@ class Lns2:
         Refinement(task, detour, 2, rng).until(np.inf, most_labels=20)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """SOLVED, TIMED_OUT with the number of pairs left in collision, or INFEASIBLE for goals out of reach only."""
+        """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE for goals out of reach only."""
         begin_s = perf_counter()
         deadline_s = checked_deadline(time_limit_s)
         table = steps_table(problem, deadline_s)
@@ -82,7 +83,7 @@ class Lns2:
                 return timed_out(begin_s, lower_bound, f"no solution within {time_limit_s:g} s")
             if not _lns.plan_all(task, traffic, labels, order, a, a + 1):
                 name = problem.fleet.robot_name[order[a]]
-                return timed_out(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
+                return gave_up(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
         pairs = _lns.find_collisions(task, traffic, hood)
         stats = {"initial_pairs": float(pairs)}
         at_once = 1

@@ -21,6 +21,7 @@ from planners._world import (
     build_scratch,
     build_world,
     checked_deadline,
+    gave_up,
     small_problem,
     solved,
     sum_of_costs,
@@ -36,7 +37,7 @@ class Pibt:
     """Plans by PIBT; incomplete, no bound on the cost."""
 
     assigns: ClassVar[bool] = False
-    guarantee: ClassVar[str] = "none"
+    guarantee: ClassVar[str] = "valid, not complete"
 
     max_steps: int = 0  # give up an attempt after so many steps; 0: 20 x the longest way + 10 x robots, 1,000 to 20,000
     num_attempts: int = 10
@@ -52,7 +53,7 @@ class Pibt:
             self._plan(small_problem(), 60.0, packed)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """SOLVED; TIMED_OUT also when all attempts ran into the step limit; INFEASIBLE only for goals out of reach."""
+        """SOLVED, GAVE_UP when all attempts ran into the step limit, TIMED_OUT; INFEASIBLE only for goals out of reach."""
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
@@ -88,6 +89,5 @@ class Pibt:
                     cost = sum_of_costs(path[: t + 1], world.goal)
                     return solved(problem, path[: t + 1], begin_s, lower_bound, attempts=attempt, cost=cost)
                 at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
-        return timed_out(
-            begin_s, lower_bound, f"no solution in {self.num_attempts} attempts of {max_steps} steps each", attempts=self.num_attempts
-        )
+        message = f"no solution in {self.num_attempts} attempts of {max_steps} steps each"
+        return gave_up(begin_s, lower_bound, message, attempts=self.num_attempts)

@@ -1,5 +1,7 @@
-"""Convert a map to another format; the suffix of DST chooses: .nav.yaml (Open-RMF nav graph), .map (MovingAI),
-.geojson or .net.xml (SUMO). What the format cannot hold is listed.
+"""Convert a map or a plan to another format; the suffix of DST chooses.
+
+Maps: .nav.yaml (Open-RMF nav graph), .map (MovingAI), .geojson or .net.xml (SUMO); what the format cannot hold is listed.
+Plans: .json (this program's; needs --map), .yaml (libMultiRobotPlanning), .txt (EECBS, or as --format says).
 """
 
 import argparse
@@ -10,18 +12,52 @@ from mrp_sumo.cli.map_choice import add_choice, chosen_map
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("source", metavar="SRC", help="a map file, or the name of a bundled map")
+    parser.add_argument("source", metavar="SRC", help="a map file, the name of a bundled map, or a plan file")
     parser.add_argument("destination", metavar="DST", type=Path, help="the file to write")
+    parser.add_argument("--map", type=Path, metavar="FILE", help="of a plan: the grid or roadmap it is on (.map or YAML)")
+    parser.add_argument("--format", metavar="NAME", help="of a plan: json, yaml, paths, lacam or smart (default: by the suffix)")
     add_choice(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Convert, and tell what was lost."""
+    from mrp_sumo.cli.plan_choice import is_plan
     from mrp_sumo.maps.write import write_map
 
+    if is_plan(Path(options.source)):
+        _convert_plan(Path(options.source), options.destination, options.format, options.map)
+        print(f"{options.destination}: written")
+        return 0
     map_ = chosen_map(options.source, options)
     losses = write_map(map_, options.destination, options.cell)
     print(f"{options.destination}: written")
     for loss in losses:
         print(f"lost: {loss}")
     return 0
+
+
+def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path: Path | None) -> None:
+    """Cells are copied as they are; between cells and this program's vertices the map is needed."""
+    from dataclasses import replace
+
+    from mrp_sumo.cli.plan_choice import is_json, kind_of, read, step_of, text_of, write, write_text
+    from mrp_sumo.errors import PlanError
+    from mrp_sumo.io.instances import problem_of_places, read_instance
+    from mrp_sumo.io.plan_file import read_plan
+    from mrp_sumo.planning.peers import print_places, read_places
+
+    text, kind = text_of(source), kind_of(destination, chosen)
+    if not is_json(text) and kind != "json":
+        write_text(destination, print_places(read_places(text, None, source.name), kind))
+        return
+    if map_path is None:
+        raise PlanError(f"{source.name}: to turn {'vertices' if is_json(text) else 'cells'} into others takes the map: add --map")
+    instance = read_instance(map_path, None, 0)
+    if is_json(text):
+        plan = read_plan(source)
+        if plan.num_visits and plan.vertex.max() >= instance.problem.graph.num_vertices:
+            raise PlanError(f"{source.name}: vertex {plan.vertex.max()} is not on {map_path.name}")
+        write(destination, kind, replace(instance.problem, step_s=step_of(text)), plan, instance.cells)
+        return
+    problem = problem_of_places(instance, read_places(text, None, source.name), source.name)
+    write(destination, kind, problem, read(source, problem, instance.cells), instance.cells)

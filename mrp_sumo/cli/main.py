@@ -17,7 +17,9 @@ from mrp_sumo.errors import MrpSumoError, nearest
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
     "import": ("mrp_sumo.cli.import_map", "make a nav graph, a SUMO network and a picture of a map"),
-    "convert": ("mrp_sumo.cli.convert", "convert a map to another format"),
+    "plan": ("mrp_sumo.cli.plan", "plan a scenario or a benchmark instance without driving"),
+    "validate": ("mrp_sumo.cli.validate", "check a plan file against an instance or a scenario"),
+    "convert": ("mrp_sumo.cli.convert", "convert a map or a plan to another format"),
     "generate": ("mrp_sumo.cli.generate", "make a warehouse, grid, ring or random map of any size"),
     "batch": ("mrp_sumo.cli.batch", "make the runs of a suite in parallel; started again, go on where it was"),
     "status": ("mrp_sumo.cli.status", "say how a batch stands"),

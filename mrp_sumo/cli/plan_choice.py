@@ -1,0 +1,116 @@
+"""Plan files on the command line: which format one is in, reading and writing it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrp_sumo.errors import PlanError, nearest
+
+if TYPE_CHECKING:
+    from mrp_sumo.core.plan import Plan
+    from mrp_sumo.core.problem import Problem
+    from mrp_sumo.planning.peers import Cells
+
+SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".txt": "paths"}
+
+
+def kind_of(path: Path, chosen: str | None) -> str:
+    """The format to write: the chosen one, else by the suffix.
+
+    Raises
+    ------
+    PlanError
+        For a format or a suffix that is not known.
+    """
+    from mrp_sumo.planning.peers import FORMATS
+
+    kinds = ["json", *FORMATS]
+    if chosen is not None:
+        if chosen not in kinds:
+            raise PlanError(f"no plan format '{chosen}'{nearest(chosen, kinds)}")
+        return chosen
+    if path.suffix not in SUFFIXES:
+        raise PlanError(f"{path.name}: no plan format ends in '{path.suffix}'{nearest(path.suffix, SUFFIXES)}; or choose --format")
+    return SUFFIXES[path.suffix]
+
+
+def text_of(path: Path) -> str:
+    """The text of a plan file."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PlanError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    except UnicodeDecodeError:
+        raise PlanError(f"{path}: not UTF-8 text, so not a plan") from None
+
+
+def is_json(text: str) -> bool:
+    """Whether a text is meant as this program's plan file."""
+    return text.lstrip()[:1] == "{"
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is a plan rather than a map; False where there is no such file."""
+    import re
+
+    from mrp_sumo.planning.peers import format_of
+
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = file.read(4000)
+    except (OSError, ValueError):
+        return False
+    if is_json(head):
+        return '"robots"' in head and '"step_s"' in head
+    return not re.search(r"^(levels|lanes|image)\s*:", head, re.MULTILINE) and format_of(head) is not None
+
+
+def step_of(text: str) -> float:
+    """The seconds a step takes in this program's plan file."""
+    import json
+
+    step_s = json.loads(text).get("step_s")
+    if not isinstance(step_s, int | float) or not step_s > 0:
+        raise PlanError(f"step_s is {step_s!r}, expected a number above 0")
+    return float(step_s)
+
+
+def read(path: Path, problem: "Problem", cells: "Cells | None") -> "Plan":
+    """A plan for the problem, in any format."""
+    from mrp_sumo.io.plan_file import read_plan
+    from mrp_sumo.planning.peers import read_paths
+
+    text = text_of(path)
+    if is_json(text):
+        try:
+            return read_plan(path, problem.fleet.robot_name)
+        except (KeyError, TypeError, ValueError) as error:
+            raise PlanError(f"{path}: damaged: {error!r}") from None
+    return read_paths(text, problem, cells, path.name)
+
+
+def write(path: Path, kind: str, problem: "Problem", plan: "Plan", cells: "Cells | None") -> None:
+    """Write a plan, whole or not at all."""
+    from mrp_sumo.io.plan_file import write_plan
+    from mrp_sumo.planning.peers import print_paths
+
+    if kind == "json":
+        _replacing(path, lambda partial: write_plan(partial, problem, plan))
+    else:
+        write_text(path, print_paths(problem, plan, cells, kind))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text, whole or not at all."""
+    _replacing(path, lambda partial: partial.write_text(text, encoding="utf-8"))
+
+
+def _replacing(path: Path, fill: Callable[[Path], object]) -> None:
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        fill(partial)
+        partial.replace(path)
+    except OSError as error:
+        raise PlanError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,118 @@
+"""Check a plan against an instance or a scenario: starts, goals, lanes, times, vertex and edge conflicts.
+
+Reads this program's JSON, libMultiRobotPlanning's YAML, EECBS's paths.txt, lacam's result.txt and SMART's paths. Exit
+code 0 for a valid plan, 1 for one with faults or conflicts (the first are printed), 2 for bad input.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mrp_sumo.core.graph import IntArray
+    from mrp_sumo.core.plan import Plan
+    from mrp_sumo.core.problem import Problem
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo validate`."""
+    add = parser.add_argument
+    add("plan", type=Path, metavar="PLAN", help="the plan file")
+    add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML")
+    add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map")
+    add("--scenario", metavar="FILE", help="a scenario instead; robots may be at any of its goals")
+    add("--robots", type=int, metavar="N", help="the first N robots (default: as many as in the plan)")
+    add("--seed", type=int, metavar="N", help="instead of the scenario's, or of the draw where there is no .scen")
+    add("--limit", type=int, default=5, metavar="N", help="conflicts to print (default: 5)")
+    add("--following", action="store_true", help="following conflicts make the plan invalid too")
+    add("--json", action="store_true", help="print one JSON object instead of lines")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Judge, print."""
+    from mrp_sumo.cli.plan_choice import read, text_of
+    from mrp_sumo.core.referee import describe, judge
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.planning.peers import cells_of
+
+    if (options.map is None) == (options.scenario is None):
+        raise MrpSumoError("expected either --map (with --scen) or --scenario")
+    text_of(options.plan)  # a plan that cannot be read is told before the map is loaded
+    if options.map is not None:
+        from mrp_sumo.io.instances import read_instance
+
+        num_robots = options.robots if options.robots is not None else _num_robots(options.plan)
+        instance = read_instance(options.map, options.scen, num_robots, options.seed or 0)
+        problem, cells = instance.problem, instance.cells
+    else:
+        problem = _of_scenario(options)
+        cells = cells_of(problem.graph)
+    plan = read(options.plan, problem, cells)
+    goal_of = None if problem.is_assigned else _goals_reached(problem, plan)
+    verdict = judge(problem, plan, goal_of)
+    valid = verdict.valid and not (options.following and verdict.following)
+    conflicts = [*verdict.conflicts, *(verdict.following if options.following else ())]
+    lines = [*verdict.faults, *(describe(c, problem) for c in sorted(conflicts, key=lambda c: c.t_s))]
+    cost = float(plan.end_s.sum() / problem.step_s) if not verdict.faults else None
+    if options.json:
+        told = {
+            "valid": valid,
+            "faults": list(verdict.faults),
+            "conflicts": lines[len(verdict.faults) :][: options.limit],
+            "num_vertex": verdict.count("vertex"),
+            "num_edge": verdict.count("edge"),
+            "num_following": verdict.count("following"),
+            "cost": cost,
+            "robots": plan.num_robots,
+        }
+        print(json.dumps(told, allow_nan=False))
+    elif valid:
+        print(f"valid: {plan.num_robots} robots, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
+    else:
+        for line in lines[: options.limit]:
+            print(line)
+        if len(lines) > options.limit:
+            print(f"... and {len(lines) - options.limit} more")
+    return 0 if valid else 1
+
+
+def _num_robots(path: Path) -> int:
+    from mrp_sumo.cli.plan_choice import is_json, text_of
+    from mrp_sumo.errors import PlanError
+    from mrp_sumo.io.plan_file import read_plan
+    from mrp_sumo.planning.peers import read_places
+
+    text = text_of(path)
+    try:
+        return read_plan(path).num_robots if is_json(text) else len(read_places(text, None, path.name))
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanError(f"{path}: damaged: {error}") from None
+
+
+def _of_scenario(options: argparse.Namespace) -> "Problem":
+    from mrp_sumo.experiments.run import set_up
+    from mrp_sumo.experiments.workshop import Workshop
+    from mrp_sumo.io.scenario import find_scenario, read_scenario
+
+    overrides: dict[tuple[str | int, ...], tuple[str, int]] = {}
+    if options.seed is not None:
+        overrides[("seed",)] = ("--seed", options.seed)
+    if options.robots is not None:
+        overrides[("robots", "count")] = ("--robots", options.robots)
+    with Workshop() as workshop:
+        return set_up(read_scenario(find_scenario(options.scenario), overrides), workshop).problem
+
+
+def _goals_reached(problem: "Problem", plan: "Plan") -> "IntArray":
+    """[R] the goals at which a plan ends, for problems without an assignment; -1 where it ends elsewhere."""
+    import numpy as np
+
+    number = {int(v): g for g, v in enumerate(problem.goal)}
+    found = np.array([number.get(int(v), -1) for v in plan.last_vertex], np.int64)
+    missing = min(problem.num_robots, len(problem.goal)) - np.count_nonzero(found >= 0)
+    if missing > 0:  # let the judge say who is not at a goal
+        free = [g for g in range(len(problem.goal)) if g not in set(found.tolist())]
+        for robot in np.flatnonzero(found < 0)[:missing]:
+            found[robot] = free.pop(0)
+    return found

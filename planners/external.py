@@ -1,0 +1,29 @@
+"""Any other program as a planner, by a command template; see `mrp_sumo.planning.external` for its places."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.external import check_command, plan_externally
+
+
+@dataclass(frozen=True)
+class External:
+    """Plans by running a command such as `lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}`."""
+
+    assigns: ClassVar[bool] = False
+    guarantee: ClassVar[str] = "the program's own, not complete here"
+
+    command: str = ""  # the template; there is no planning without one
+
+    def __post_init__(self) -> None:
+        if self.command:
+            check_command(self.command)
+
+    def prepare(self) -> None:
+        """There is nothing to prepare."""
+
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """SOLVED with the plan as read: judge it. TIMED_OUT when it had to be killed, else GAVE_UP or INFEASIBLE as it says."""
+        return plan_externally(self.command, problem, time_limit_s)
