@@ -158,7 +158,7 @@ def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed
         rank_biserial = float((ranks[moved > 0].sum() - ranks[moved < 0].sum()) / ranks.sum())
         few = len(moved) <= MAX_ENUMERATED
         method: Any = stats.PermutationMethod(n_resamples=2**MAX_ENUMERATED, rng=seed) if few else "approx"
-        p_value = float(stats.wilcoxon(moved, method=method).pvalue)
+        p_value = float(stats.wilcoxon(moved, method=method).pvalue) if len(moved) > 1 else 1.0
     return PairedValues(
         len(a), float(a.mean()), float(b.mean()), bootstrap_mean(d, confidence, seed=seed), _hodges_lehmann(d), rank_biserial, p_value
     )
