@@ -118,28 +118,52 @@ def order_of(plan: Plan, needs: Needs) -> Schedule:
 
 
 def _check(problem: Problem, plan: Plan, schedule: Schedule) -> None:
-    """Refuse an order in which somebody waits for himself.
+    """Refuse an order that leads past somebody who stays, or in which somebody waits for himself."""
+    after, left_at = _waits(schedule)
+    stays = left_at == plan.num_visits
+    if stays.any():
+        raise PlanError(_about_staying(problem, plan, schedule.last_visit[after - 1][stays], schedule.visit[after][stays]))
+    cycle = waiting_cycle(plan, schedule)
+    if len(cycle):
+        raise PlanError(_about_cycle(problem, plan, cycle))
+
+
+def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
+    """Visits each of which has to wait for the next, the last for the first; none if the order can be kept.
 
     Waiting goes along two kinds of arcs between visits: a robot's visits one after the other; and where a
     passage of i is directly before one of j, j's first visit waits for the visit at whose arrival i has left.
     """
-    size = np.diff(schedule.first)
-    follows = np.ones(schedule.num_passages, np.bool_)
-    follows[schedule.first[:-1][size > 0]] = False
-    after = np.flatnonzero(follows)
-    after = after[schedule.robot[after] != schedule.robot[after - 1]]
-    left_at, waits = schedule.left_at[after - 1], schedule.visit[after]
-    stays = left_at == plan.num_visits
-    if stays.any():
-        raise PlanError(_about_staying(problem, plan, schedule.last_visit[after - 1][stays], waits[stays]))
+    after, left_at = _waits(schedule)
+    ever = left_at < plan.num_visits
     along = np.ones(plan.num_visits, np.bool_)
     along[plan.first[1:] - 1] = False
-    source = np.concatenate([np.flatnonzero(along), left_at])
-    target = np.concatenate([np.flatnonzero(along) + 1, waits])
+    source = np.concatenate([np.flatnonzero(along), left_at[ever]])
+    target = np.concatenate([np.flatnonzero(along) + 1, schedule.visit[after][ever]])
     waiting = coo_array((np.ones(len(source), np.int8), (source, target)), shape=(plan.num_visits,) * 2)
     num_components, component = connected_components(waiting, connection="strong")
-    if num_components < plan.num_visits:
-        raise PlanError(_about_cycle(problem, plan, source, target, component))
+    if num_components == plan.num_visits:
+        return np.zeros(0, np.int64)
+    size = np.bincount(component)
+    inside: BoolArray = (component[source] == component[target]) & (size[component[source]] > 1)
+    source, target = source[inside], target[inside]
+    # a visit of the same component that each waits for; of two the later in the list, which is another robot's
+    before = dict(zip(target.tolist(), source.tolist()))
+    at = int(target[np.argmin(plan.arrive_s[target])])
+    seen: dict[int, int] = {}
+    while at not in seen:
+        seen[at] = len(seen)
+        at = before[at]
+    return np.array(list(seen)[seen[at] :], np.int64)
+
+
+def _waits(schedule: Schedule) -> tuple[IntArray, IntArray]:
+    """Passages that are directly after another robot's, and the visit at whose arrival that one has left."""
+    follows = np.ones(schedule.num_passages, np.bool_)
+    follows[schedule.first[:-1][np.diff(schedule.first) > 0]] = False
+    after = np.flatnonzero(follows)
+    after = after[schedule.robot[after] != schedule.robot[after - 1]]
+    return after, schedule.left_at[after - 1]
 
 
 def _about_staying(problem: Problem, plan: Plan, leaves: IntArray, waits: IntArray) -> str:
@@ -153,25 +177,12 @@ def _about_staying(problem: Problem, plan: Plan, leaves: IntArray, waits: IntArr
     )
 
 
-def _about_cycle(problem: Problem, plan: Plan, source: IntArray, target: IntArray, component: IntArray) -> str:
-    size = np.bincount(component)
-    inside: BoolArray = (component[source] == component[target]) & (size[component[source]] > 1)
-    source, target = source[inside], target[inside]
-    earliest = target[np.argmin(plan.arrive_s[target])]
-    before: dict[int, int] = {}  # a visit of the same cycle that each visit waits for
-    for a, b in zip(source.tolist(), target.tolist()):
-        before.setdefault(b, a)
-    seen: dict[int, int] = {}
-    at = int(earliest)
-    while at not in seen:
-        seen[at] = len(seen)
-        at = before[at]
-    cycle = list(seen)[seen[at] :]
+def _about_cycle(problem: Problem, plan: Plan, cycle: IntArray) -> str:
     names: list[tuple[int, str]] = []
-    for visit in cycle:
-        name = f"{problem.fleet.robot_name[plan.robot[visit]]} at '{problem.graph.label(int(plan.vertex[visit]))}'"
-        if not names or int(plan.robot[visit]) != names[-1][0]:
-            names.append((int(plan.robot[visit]), name))
+    for visit in cycle.tolist():
+        robot = int(plan.robot[visit])
+        if not names or robot != names[-1][0]:
+            names.append((robot, f"{problem.fleet.robot_name[robot]} at '{problem.graph.label(int(plan.vertex[visit]))}'"))
     if len(names) > 1 and names[0][0] == names[-1][0]:
         names.pop()
     told = [name for _, name in names]
