@@ -19,34 +19,47 @@ import time
 from pathlib import Path
 
 MAIN = "import sys; from mrp_sumo.cli.main import main; sys.exit(main())"
-LOAD = "import sys; from pathlib import Path; from mrp_sumo.maps.load import load_map; g = sys.argv[2]; "
-LOAD += "m = load_map(Path(sys.argv[1]), graph=None if g == '' else 'all' if g == 'all' else int(g)); print(m.nav.num_vertices, m.nav.num_lanes)"
+LOAD = """
+import sys
+from pathlib import Path
+from mrp_sumo.maps.load import load_map
+graph = sys.argv[2]
+nav = load_map(Path(sys.argv[1]), graph=int(graph) if graph.isdecimal() else graph or None).nav
+print(nav.num_vertices, nav.num_lanes)
+"""
 
 
-def timed(command: list[str], cache: Path) -> tuple[float, str]:
-    """Wall time of a process in s, and what it printed."""
-    begun = time.perf_counter()
+def cpu_s() -> float:
+    """CPU time of all processes that were started and have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def timed(command: list[str], cache: Path) -> tuple[float, float, str]:
+    """Wall and CPU time of a process in s, and what it printed."""
+    begun, used = time.perf_counter(), cpu_s()
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "XDG_CACHE_HOME": str(cache)})
     if done.returncode:
         sys.exit(done.stderr.strip())
-    return time.perf_counter() - begun, done.stdout
+    return time.perf_counter() - begun, cpu_s() - used, done.stdout
 
 
 def measure(path: Path, graph: str, folder: Path) -> dict[str, float | int | str]:
     """One map."""
     cache, out = folder / "cache", folder / "out"
     run_import = [sys.executable, "-c", MAIN, "import", str(path), "--out", str(out), *(["--graph", graph] if graph else [])]
-    first_s, _ = timed(run_import, cache)
+    first_s, first_cpu_s, _ = timed(run_import, cache)
     peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    again_s, _ = timed(run_import, cache)
-    load_again_s, counts = timed([sys.executable, "-c", LOAD, str(path), graph], cache)
-    load_first_s, _ = timed([sys.executable, "-c", LOAD, str(path), graph], folder / "empty")
+    again_s, _, _ = timed(run_import, cache)
+    load_again_s, _, counts = timed([sys.executable, "-c", LOAD, str(path), graph], cache)
+    load_first_s, _, _ = timed([sys.executable, "-c", LOAD, str(path), graph], folder / "empty")
     num_vertices, num_lanes = map(int, counts.split())
     return {
         "map": path.name,
         "vertices": num_vertices,
         "lanes": num_lanes,
         "import_s": round(first_s, 3),
+        "import_cpu_s": round(first_cpu_s, 3),
         "import_again_s": round(again_s, 3),
         "load_s": round(load_first_s, 3),
         "load_again_s": round(load_again_s, 3),
@@ -80,7 +93,8 @@ def main() -> None:
                 print(json.dumps(told), flush=True)
             else:
                 print(
-                    "{map}: {vertices} vertices, {lanes} lanes: import {import_s:.2f} s, again {import_again_s:.2f} s, "
+                    "{map}: {vertices} vertices, {lanes} lanes: "
+                    "import {import_s:.2f} s ({import_cpu_s:.2f} s CPU), again {import_again_s:.2f} s, "
                     "load {load_s:.2f} s, again {load_again_s:.2f} s, {vertices_per_s} vertices/s, {peak_mb} MB".format(**told),
                     flush=True,
                 )

@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a map file, or the name of a bundled map")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results; one that an earlier import made is replaced")
     add_choice(parser)
+    parser.add_argument("--svg", action="store_true", help="write the picture as NAME.svg too")
     parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
     parser.add_argument("--check", action="store_true", help="only report findings")
 
@@ -47,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     map_ = chosen_map(options.file, options)
     told = facts(map_, options.cell)
     if options.out is not None:
-        _write(map_, told, options.out)
+        _write(map_, told, options.out, options.svg)
     if options.json:
         print(json.dumps(told, indent=2))
     else:
@@ -77,7 +78,7 @@ def _require_replaceable(out: Path) -> None:
         raise MapError(f"{out} exists and is no folder of an earlier import: choose another --out")
 
 
-def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
+def _write(map_: "Map", told: dict[str, Any], out: Path, svg: bool) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.maps.nav_graph import write_nav_graph
     from mrp_sumo.maps.sumo import build_network
@@ -92,7 +93,8 @@ def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
                 network = beside.submit(build_network, map_.nav, work / f"{map_.name}.net.xml", map_.building)
                 for name, document in _nav_graphs(map_).items():
                     write_nav_graph(document, work / f"{name}.nav.yaml")
-                draw_map(map_, work / f"{map_.name}.png")
+                for suffix in (".png", ".svg") if svg else (".png",):
+                    draw_map(map_, work / f"{map_.name}{suffix}")
                 network.result()
             (work / FACTS).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
             if out.exists():

@@ -35,10 +35,12 @@ def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
     """
     path = _folder() / f"{kind}-{hashlib.sha256(_program() + content).hexdigest()[:40]}.pickle"
     found, value = _read(path)
-    if not found:
-        value = make()
-        _keep(path, value)
-    return value
+    if found:
+        kept: T = value
+        return kept
+    made = make()
+    _keep(path, made)
+    return made
 
 
 def _folder() -> Path:

@@ -50,6 +50,7 @@ def check_building(building: Building) -> tuple[Finding, ...]:
                 _note_duplicates(notes, level, graph, which, ends[name])
                 _note_near_misses(notes, level, graph, which, ends[name])
                 _note_crossings(notes, level, graph, which, ends[name])
+        _note_names(notes, building, graph, ends)
         _note_pieces(notes, building, graph, ends, lifts)
         _note_lifts(notes, building, graph, ends, lifts)
     return notes.findings()
@@ -170,6 +171,19 @@ def _note_duplicates(notes: Notes, level: Level, graph: int, which: IntArray, en
             notes.add("duplicate_lanes", f"graph {graph} level {level.name}: lanes {', '.join(map(str, lanes))} join vertices {a} and {b}")
 
 
+def _note_names(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray]) -> None:
+    """Names that Open-RMF's fleet adapter would refuse; here the later vertices get a number."""
+    count: dict[str, int] = {}
+    for name, level in building.levels.items():
+        for v in np.unique(ends[name]).tolist():
+            label = level.vertex_name[v]
+            if label != "":
+                count[str(label)] = count.get(str(label), 0) + 1
+    for label, times in count.items():
+        if times > 1:
+            notes.add("name_twice_in_graph", f"graph {graph}: '{label}' names {times} vertices")
+
+
 def _note_near_misses(notes: Notes, level: Level, graph: int, which: IntArray, ends: IntArray) -> None:
     vertex, lane, away, _ = near_misses(level.xy, ends, NEAR_MISS_M)
     for v, i, d in zip(vertex.tolist(), which[lane].tolist(), away.tolist()):
@@ -184,7 +198,7 @@ def _note_crossings(notes: Notes, level: Level, graph: int, which: IntArray, end
 def _lift_of_vertex(building: Building) -> dict[tuple[str, int], str]:
     """(level, vertex) -> the lift around it; of several, the first in the file."""
     found: dict[tuple[str, int], str] = {}
-    for lift in reversed(building.lifts.values()):
+    for lift in reversed(list(building.lifts.values())):
         for name, level in building.levels.items():
             found |= {(name, v): lift.name for v in np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist()}
     return found

@@ -53,6 +53,7 @@ SEVERITY: dict[str, Severity] = {
     "graph_out_of_range": "warn",
     "duplicate_fiducials": "warn",
     "boolean_name": "warn",
+    "name_twice_in_graph": "warn",
     "several_components": "warn",
     "not_strongly_connected": "warn",
     "t_junction_near_miss": "warn",

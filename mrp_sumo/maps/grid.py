@@ -88,7 +88,7 @@ def too_large(nav: NavGraph, cell_m: float) -> str:
 def grid_graph(
     free: BoolArray,
     cell_m: float,
-    origin: Sequence[float],
+    origin: Sequence[float] | FloatArray,
     *,
     name: str = "grid",
     source: str = "",

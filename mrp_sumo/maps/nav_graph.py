@@ -89,7 +89,7 @@ def graph_of_document(
     name
         Of the map.
     levels
-        Those to take; all by default.
+        Those to take; all by default. Of vertices with one name the later ones get a number: dock, dock_2.
     origin_m
         What to subtract from coordinates; by default the document's offset, where coordinates contain it.
     source
@@ -252,7 +252,7 @@ def _doors_on_lanes(level: Level) -> dict[int, Door]:
         return {}
     ends = np.array([(lane.start, lane.end) for lane in level.lanes])
     a, b = level.raw_xy[ends[:, 0]], level.raw_xy[ends[:, 1]]  # [L, 2]
-    found = {}
+    found: dict[int, Door] = {}
     for door in level.doors:
         c, d = level.raw_xy[door.start], level.raw_xy[door.end]
         ab, cd, ac = a - b, c - d, a - c
@@ -269,7 +269,7 @@ def _doors_on_lanes(level: Level) -> dict[int, Door]:
 def _lifts_at_vertices(building: Building, level: Level) -> dict[int, str]:
     """The lift around each vertex on a lane; of several, the first in the file."""
     found: dict[int, str] = {}
-    for lift in reversed(building.lifts.values()):
+    for lift in reversed(list(building.lifts.values())):
         found |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
     return found
 
@@ -347,12 +347,28 @@ def _assemble(
         lanes=list(kept),
         level_names=level_names or ["L1"],
         level=level,
-        vertex_name=[o.pop("name", "") for o in vertex_options],
+        vertex_name=_names(vertex_options, distinct=not merge),
         vertex_options=vertex_options,
         speed_mps=[limit if limit > 0 else np.inf for limit in limits],
         lane_options=list(kept.values()),
         source=source,
     )
+
+
+def _names(vertex_options: Sequence[dict[str, Any]], distinct: bool) -> list[str]:
+    """Takes the names out of the options; one that occurs again gets a number: dock, dock_2."""
+    names = [options.pop("name", "") for options in vertex_options]
+    taken = set(names)
+    seen: set[str] = set()
+    for v, name in enumerate(names) if distinct else ():
+        if name and name in seen:
+            number = 2
+            while f"{name}_{number}" in taken:
+                number += 1
+            names[v] = f"{name}_{number}"
+            taken.add(names[v])
+        seen.add(name)
+    return names
 
 
 def _coerced(options: Any, what: str, at: tuple[str | int, ...]) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def parse(source: Text) -> Any:
 
 def line_of(text: str, keys: tuple[str | int, ...]) -> int:
     """Line (from 1) of the value found by following mapping keys and list positions; of the deepest one that exists."""
-    events = yaml.parse(text, Loader=_Loader)
+    events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
     best = 1
     wanted = list(keys)
     for event in events:
@@ -127,8 +127,8 @@ def line_of(text: str, keys: tuple[str | int, ...]) -> int:
     return best
 
 
-def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
-    depth = isinstance(event, yaml.CollectionStartEvent)
+def _skip(event: Any, events: Iterator[Any]) -> None:
+    depth = int(isinstance(event, yaml.CollectionStartEvent))
     while depth:
         event = next(events)
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
@@ -143,6 +143,7 @@ def _build(source: Text) -> Any:
     container: Any = top
     pending: list[Any] | None = None  # the key a mapping's next value belongs to
 
+    event: Any  # PyYAML's stubs know no attributes of events
     for event in yaml.parse(source.text, Loader=_Loader):
         kind = type(event)
         if kind is yaml.ScalarEvent:
@@ -200,7 +201,7 @@ def _build(source: Text) -> Any:
     return top[0] if top else None
 
 
-def _scalar(source: Text, event: yaml.ScalarEvent) -> Any:
+def _scalar(source: Text, event: Any) -> Any:
     text = event.value
     if _FLOAT.match(text):
         return float(text)
@@ -212,12 +213,12 @@ def _scalar(source: Text, event: yaml.ScalarEvent) -> Any:
     if tag == "tag:yaml.org,2002:merge":
         raise _at(source, event, "merge keys are not read")
     try:
-        return _constructor.construct_object(yaml.ScalarNode(tag, text))  # type: ignore[no-untyped-call]
+        return _constructor.construct_object(yaml.ScalarNode(tag, text))
     except (ValueError, IndexError, KeyError, OverflowError):
         raise _at(source, event, f"'{text[:40]}' is not a number") from None
 
 
-def _at(source: Text, event: yaml.Event, message: str) -> MapError:
+def _at(source: Text, event: Any, message: str) -> MapError:
     return MapError(f"{source.path.name}:{event.start_mark.line + 1}: {message}")
 
 

@@ -194,6 +194,14 @@ def test_values_are_coerced_by_tag(tmp_path):
     assert graph_of_document(nav_graph_documents(read)[0], "tiny").vertex_options[1]["mutex"] == "5"
 
 
+def test_names_that_occur_again_in_a_graph_get_a_number(tmp_path):
+    path = tmp_path / "tiny.building.yaml"
+    path.write_text(TINY.replace("station_b", "dock_a"))
+    found = load_map(path)
+    assert found.nav.vertex_name == ("", "dock_a", "dock_a_2")
+    assert "name_twice_in_graph" in [f.kind for f in found.findings]
+
+
 def test_old_key_names_are_read(tmp_path):
     assert (
         building(tmp_path, TINY.replace("name: tiny", "building_name: tiny", 1).replace("coordinate_system: reference_image\n", "")).name
