@@ -1,0 +1,80 @@
+"""`mrp-sumo plan`, `validate`, and `convert` for plans."""
+
+import json
+
+import pytest
+
+from mrp_sumo.cli.main import main
+
+MAP = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n"
+SCEN = "version 1\n0\tu.map\t3\t2\t0\t1\t2\t1\t4\n0\tu.map\t3\t2\t2\t0\t0\t0\t2\n"
+
+
+@pytest.fixture
+def files(tmp_path):
+    (tmp_path / "u.map").write_text(MAP)
+    (tmp_path / "u.scen").write_text(SCEN.replace("2\t0\t0\t0", "2\t0\t1\t0").replace("0\t1\t2\t1", "0\t1\t0\t0"))
+    return ["--map", str(tmp_path / "u.map"), "--scen", str(tmp_path / "u.scen")]
+
+
+def test_plan_is_found_written_validated_and_converted(files, tmp_path, capsys):
+    out = tmp_path / "plan.json"
+    assert main(["plan", *files, "--planner", "lacam", "--time-limit", "10", "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["status"], told["valid"], told["robots"], told["cost"], told["lower_bound"]) == ("solved", True, 2, 2, 2)
+    assert main(["validate", str(out), *files]) == 0
+    assert "valid: 2 robots, sum of costs 2" in capsys.readouterr().out
+    for kind in ("yaml", "paths", "lacam", "smart"):
+        other, back = tmp_path / f"{kind}.out", tmp_path / f"{kind}.json"
+        assert main(["convert", str(out), str(other), "--format", kind, "--map", files[1]]) == 0
+        assert main(["validate", str(other), *files]) == 0
+        assert main(["convert", str(other), str(back), "--map", files[1]]) == 0
+        assert json.loads(back.read_text())["robots"] == json.loads(out.read_text())["robots"]
+    assert main(["convert", str(tmp_path / "smart.out"), str(tmp_path / "cells.txt")]) == 0
+    assert (tmp_path / "cells.txt").read_text() == (tmp_path / "paths.out").read_text()
+
+
+def test_invalid_plan_ends_with_its_first_conflicts(files, tmp_path, capsys):
+    plan = tmp_path / "plan.txt"
+    plan.write_text("Agent 0: (1,0)->(0,0)->(0,1)->(0,0)->\nAgent 1: (0,2)->(0,2)->(0,1)->\n")
+    assert main(["validate", str(plan), *files]) == 1
+    assert capsys.readouterr().out.splitlines()[0].startswith("robot_0 and robot_1 meet at")
+    plan.write_text("Agent 0: (1,0)->(0,1)->(0,0)->\nAgent 1: (0,2)->(0,1)->\n")
+    assert main(["validate", str(plan), *files, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert not told["valid"]
+    assert "robot_0 jumps" in told["faults"][0]
+
+
+def test_no_plan_is_exit_code_one(files, tmp_path, capsys):
+    (tmp_path / "u.map").write_text(MAP.replace("...", ".@."))
+    (tmp_path / "u.scen").write_text("version 1\n0\tu.map\t3\t2\t0\t1\t2\t1\t4\n")
+    assert main(["plan", *files, "--out", str(tmp_path / "p.json"), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["status"] == "infeasible"
+    assert "robot_0 cannot reach its goal" in told["message"]
+    assert not (tmp_path / "p.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["plan"], "expected either a scenario or --map"),
+        (["plan", "FILES", "--time-limit", "-1"], "--time-limit is -1"),
+        (["plan", "FILES", "--time-limit", "nan"], "--time-limit is nan"),
+        (["plan", "FILES", "--robots", "3"], "has 2 robots, 3 are wanted"),
+        (["plan", "FILES", "--planner", "lacan"], "did you mean 'lacam'"),
+        (["plan", "FILES", "--set", "anytme=true"], "did you mean 'anytime'"),
+        (["plan", "FILES", "--set", "scatter"], "expected KEY=VALUE"),
+        (["plan", "FILES", "--command", "solve {map}"], "no {out}"),
+        (["plan", "FILES", "--out", "plan.xyz"], "no plan format ends in '.xyz'"),
+        (["validate", "/no/such/plan", "FILES"], "no such file"),
+        (["validate", "MAP", "FILES"], "not a plan in a known format"),
+    ],
+)
+def test_bad_input_ends_with_one_line(files, arguments, says, capsys):
+    words = [word for a in arguments for word in ({"FILES": files, "MAP": files[1:2]}.get(a, [a]))]
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1

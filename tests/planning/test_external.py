@@ -1,0 +1,85 @@
+"""External planners: a command is run on an instance, its plan is read, it never outlives its time."""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.plan import Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.referee import judge
+from mrp_sumo.errors import PlanError, ScenarioError
+from mrp_sumo.io.instances import POINT
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.planning.registry import planner
+
+PATHS = "Agent 0: (0,0)->(0,1)->(0,2)->\\nAgent 1: (1,2)->(1,1)->\\n"
+
+
+@pytest.fixture
+def problem():
+    graph = grid_graph(np.ones((2, 3), bool), 1.0, (0.0, 0.0))  # vertices 0 1 2 are the lower row
+    return Problem(graph, fleet_of(POINT, 2), np.array([3, 2]), np.array([5, 1]), np.array([0, 1]), 1.0)
+
+
+def run(problem, script, time_limit_s=20.0, places="{map} {scen} {agents} {time_limit} {out}"):
+    return planner("external", {"command": f'{sys.executable} -c "{script}" {places}'}).plan(problem, time_limit_s)
+
+
+def test_plan_is_read_and_valid(problem):
+    script = f"import sys; assert open(sys.argv[1]).read().startswith('type octile'); open(sys.argv[5], 'w').write('{PATHS}')"
+    result = run(problem, script)
+    assert result.status is Status.SOLVED, result.message
+    assert judge(problem, result.plan).valid
+    assert result.plan.end_s.tolist() == [2.0, 1.0]
+
+
+def test_plan_with_conflicts_is_told_by_the_referee(problem):
+    bad = "Agent 0: (0,0)->(0,1)->(0,2)->\\nAgent 1: (1,2)->(0,2)->(0,1)->(1,1)->\\n"
+    result = run(problem, f"import sys; open(sys.argv[5], 'w').write('{bad}')")
+    assert not judge(problem, result.plan).valid
+    assert "robot_0 and robot_1" in result.message
+
+
+def test_hanging_program_is_killed_with_its_children(problem, tmp_path):
+    note = tmp_path / "child"
+    script = (
+        "import subprocess, sys, time; child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']); "
+        f"open('{note}', 'w').write(str(child.pid)); time.sleep(60)"
+    )
+    begin = time.perf_counter()
+    result = run(problem, script, time_limit_s=1.5)
+    assert result.status is Status.TIMED_OUT
+    assert time.perf_counter() - begin < 10
+    child = int(note.read_text())
+    for _ in range(100):
+        stat = Path(f"/proc/{child}/stat")
+        state = stat.read_text().split()[2] if stat.exists() else "X"
+        if state in "ZX":
+            break
+        time.sleep(0.05)
+    assert state in "ZX"
+
+
+def test_program_that_finds_nothing_gives_up_with_its_last_words(problem):
+    result = run(problem, "print('Planning NOT successful!')")
+    assert result.status is Status.GAVE_UP
+    assert "exit code 0: Planning NOT successful!" in result.message
+
+
+def test_rubbish_is_not_a_plan(problem):
+    result = run(problem, "import sys; open(sys.argv[5], 'w').write('nonsense')")
+    assert result.status is Status.GAVE_UP
+    assert "not a plan in a known format" in result.message
+
+
+def test_bad_commands_are_refused(problem):
+    with pytest.raises(ScenarioError, match=r"unknown place '\{maps\}' \(did you mean 'map'"):
+        planner("external", {"command": "solve {maps} {out}"})
+    with pytest.raises(ScenarioError, match="no {out}"):
+        planner("external", {"command": "solve {map}"})
+    with pytest.raises(PlanError, match="cannot be started"):
+        planner("external", {"command": "/no/such/program {out}"}).plan(problem, 1.0)
