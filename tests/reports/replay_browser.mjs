@@ -11,7 +11,7 @@ const browser = await chromium.launch({
 const say = (claim, holds, found = null) => console.log(JSON.stringify({ claim, holds: Boolean(holds), found }));
 
 async function opened(file, options = {}, hash = "") {
-  const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options });
+  const context = await browser.newContext({ viewport: { width: 960, height: 640 }, ...options });
   const tab = await context.newPage();
   tab.problems = [];
   tab.requests = [];
@@ -76,8 +76,12 @@ try {
   await tab.keyboard.press("Shift+ArrowRight");
   say("seeks by keys", Math.abs((await time(tab)) - Math.min(10, end)) < 0.01, await time(tab));
 
-  await tab.mouse.click(...(await place(tab, 2)));
-  const name = await tab.evaluate(() => window.replay.run.robots[2]);
+  const busy = await tab.evaluate(() => { // the robot with the longest plan
+    const { first } = window.replay.motion, lengths = Array.from(first.slice(1), (end, r) => end - first[r]);
+    return lengths.indexOf(Math.max(...lengths));
+  });
+  await tab.mouse.click(...(await place(tab, busy)));
+  const name = await tab.evaluate((r) => window.replay.run.robots[r], busy);
   say("picks a robot", (await tab.textContent(".robot-head h2")) === name);
   say("shows its plan", (await tab.locator(".rows .row").count()) > 1 && (await tab.locator(".row.now").count()) === 1);
   say("address tells robot and time", await tab.waitForFunction(() => location.hash.includes("robot=")).then(() => true));
@@ -103,7 +107,7 @@ try {
   say("finds a station", (await tab.evaluate(() => window.replay.view.found?.name)) === "lobby");
 
   const scale = await tab.evaluate(() => window.replay.scene.camera.scale);
-  await tab.mouse.move(500, 400);
+  await tab.mouse.move(300, 300);
   await tab.mouse.wheel(0, -300);
   await tab.waitForFunction((s) => window.replay.scene.camera.scale > s, scale);
   say("wheel zooms", true);

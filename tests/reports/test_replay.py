@@ -2,8 +2,13 @@
 
 import base64
 import json
+import os
 import re
 import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
 import zlib
 from dataclasses import replace
 
@@ -230,6 +235,26 @@ def test_run_that_was_not_executed_shows_its_plan(folder, tmp_path):
     assert head["plan_only"]
     assert "plan only" in head["status_text"]
     assert set(columns["state"][:, -1]) == {AT_GOAL}
+
+
+def test_run_writes_the_page_where_asked(tmp_path):
+    assert main(["run", "office_5", "--planner", "prioritised", "--replay", "--out", str(tmp_path / "run")]) == 0
+    head, _ = read_back((tmp_path / "run" / "replay.html").read_text(encoding="utf-8"))
+    assert head["name"] == "office_5"
+
+
+def test_serve_answers_until_interrupted(folder):
+    command = [sys.executable, "-c", "from mrp_sumo.cli.main import main; raise SystemExit(main())", "replay", str(folder), "--serve"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "BROWSER": "true"}) as server:
+        try:
+            server.stdout.readline()
+            address = server.stdout.readline().split()[0]
+            with urllib.request.urlopen(address, timeout=20) as answer:
+                assert answer.read() == (folder / "replay.html").read_bytes()
+                assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
+        finally:
+            server.send_signal(signal.SIGINT)
+    assert server.returncode == 0
 
 
 @pytest.mark.parametrize(

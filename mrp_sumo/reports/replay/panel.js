@@ -23,18 +23,22 @@ function spanText(seconds) {
   return seconds >= 600 ? clockText(seconds, 0) + " min" : seconds >= 100 ? `${Math.round(seconds)} s` : `${seconds.toFixed(1)} s`;
 }
 
-/* A list of any length: only the rows in sight exist. */
+/* A list of any length: only the rows in sight exist. Rows that stay in sight stay the same elements, or clicks would get lost. */
 class Rows {
-  constructor(render) {
-    this.render = render;
+  constructor(render, refresh = () => {}) {
+    this.render = render; // (item, index) -> element
+    this.refresh = refresh; // (element, item, index)
     this.inner = make("div");
     this.element = make("div", { className: "rows" }, this.inner);
     this.element.addEventListener("scroll", () => this.draw());
     this.items = [];
+    this.shown = new Map();
   }
 
   set(items) {
     this.items = items;
+    this.shown.clear();
+    this.inner.replaceChildren();
     this.inner.style.height = `${items.length * 34}px`;
     this.draw();
   }
@@ -42,13 +46,21 @@ class Rows {
   draw() {
     const top = this.element.scrollTop, height = this.element.clientHeight || 600;
     const a = Math.max(0, Math.floor(top / 34) - 4), b = Math.min(this.items.length, Math.ceil((top + height) / 34) + 4);
-    const rows = [];
-    for (let i = a; i < b; i++) {
-      const row = this.render(this.items[i], i);
-      row.style.top = `${i * 34}px`;
-      rows.push(row);
+    for (const [i, row] of this.shown) {
+      if (i >= a && i < b) continue;
+      row.remove();
+      this.shown.delete(i);
     }
-    this.inner.replaceChildren(...rows);
+    for (let i = a; i < b; i++) {
+      let row = this.shown.get(i);
+      if (!row) {
+        row = this.render(this.items[i], i);
+        row.style.top = `${i * 34}px`;
+        this.shown.set(i, row);
+        this.inner.append(row);
+      }
+      this.refresh(row, this.items[i], i);
+    }
   }
 
   reveal(index) {
@@ -113,9 +125,9 @@ class Panel {
   showRobots() {
     const { app } = this, { run, motion } = app;
     const list = new Rows((r) => make("button", { className: "row", onclick: () => app.select(r, true) },
-      make("span", { className: "dot", style: { "--dot": `var(${STATE_VARIABLES[motion.now[r]]})` } }),
-      make("span", { className: "what", textContent: run.robots[r] }),
-      make("span", { className: "end", textContent: `waited ${spanText(this.totals[5 * r + WAITING] + this.totals[5 * r + BLOCKED])}` })));
+      make("span", { className: "dot" }), make("span", { className: "what", textContent: run.robots[r] }),
+      make("span", { className: "end", textContent: `waited ${spanText(this.totals[5 * r + WAITING] + this.totals[5 * r + BLOCKED])}` })),
+    (row, r) => row.firstChild.style.setProperty("--dot", `var(${STATE_VARIABLES[motion.now[r]]})`));
     const fill = () => {
       const wanted = this.robotFilter.toLowerCase();
       const robots = [...Array(motion.numRobots).keys()].filter((r) => run.robots[r].toLowerCase().includes(wanted));
@@ -135,10 +147,10 @@ class Panel {
     this.update = () => list.draw();
   }
 
-  eventRow(i, now) {
+  eventRow(i) {
     const { app } = this, { run, events } = app;
     const what = make("span", { className: "what" }, make("b", { textContent: events.robot[i] !== NEVER ? run.robots[events.robot[i]] : "run" }), ` ${this.eventText(i)}`);
-    return make("button", { className: now ? "row now" : "row", title: what.textContent, onclick: () => app.showEvent(i) },
+    return make("button", { className: "row", title: what.textContent, onclick: () => app.showEvent(i) },
       make("span", { className: "time", textContent: clockText(events.seconds(i)) }),
       make("span", { className: "dot", style: { "--dot": `var(${kindColor(events.kinds[events.kind[i]])})` } }), what,
       events.duration[i] ? make("span", { className: "end", textContent: spanText(events.duration[i] / 1000) }) : null);
@@ -157,7 +169,7 @@ class Panel {
   eventList(indices) {
     const { app } = this, { events } = app;
     let current = -1;
-    const list = new Rows((i, k) => this.eventRow(i, k === current));
+    const list = new Rows((i) => this.eventRow(i), (row, i, k) => row.classList.toggle("now", k === current));
     list.set(indices);
     this.lists.push(list);
     return { element: list.element, follow: (force) => {
@@ -203,10 +215,13 @@ class Panel {
       let current = -1;
       const list = new Rows((k) => {
         const arrived = m.visit.arrived[k];
-        return make("button", { className: k === current ? "row now" : k < current ? "row past" : "row", onclick: () => app.seek(Math.min(m.end, (arrived === NEVER ? m.visit.arrive[k] : arrived) / 1000)) },
+        return make("button", { className: "row", onclick: () => app.seek(Math.min(m.end, (arrived === NEVER ? m.visit.arrive[k] : arrived) / 1000)) },
           make("span", { className: "time", textContent: clockText(m.visit.arrive[k] / 1000) }),
           make("span", { className: "what", textContent: run.vertices[m.visit.vertex[k]] }),
-          make("span", { className: "end", textContent: arrived === NEVER ? (m.isPlanOnly ? "" : "–") : `${clockText(arrived / 1000)}` }));
+          make("span", { className: "end", textContent: arrived === NEVER ? (m.isPlanOnly ? "" : "–") : clockText(arrived / 1000) }));
+      }, (row, k) => {
+        row.classList.toggle("now", k === current);
+        row.classList.toggle("past", k < current);
       });
       list.set(Array.from({ length: m.first[r + 1] - m.first[r] }, (_, i) => m.first[r] + i));
       this.lists.push(list);
