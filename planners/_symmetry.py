@@ -235,7 +235,7 @@ def _steps_without(world, scratch, end, ban_u, ban_v):
 def _arrival(world, scratch, start, end, ban_u, ban_v):
     """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(world, scratch, end, ban_u, ban_v)
-    code, cost = earliest_arrival(world, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
+    code, cost, _ = earliest_arrival(world, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 

@@ -20,6 +20,9 @@ from mrp_sumo.planning._kernels import UNREACHABLE
 FOREVER = 1 << 30
 OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what kernels return
 
+POLITE, POLITE_PER_STEP = 1000, 20  # expansions spent on disturbing few robots, before the first path there is is taken
+HURRY = 8  # steps that a robot goes out of its way then to disturb one robot less
+
 # columns of Store.meta
 PARENT, ROW0, ROW1, ORIGIN, PATH0, COST, BOUND, MDD0, ROBOT = 0, 1, 2, 3, 4, 5, 6, 7, 8
 # kinds of rows: (kind, vertex, tail, from step, to step)
@@ -321,8 +324,9 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
 
     Returns
     -------
-    code, cost
-        OK, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET; the cost, a lower bound of it in the latter cases.
+    code, cost, state
+        OK, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET; the cost, a lower bound of it in the latter cases; the last
+        state, from which `BEFORE` leads back, with waits left out.
     """
     num_vertices = len(world.first) - 1
     first, head = world.first, world.head
@@ -335,15 +339,15 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
     last, has_must = limit[LAST], limit[HAS_MUST]
     least = max(np.int64(distance[start]), limit[EARLIEST]) if stay else np.int64(distance[start])
     if distance[start] >= UNREACHABLE or least > limit[LATEST] or forbidden(world, scratch, start, start, 0):
-        return NO_PATH, least
+        return NO_PATH, least, -1
     open_from = limit[OPEN_FROM] if stay else np.int64(0)
-    state[0, VERTEX], state[0, STEP] = start, 0
+    state[0, VERTEX], state[0, STEP], state[0, BEFORE] = start, 0, -1
     visited[start] = now << 32
     num_states = 1
     push(heap, 0, np.int64(distance[start]) << 32)
     count = 1
     spent = 0
-    code = NO_PATH
+    code, end = NO_PATH, -1
     while count:
         key = pop(heap, count)
         count -= 1
@@ -351,7 +355,7 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
         u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
         least = max(least, key >> 32) if stay else key >> 32
         if u == goal and t >= open_from:
-            code = OK
+            code, end = OK, k
             break
         spent += 1
         if spent > budget:
@@ -402,8 +406,8 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
                 seen = visited[cell]
                 if not (seen >> 32 == now and state[seen & 0xFFFFFFFF, STEP] <= arrive):
                     if num_states >= len(state) or count >= len(heap):
-                        return SCRATCH_FULL, least
-                    state[num_states, VERTEX], state[num_states, STEP] = v, arrive
+                        return SCRATCH_FULL, least, -1
+                    state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = v, arrive, k
                     visited[cell] = (now << 32) | num_states
                     push(heap, count, ((arrive + distance[v]) << 32) | num_states)
                     num_states += 1
@@ -422,7 +426,7 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
     number[EXPANSIONS] += spent
     if code == OK and stay and least > limit[LATEST]:
         code = NO_PATH
-    return code, least
+    return code, least, end
 
 
 @njit(cache=True)
@@ -440,7 +444,7 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budge
     bound
         The most that the path may cost.
     soft
-        Whether to count disturbed robots.
+        1 for the path that disturbs fewest, 2 for one that disturbs few: best first by steps to go and robots disturbed.
     budget
         Expansions allowed.
 
@@ -465,21 +469,19 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budge
     last, earliest, latest = limit[LAST], limit[EARLIEST], min(limit[LATEST], bound)
     has_must, num_edges = limit[HAS_MUST], number[NUM_EDGES]
     cap = max(last, earliest)
-    if soft:
-        for other in range(len(installed)):
-            if installed[other] >= 0:
-                cap = max(cap, meta[installed[other], COST])
+    for other in range(len(installed)):
+        if installed[other] >= 0:
+            cap = max(cap, meta[installed[other], COST])
     cap += 1  # from this step on nothing changes
     if cap + 1 >= horizon:
         return TOO_LATE, -1
-    if soft:
-        visits = 0
-        for t in range(cap, min(np.int64(distance[start]), cap) - 1, -1):
-            other = np.int64(someone[t * num_vertices + goal])
-            while other:
-                visits += 1
-                other = np.int64(another[(other - 1) * horizon + t])
-            scratch.after[t] = visits
+    visits = 0
+    for t in range(cap, min(np.int64(distance[start]), cap) - 1, -1):
+        other = np.int64(someone[t * num_vertices + goal])
+        while other:
+            visits += 1
+            other = np.int64(another[(other - 1) * horizon + t])
+        scratch.after[t] = visits
     state[0, VERTEX], state[0, STEP], state[0, BEFORE], state[0, DISTURBS], state[0, STATUS] = start, 0, -1, 0, WAITING
     visited[start] = now << 32
     num_states = 1
@@ -503,14 +505,17 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budge
             code = SCRATCH_FULL
             break
         if u == goal and t >= earliest:
-            more = np.int64(scratch.after[min(t, cap)]) if soft else np.int64(0)
+            more = np.int64(scratch.after[min(t, cap)])
             if more == 0:
                 code, end = OK, k
                 break
             # the robot may stay in the way, or go on
             state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = u, t, k
             state[num_states, DISTURBS], state[num_states, STATUS] = disturbs + more, FINISH
-            push(heap, count, (min(disturbs + more, 4095) << 51) | (min(max(t, least) - least, 8191) << 38) | num_states)
+            if soft == 2:
+                push(heap, count, (min(HURRY * (disturbs + more), (1 << 38) - 1) << 25) | num_states)
+            else:
+                push(heap, count, (min(disturbs + more, 4095) << 51) | (min(max(t, least) - least, 8191) << 38) | num_states)
             num_states += 1
             count += 1
         spent += 1
@@ -542,29 +547,28 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budge
                     if must >> 32 == stamp and (must & 0xFFFFFFFF) != v:
                         continue
             new_disturbs = disturbs
-            if soft:
-                if parked[v] >= 0 and since[v] <= step:
+            if parked[v] >= 0 and since[v] <= step:
+                new_disturbs += 1
+            if step < horizon:
+                other = np.int64(someone[step * num_vertices + v])
+                while other:
                     new_disturbs += 1
-                if step < horizon:
-                    other = np.int64(someone[step * num_vertices + v])
+                    other = np.int64(another[(other - 1) * horizon + step])
+                if u != v:
+                    other = np.int64(someone[t * num_vertices + v])
                     while other:
-                        new_disturbs += 1
-                        other = np.int64(another[(other - 1) * horizon + step])
-                    if u != v:
-                        other = np.int64(someone[t * num_vertices + v])
+                        record = installed[other - 1]
+                        went = path[meta[record, PATH0] + min(step, meta[record, COST])]
+                        if went == u or (following and went != v):
+                            new_disturbs += 1
+                        other = np.int64(another[(other - 1) * horizon + t])
+                    if following:
+                        other = np.int64(someone[step * num_vertices + u])
                         while other:
                             record = installed[other - 1]
-                            went = path[meta[record, PATH0] + min(step, meta[record, COST])]
-                            if went == u or (following and went != v):
+                            if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
                                 new_disturbs += 1
-                            other = np.int64(another[(other - 1) * horizon + t])
-                        if following:
-                            other = np.int64(someone[step * num_vertices + u])
-                            while other:
-                                record = installed[other - 1]
-                                if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
-                                    new_disturbs += 1
-                                other = np.int64(another[(other - 1) * horizon + step])
+                            other = np.int64(another[(other - 1) * horizon + step])
             seen = visited[row + v]
             if seen >> 32 == now:
                 e = seen & 0xFFFFFFFF
@@ -575,8 +579,11 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budge
             state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = v, step, k
             state[num_states, DISTURBS], state[num_states, STATUS] = new_disturbs, WAITING
             visited[row + v] = (now << 32) | num_states
-            key = (min(new_disturbs, 4095) << 51) | (min(max(step + to_go, least) - least, 8191) << 38)
-            push(heap, count, key | (min(to_go, 8191) << 25) | num_states)
+            if soft == 2:
+                key = min(to_go + HURRY * new_disturbs, (1 << 38) - 1) << 25
+            else:
+                key = (min(new_disturbs, 4095) << 51) | (min(max(step + to_go, least) - least, 8191) << 38) | (min(to_go, 8191) << 25)
+            push(heap, count, key | num_states)
             num_states += 1
             count += 1
     number[EXPANSIONS] += spent
@@ -599,23 +606,36 @@ def replan(world, store, occupancy, scratch, record, w, lower, soft, budget):
     if occupancy.record[robot] >= 0:
         uninstall(world, store, occupancy, robot)
     distance = world.distance[world.row[robot]]
-    code, least = earliest_arrival(world, scratch, world.start[robot], world.goal[robot], distance, True, -1, -1, budget)
+    code, least, end = earliest_arrival(world, scratch, world.start[robot], world.goal[robot], distance, True, -1, -1, budget)
     if code != OK:
         return code
-    code, end = find_path(world, store, occupancy, scratch, robot, least, np.int64(w * max(least, lower) + 1e-9), soft, budget)
-    if code != OK:
-        return code
-    state = scratch.state
-    if state[end, STATUS] == FINISH:
-        end = state[end, BEFORE]
-    cost = np.int64(state[end, STEP])
     begin = store.used[PATH]
-    if begin + cost + 1 > len(store.path):
+    if begin + least + 1 > len(store.path):
         return STORE_FULL
-    k = end
-    for t in range(cost, -1, -1):
-        store.path[begin + t] = state[k, VERTEX]
-        k = state[k, BEFORE]
+    state = scratch.state
+    cost = until = least
+    while end >= 0:
+        for t in range(state[end, STEP], until + 1):
+            store.path[begin + t] = state[end, VERTEX]
+        until = state[end, STEP] - 1
+        end = state[end, BEFORE]
+    if soft:
+        bound = np.int64(w * max(least, lower) + 1e-9)
+        polite = min(budget, POLITE + POLITE_PER_STEP * least)
+        code, end = find_path(world, store, occupancy, scratch, robot, least, bound, 1, polite)
+        if code == OUT_OF_BUDGET:
+            code, end = find_path(world, store, occupancy, scratch, robot, least, bound, 2, polite)
+        if code == OK:
+            if state[end, STATUS] == FINISH:
+                end = state[end, BEFORE]
+            cost = np.int64(state[end, STEP])
+            if begin + cost + 1 > len(store.path):
+                return STORE_FULL
+            for t in range(cost, -1, -1):
+                store.path[begin + t] = state[end, VERTEX]
+                end = state[end, BEFORE]
+        elif code != OUT_OF_BUDGET:  # out of patience: the robot takes its earliest path, whomever it disturbs
+            return code
     store.used[PATH] = begin + cost + 1
     store.meta[record, PATH0] = begin
     store.meta[record, COST] = cost
