@@ -1,4 +1,4 @@
-"""Open-RMF's nav graphs: made of a building exactly as its generator does, written, read, and turned into a NavGraph.
+"""Open-RMF's nav graphs: read, turned into a NavGraph, made of a map, and written.
 
 A document is the nested dict of a `<graph>.yaml`: every map becomes such documents first, so that a
 building and the nav graphs Open-RMF makes of it give the same NavGraph. Lanes of no length and repeated
@@ -15,14 +15,13 @@ import yaml
 
 from mrp_sumo.core.graph import FloatArray, NavGraph, Options, nav_graph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.building import Building, Door, Lane, Level
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.rmf import FARTHEST, origin_of
+from mrp_sumo.maps.rmf_level import FARTHEST
+from mrp_sumo.maps.rmf_placement import origin_of
 
 Document = Mapping[str, Any]
 
 SHORTEST_LANE_M = 1e-3
-BACKWARD = {"forward": "backward", "backward": "forward"}
 PLAIN_NAME = re.compile(
     r"(?!(?:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z][A-Za-z0-9_]{0,40}\Z", re.IGNORECASE
 )  # needs no quotes in YAML
@@ -35,41 +34,6 @@ class Misplaced(MapError):
     def __init__(self, message: str, *keys: Any) -> None:
         super().__init__(message)
         self.keys = keys
-
-
-def nav_graph_documents(building: Building) -> dict[int, dict[str, Any]]:
-    """The nav graph of every graph index with lanes (building.py, generate_nav_graphs).
-
-    Values are as in the building file; coordinates are in the frame of Open-RMF, nothing subtracted.
-    """
-    door_of_lane = {name: _doors_on_lanes(level) for name, level in building.levels.items()}
-    lift_of_vertex = {name: _lifts_at_vertices(building, level) for name, level in building.levels.items()}
-    documents = {}
-    for graph in building.graphs:
-        document: dict[str, Any] = {"building_name": building.name}
-        if building.crs_name:
-            document["crs_name"] = building.crs_name
-        if building.offset is not None:
-            document["offset"] = list(building.offset)
-        document["doors"] = {
-            door.name: {"endpoints": level.world_xy[[door.start, door.end]].tolist(), "map": level.name}
-            for level in building.levels.values()
-            for door in level.doors
-        }
-        document["lifts"] = {
-            lift.name: {"position": [lift.x_m, lift.y_m, lift.yaw_rad], "dims": [lift.width_m, lift.depth_m]}
-            for lift in building.lifts.values()
-        }
-        document["levels"] = {
-            name: _level_document(level, graph, door_of_lane[name], lift_of_vertex[name]) for name, level in building.levels.items()
-        }
-        documents[graph] = document
-    return documents
-
-
-def file_vertices(building: Building, graph: int) -> list[tuple[str, int]]:
-    """(level, vertex in the file) of every vertex of a nav graph, in its order."""
-    return [(name, v) for name, level in building.levels.items() for v in _first_use(level, graph)]
 
 
 def write_nav_graph(document: Document, path: Path) -> None:
@@ -202,76 +166,6 @@ def _scalar(value: float) -> str:
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
     def ignore_aliases(self, data: Any) -> bool:
         return True
-
-
-def _first_use(level: Level, graph: int) -> list[int]:
-    return list(dict.fromkeys(v for lane in level.lanes if lane.graph == graph for v in (lane.start, lane.end)))
-
-
-def _level_document(level: Level, graph: int, door_of_lane: Mapping[int, Door], lift_of_vertex: Mapping[int, str]) -> dict[str, Any]:
-    order = _first_use(level, graph)
-    number = {v: i for i, v in enumerate(order)}
-    vertices = []
-    for v in order:
-        options = {"name": level.vertex_name[v], **level.vertex_options[v]}
-        if v in lift_of_vertex:
-            options["lift"] = lift_of_vertex[v]
-        vertices.append([*level.world_xy[v].tolist(), options])
-    lanes: list[list[Any]] = []
-    for i, lane in enumerate(level.lanes):
-        if lane.graph == graph:
-            lanes += _directed(lane, number, level.vertex_options, door_of_lane.get(i))
-    return {"vertices": vertices, "lanes": lanes}
-
-
-def _directed(lane: Lane, number: Mapping[int, int], vertex_options: Sequence[Options], door: Door | None) -> list[list[Any]]:
-    """The one or two lanes that a drawn lane becomes (level.py, generate_nav_graph)."""
-    forth: dict[str, Any] = {"door_name": door.name} if door else {}
-    forth |= lane.options
-    back = dict(forth)
-    if "orientation_constraint" in back:
-        back["orientation_constraint"] = BACKWARD[back["orientation_constraint"]]
-    begin, end = (vertex_options[v].get("dock_name") for v in (lane.start, lane.end))
-    for options, ahead, behind in ((forth, end, begin), (back, begin, end)):
-        if ahead:
-            options["dock_name"] = ahead
-        if behind:
-            options["undock_name"] = behind
-    a, b = number[lane.start], number[lane.end]
-    if lane.is_bidirectional:
-        return [[a, b, forth], [b, a, back]]
-    return [[a, b, forth | {"is_bidirectional": False}]]
-
-
-def _doors_on_lanes(level: Level) -> dict[int, Door]:
-    """The door of each lane that goes through one; of several, the last in the file (level.py, segments_intersect).
-
-    In units of the file, where the generator's threshold makes it deaf for doors drawn in degrees.
-    """
-    if not level.doors or not level.lanes:
-        return {}
-    ends = np.array([(lane.start, lane.end) for lane in level.lanes])
-    a, b = level.raw_xy[ends[:, 0]], level.raw_xy[ends[:, 1]]  # [L, 2]
-    found: dict[int, Door] = {}
-    for door in level.doors:
-        c, d = level.raw_xy[door.start], level.raw_xy[door.end]
-        ab, cd, ac = a - b, c - d, a - c
-        det = ab[:, 0] * cd[1] - ab[:, 1] * cd[0]
-        crosses = np.abs(det) >= 0.01
-        safe = np.where(crosses, det, 1.0)
-        t = (ac[:, 0] * cd[1] - ac[:, 1] * cd[0]) / safe
-        u = -(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / safe
-        crosses &= (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1)
-        found |= dict.fromkeys(np.flatnonzero(crosses).tolist(), door)
-    return found
-
-
-def _lifts_at_vertices(building: Building, level: Level) -> dict[int, str]:
-    """The lift around each vertex on a lane; of several, the first in the file."""
-    found: dict[int, str] = {}
-    for lift in reversed(list(building.lifts.values())):
-        found |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
-    return found
 
 
 def _levels(

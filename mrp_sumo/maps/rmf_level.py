@@ -1,0 +1,222 @@
+"""A level of an RMF building file, checked and in the file's own units; and how values of such files are checked.
+
+Refuses vertices, lanes and parameters of a wrong form, indices out of range, and numbers that are none.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.maps.building import Door, Lane, Level
+from mrp_sumo.maps.finding import Notes
+from mrp_sumo.maps.yaml_text import Text
+
+NUM_GRAPHS = 9  # 0..8; 9 is for human lanes, which are never exported
+FARTHEST = 1e8  # no building is larger, in pixels or metres; SUMO computes with 6 decimals
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A level in units of its file."""
+
+    name: str
+    elevation_m: float
+    raw_xy: FloatArray  # [N, 2] y up
+    vertex_name: tuple[Any, ...]
+    vertex_options: tuple[Mapping[str, Any], ...]
+    lanes: tuple[Lane, ...]
+    walls: tuple[tuple[int, int], ...]
+    doors: tuple[Door, ...]
+    floors: tuple[tuple[int, ...], ...]
+    holes: tuple[tuple[int, ...], ...]
+    measurements: tuple[tuple[int, int, float], ...]
+    fiducials: tuple[tuple[float, float, str], ...]  # y up
+    is_mapping: bool
+
+    def level(self, world_xy: FloatArray, origin_m: tuple[float, float]) -> Level:
+        return Level(
+            name=self.name,
+            elevation_m=self.elevation_m,
+            raw_xy=self.raw_xy,
+            world_xy=world_xy,
+            xy=world_xy - origin_m,
+            vertex_name=self.vertex_name,
+            vertex_options=self.vertex_options,
+            lanes=self.lanes,
+            walls=np.array(self.walls, np.int64).reshape(-1, 2),
+            doors=self.doors,
+            floors=self.floors,
+            holes=self.holes,
+        )
+
+
+class Reader:
+    """Checks values of the document; knows the file, to point at faults, and gathers findings."""
+
+    def __init__(self, source: Text, notes: Notes) -> None:
+        self.source, self.notes = source, notes
+
+    def number(self, value: Any, what: str, keys: tuple[str | int, ...]) -> float:
+        if isinstance(value, str):  # 1e-05 is text in YAML 1.1
+            try:
+                value = float(value)
+            except ValueError:
+                raise self.source.fault(f"{what} is '{value[:40]}', expected a number", *keys) from None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.source.fault(f"{what} is {told(value)}, expected a number", *keys)
+        if not abs(value) < FARTHEST:  # NaN too
+            raise self.source.fault(f"{what} is {value:.6g}, expected a number of sensible size", *keys)
+        return float(value)
+
+    def items(self, value: Any, what: str, keys: tuple[str | int, ...]) -> list[Any]:
+        if value is None:
+            return []
+        if not isinstance(value, list):
+            raise self.source.fault(f"{what} is {told(value)}, expected a list", *keys)
+        return value
+
+    def options(self, value: Any, what: str, keys: tuple[str | int, ...]) -> dict[str, Any]:
+        """Typed values `[tag, value]` by name; the values as they are written."""
+        if not value:
+            return {}
+        if not isinstance(value, Mapping):
+            raise self.source.fault(f"the parameters of {what} are {told(value)}, expected a mapping", *keys)
+        plain = {}
+        for name, typed in value.items():
+            if not isinstance(typed, list) or len(typed) != 2 or isinstance(typed[1], list | dict):
+                raise self.source.fault(f"{what}: '{name}' is {told(typed)}, expected [type, value]", *keys)
+            tag, content = typed
+            if type(content) not in _TYPES.get(tag if isinstance(tag, int) else -1, ()):
+                self.notes.add("type_tag_mismatch", f"{what}: {name} [{tag}, {content}]")
+            plain[str(name)] = content
+        return plain
+
+    def edge(self, value: Any, what: str, num_vertices: int, keys: tuple[str | int, ...]) -> tuple[int, int, dict[str, Any]]:
+        """`[start, end, {parameters}]`."""
+        if not isinstance(value, list) or len(value) not in (2, 3):
+            raise self.source.fault(f"{what} is {told(value)}, expected [start vertex, end vertex, {{parameters}}]", *keys)
+        start, end = (self.vertex(value[i], what, num_vertices, keys) for i in (0, 1))
+        return start, end, self.options(value[2] if len(value) == 3 else None, what, keys)
+
+    def vertex(self, value: Any, what: str, num_vertices: int, keys: tuple[str | int, ...]) -> int:
+        if type(value) is not int:
+            raise self.source.fault(f"{what} names vertex {value!r:.40}, expected a number from 0", *keys)
+        if not 0 <= value < num_vertices:
+            known = f"{num_vertices} (0 to {num_vertices - 1})" if num_vertices else "none"
+            raise self.source.fault(f"{what} names vertex {value}, but the level has {known}", *keys)
+        return value
+
+
+_TYPES: Mapping[int, tuple[type, ...]] = {0: (str, int, float, bool, type(None)), 1: (str,), 2: (int,), 3: (float, int), 4: (bool,)}
+
+
+def draft_of(reader: Reader, name: str, given: Any, key: Any, system: str) -> Draft:
+    at: tuple[str | int, ...] = ("levels", key)
+    if given is None:
+        given = {}
+    is_mapping = isinstance(given, Mapping)
+    if not is_mapping:
+        reader.notes.add("level_not_a_mapping", f"level '{name}' is a {type(given).__name__}")
+        given = {}
+    up = -1.0 if system == "reference_image" else 1.0
+    xy, names, options = [], [], []
+    for i, value in enumerate(reader.items(given.get("vertices"), f"level {name}: vertices", (*at, "vertices"))):
+        what, keys = f"level {name} vertex {i}", (*at, "vertices", i)
+        if not isinstance(value, list) or not 4 <= len(value) <= 5:
+            raise reader.source.fault(f"{what} is {told(value)}, expected [x, y, z, name, {{parameters}}]", *keys)
+        xy.append((reader.number(value[0], f"{what}: x", keys), up * reader.number(value[1], f"{what}: y", keys)))
+        if isinstance(value[3], list | dict):
+            raise reader.source.fault(f"{what}: the name is {told(value[3])}", *keys)
+        if isinstance(value[3], bool):
+            reader.notes.add("boolean_name", f"{what}: name {str(value[3]).lower()}, put it in quotes")
+        names.append("" if value[3] is None else value[3])
+        options.append(reader.options(value[4] if len(value) == 5 else None, what, keys))
+    num = len(xy)
+
+    def edges(kind: str, singular: str) -> Any:
+        for i, value in enumerate(reader.items(given.get(kind), f"level {name}: {kind}", (*at, kind))):
+            what, keys = f"level {name} {singular} {i}", (*at, kind, i)
+            yield what, keys, reader.edge(value, what, num, keys)
+
+    def polygons(kind: str) -> tuple[tuple[int, ...], ...]:
+        found = []
+        for i, value in enumerate(reader.items(given.get(kind), f"level {name}: {kind}", (*at, kind))):
+            what, keys = f"level {name} {kind[:-1]} {i}", (*at, kind, i)
+            if not isinstance(value, Mapping):
+                raise reader.source.fault(f"{what} is {told(value)}, expected a mapping", *keys)
+            corners = reader.items(value.get("vertices"), f"{what}: vertices", keys)
+            found.append(tuple(reader.vertex(v, what, num, keys) for v in corners))
+        return tuple(found)
+
+    lanes = [_lane(reader, what, keys, *edge) for what, keys, edge in edges("lanes", "lane")]
+    return Draft(
+        name=name,
+        elevation_m=reader.number(given.get("elevation", 0) or 0, f"level {name}: elevation", (*at, "elevation")),
+        raw_xy=np.array(xy, np.float64).reshape(-1, 2),
+        vertex_name=tuple(names),
+        vertex_options=tuple(options),
+        lanes=tuple(lane for lane in lanes if lane is not None),
+        walls=tuple(edge[:2] for _, _, edge in edges("walls", "wall")),
+        doors=tuple(Door(a, b, str(o.get("name", "null")), str(o.get("type", ""))) for _, _, (a, b, o) in edges("doors", "door")),
+        floors=polygons("floors"),
+        holes=polygons("holes"),
+        measurements=tuple(_measurement(reader, *m) for m in edges("measurements", "measurement")),
+        fiducials=_fiducials(reader, name, given.get("fiducials"), (*at, "fiducials"), up),
+        is_mapping=is_mapping,
+    )
+
+
+def _lane(reader: Reader, what: str, keys: tuple[str | int, ...], start: int, end: int, given: dict[str, Any]) -> Lane | None:
+    if "graph_idx" not in given:
+        raise reader.source.fault(f"{what} has no graph_idx", *keys)
+    graph = reader.number(given["graph_idx"], f"{what}: graph_idx", keys)
+    if graph != int(graph):
+        raise reader.source.fault(f"{what}: graph_idx is {graph}, expected a whole number", *keys)
+    if not 0 <= graph < NUM_GRAPHS:
+        reader.notes.add("graph_out_of_range", f"{what}: graph_idx {graph:.0f} is never exported, expected 0 to {NUM_GRAPHS - 1}")
+        return None
+    if "bidirectional" not in given:
+        reader.notes.add("lane_without_bidirectional", what)
+    both_ways = given.get("bidirectional", False)
+    if isinstance(both_ways, str) and both_ways.lower() in ("true", "false"):
+        both_ways = both_ways.lower() == "true"
+    if both_ways not in (True, False):
+        raise reader.source.fault(f"{what}: bidirectional is {told(both_ways)}, expected true or false", *keys)
+    orientation = given.get("orientation", "") or ""
+    if orientation not in ("", "forward", "backward"):
+        raise reader.source.fault(f"{what}: orientation is '{orientation}', expected forward, backward or nothing", *keys)
+    options: dict[str, Any] = {"orientation_constraint": orientation} if orientation else {}
+    if reader.number(given.get("speed_limit") or 0, f"{what}: speed_limit", keys) > 0:
+        options["speed_limit"] = given["speed_limit"]
+    options |= {k: given[k] for k in ("mutex", "demo_mock_floor_name", "demo_mock_lift_name") if given.get(k)}
+    return Lane(start, end, int(graph), bool(both_ways), options)
+
+
+def _measurement(reader: Reader, what: str, keys: tuple[str | int, ...], edge: tuple[int, int, dict[str, Any]]) -> tuple[int, int, float]:
+    start, end, options = edge
+    if "distance" not in options:
+        raise reader.source.fault(f"{what} has no distance", *keys)
+    return start, end, reader.number(options["distance"], f"{what}: distance", keys)
+
+
+def _fiducials(reader: Reader, level: str, given: Any, keys: tuple[str | int, ...], up: float) -> tuple[tuple[float, float, str], ...]:
+    found = []
+    for i, value in enumerate(reader.items(given, f"level {level}: fiducials", keys)):
+        what = f"level {level} fiducial {i}"
+        if not isinstance(value, list) or len(value) < 3 or isinstance(value[2], list | dict):
+            raise reader.source.fault(f"{what} is {told(value)}, expected [x, y, name]", *keys, i)
+        x, y = (reader.number(value[k], f"{what}: {'xy'[k]}", (*keys, i)) for k in (0, 1))
+        found.append((x, up * y, "" if value[2] is None else str(value[2])))
+    return tuple(found)
+
+
+def told(value: Any) -> str:
+    """What a wrong value is, for a message."""
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"{str(value)[:40]}, a list" if len(value) > 0 else "an empty list"
+    return "nothing" if value is None else f"'{str(value)[:40]}'"
