@@ -5,7 +5,7 @@ gives the same bytes back. Refuses bags without the topic, and damaged ones, in 
 """
 
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,8 @@ from mrp_sumo.io.rosbag_messages import GENERATIONS, typestore
 
 FLEET_STATES = "/fleet_states"
 PATH_REQUESTS = "/robot_path_requests"
+CHECKED = 20  # messages encoded again, to tell generations apart
+EMPTY_BYTES = 100  # a fleet without robots looks the same in all of them
 Place = tuple[float, float]
 
 
@@ -84,10 +86,11 @@ def _messages(path: Path, generation: str) -> Iterator[tuple[str, int, Any]]:
         raise MrpSumoError(f"{bag}: expected the bag's folder, with its metadata.yaml")
     with AnyReader([bag], default_typestore=store) as reader:
         _require_topic(path, [c.topic for c in reader.connections])
+        decoded = _decoder(reader.typestore)
         wanted = [c for c in reader.connections if c.topic in (FLEET_STATES, PATH_REQUESTS)]
         for connection, ns, raw in reader.messages(wanted):
             if reader.is2:
-                yield connection.topic, ns, _decoded(reader.typestore, connection.msgtype, bytes(raw))
+                yield connection.topic, ns, decoded(connection.msgtype, bytes(raw))
             else:
                 yield connection.topic, ns, reader.deserialize(raw, connection.msgtype)
 
@@ -104,24 +107,33 @@ def _lone_database(path: Path) -> Path | None:
 
 def _database_messages(path: Path, store: Any) -> Iterator[tuple[str, int, Any]]:
     with closing(sqlite3.connect(path.resolve().as_uri() + "?mode=ro", uri=True)) as database:
+        decoded = _decoder(store)
         topics = {number: (name, kind) for number, name, kind in database.execute("select id, name, type from topics")}
         _require_topic(path, [name for name, _ in topics.values()])
         for number, ns, raw in database.execute("select topic_id, timestamp, data from messages order by timestamp, id"):
             name, kind = topics[number]
             if name in (FLEET_STATES, PATH_REQUESTS):
-                yield name, ns, _decoded(store, kind, raw)
+                yield name, ns, decoded(kind, raw)
 
 
-def _decoded(store: Any, kind: str, raw: bytes) -> Any:
-    """The message, if encoding it again gives the same length: a wrong definition rarely does."""
-    try:
-        message = store.deserialize_cdr(raw, kind)
-        again = len(store.serialize_cdr(message, kind))
-    except Exception as error:  # garbage lengths raise anything
-        raise _WrongGeneration(f"{type(error).__name__} {_first_line(error)}".strip()) from None
-    if again + 3 < len(raw) or again > len(raw):  # writers may pad to four bytes
-        raise _WrongGeneration("decodes to another length")
-    return message
+def _decoder(store: Any) -> Callable[[str, bytes], Any]:
+    """Decodes messages; the first ones are encoded again, since a wrong definition rarely gives the same length back."""
+    left = CHECKED
+
+    def decoded(kind: str, raw: bytes) -> Any:
+        nonlocal left
+        try:
+            message = store.deserialize_cdr(raw, kind)
+            again = len(store.serialize_cdr(message, kind)) if left else len(raw)
+        except Exception as error:  # garbage lengths raise anything
+            raise _WrongGeneration(f"{type(error).__name__} {_first_line(error)}".strip()) from None
+        if again + 3 < len(raw) or again > len(raw):  # writers may pad to four bytes
+            raise _WrongGeneration("decodes to another length")
+        if len(raw) > EMPTY_BYTES:
+            left = max(0, left - 1)
+        return message
+
+    return decoded
 
 
 def _fleet_log(path: Path, messages: list[tuple[str, int, Any]]) -> FleetLog:

@@ -2,10 +2,13 @@
 
 import csv
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.metrics.mrp_bench import execution_metrics, planning_counts, smoothed_counts
@@ -95,3 +98,61 @@ def test_counts_are_list_lengths_and_smoothing_drops_corners_and_waits():
     assert smoothed_counts([[0, 1, 2, 3], [3]], cell) == (3, 4)
     # waiting twice at 0: 0, 0, 0 -> the middle one goes
     assert smoothed_counts([[0, 0, 0, 1]], cell) == (3, 3)
+
+
+def slow_truth(t_ns, x, y, start, goal, cell_m, tolerance_m, window, timeout_s):
+    """The order of operations, message by message and robot by robot, as MRP-Bench's documents state it."""
+    robots = range(len(start))
+    most_seen, started, ended, arrived = 0, None, None, set()
+    lists, blocked, least, at_start = {}, {}, 99999.9, 0.0
+    for k, tau in enumerate(t_ns):
+        there = [r for r in robots if np.isfinite(x[k, r])]
+        most_seen = max(most_seen, len(there))
+        for r in there:
+            ds, dg = math.dist((x[k, r], y[k, r]), start[r]), math.dist((x[k, r], y[k, r]), goal[r])
+            if started is None and ds > tolerance_m:
+                started = tau
+            if r in arrived:
+                continue
+            if dg < tolerance_m:
+                arrived.add(r)
+            if len(arrived) == len(start):
+                ended = tau
+            if ds > cell_m or dg < cell_m:
+                lists.setdefault(r, []).append(dg)
+                blocked.setdefault(r, 0)
+                lists[r] = lists[r][-window:]
+                if len(lists[r]) == window and abs(lists[r][0] - lists[r][-1]) <= cell_m:
+                    blocked[r] += 1
+        pairs = [math.dist((x[k, a], y[k, a]), (x[k, b], y[k, b])) for a in there for b in there if a < b]
+        least = min([least, *pairs])
+        if at_start == 0.0 and most_seen == len(start) and least < 99999.9:
+            at_start = least
+    period = (t_ns[-1] - t_ns[0]) / 1e9 / len(t_ns)
+    time = timeout_s if ended is None else None if started is None else (ended - started) / 1e9
+    return {
+        "goalsReached": len(arrived),
+        "totalTimeForScheduleExecution": time,
+        "timeBlockedPerAgent": {r: blocked[r] * period for r in sorted(blocked)},
+        "minDistanceBetweenTwoAgents": least,
+        "minDistanceBetweenTwoAgentsAtStart": at_start,
+        "invalidRun": most_seen != len(blocked),
+        "maxRobotsSeen": most_seen,
+    }
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), robots=st.integers(1, 5), samples=st.integers(1, 60), window=st.integers(2, 12))
+def test_any_log_gives_what_the_order_of_operations_gives(seed, robots, samples, window):
+    rng = np.random.default_rng(seed)
+    start, goal = rng.integers(0, 12, (2, robots, 2)) / 4
+    steps = rng.integers(-1, 2, (2, samples, robots)) / rng.choice([4, 8, 64])
+    x, y = start[:, 0] + np.cumsum(steps[0], 0), start[:, 1] + np.cumsum(steps[1], 0)
+    late = rng.integers(0, samples, robots) * (rng.random(robots) < 0.3)
+    x[np.arange(samples)[:, None] < late] = np.nan
+    y[np.isnan(x)] = np.nan
+    t_ns = 10**18 + np.cumsum(rng.integers(3, 7, samples)) * 10**8
+    found = execution_metrics(t_ns, x, y, start, goal, cell_m=0.25, tolerance_m=0.5, window=window, recording_timeout_s=60.0)
+    wanted = slow_truth(t_ns.tolist(), x, y, start, goal, 0.25, 0.5, window, 60.0)
+    for key, value in wanted.items():
+        assert found[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float | dict) else value), key
