@@ -1,5 +1,7 @@
 """What was written comes back, as arrays and as DataFrames."""
 
+import shutil
+
 import numpy as np
 import pytest
 from record_of_four import record_of_four
@@ -60,3 +62,27 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
     assert run.plan is None and len(run.events) == 0
     with pytest.raises(MrpSumoError, match=r"was not executed \(planning_timed_out\)"):
         _ = run.trajectory
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reading", "line"),
+    [
+        ("floor.json", None, "graph", r"floor\.json: no such file"),
+        ("floor.json", "{", "graph", r"floor\.json: not JSON"),
+        ("floor.json", "{}", "graph", r"floor\.json: schema version None, expected 1"),
+        ("plan.json", "[1", "plan", r"plan\.json: not JSON"),
+        ("plan.json", '{"schema_version": 9}', "plan", r"plan\.json: schema version 9, expected 1"),
+        ("plan.json", '{"schema_version": 1, "robots": [{"name": "x", "visits": []}]}', "plan", "robot 'robot_0' is not in both"),
+        ("events.jsonl", '{"t_s": 1}\nnonsense\n', "events", r"events\.jsonl:2: not JSON"),
+        ("events.jsonl", "[1]\n", "execution", r"events\.jsonl:1: found '\[1\]', expected an object"),
+        ("trajectory.parquet", "nonsense", "samples", r"trajectory\.parquet: not a readable Parquet file"),
+    ],
+)
+def test_damaged_files_are_named(run, tmp_path, name, content, reading, line):
+    shutil.copytree(run.folder, tmp_path / "run", ignore=shutil.ignore_patterns("bag"))
+    if content is None:
+        (tmp_path / "run" / name).unlink()
+    else:
+        (tmp_path / "run" / name).write_text(content)
+    with pytest.raises(MrpSumoError, match=line):
+        getattr(mrp_sumo.load_run(tmp_path / "run"), reading)
