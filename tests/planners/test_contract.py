@@ -1,28 +1,29 @@
 """The same small questions to every registered planner; the referee judges the answers."""
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
+from time import perf_counter
 
 import numpy as np
 import pytest
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.roadmap import cut_lanes, plan_graph
-from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.planning.registry import planner, planner_class, planner_names
 
 ROBOT = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 ALL = tuple(name for name in planner_names() if name != "external")  # which is nothing without a program
 COORDINATED = [name for name in ALL if planner_class(name).guarantee != "no coordination"]
-SOLVERS = [name for name in COORDINATED if "not complete" not in planner_class(name).guarantee]
+COMPLETE = [name for name in COORDINATED if not any(w in planner_class(name).guarantee for w in ("not complete", "incomplete", "none"))]
 
 
 def world(picture, *, seed=0):
-    """A Problem from a drawing: '.' free, '@' blocked, '0'..'9' starts, 'a'..'j' goals of those robots; top row first."""
+    """A Problem from a drawing: '.' free, '@' blocked, '0'..'9' starts, 'a'..'j' goals of those robots, at their starts where none."""
     rows = picture.split()
     free = np.array([[c != "@" for c in row] for row in rows])
     number = np.cumsum(free.ravel()).reshape(free.shape) - 1
@@ -32,7 +33,7 @@ def world(picture, *, seed=0):
         graph=grid_graph(free, 1.0, (0.0, 0.0)),
         fleet=fleet_of(ROBOT, count),
         start=np.array([places[str(r)] for r in range(count)], np.int64),
-        goal=np.array([places["abcdefghij"[r]] for r in range(count)], np.int64),
+        goal=np.array([places.get("abcdefghij"[r], places[str(r)]) for r in range(count)], np.int64),
         goal_of=np.arange(count),
         step_s=1.0,
         seed=seed,
@@ -90,8 +91,7 @@ def test_robot_alone_takes_the_shortest_path(name):
 
 @pytest.mark.parametrize("name", ALL)
 def test_robots_at_their_goals_stay(name):
-    problem = world("0.1")
-    result = made(name).plan(problem.__class__(**{**problem.__dict__, "goal": problem.start}), 5.0)
+    result = made(name).plan(world("0.1"), 5.0)
     assert result.status is Status.SOLVED
     assert result.plan.end_s.sum() == 0
 
@@ -109,3 +109,69 @@ def test_no_robots_need_no_plan(name):
     result = made(name).plan(problem, 5.0)
     assert result.status is Status.SOLVED
     assert result.plan.num_robots == 0
+
+
+@pytest.mark.parametrize("name", COORDINATED)
+def test_robots_pass_each_other_where_there_is_room(name):
+    result = solved(name, world("0.....1 b.....a"))
+    assert result.plan.end_s.sum() >= (2 if planner_class(name).assigns else 14)
+
+
+@pytest.mark.parametrize("name", COMPLETE)
+def test_one_robot_steps_aside_into_the_bay(name):
+    solved(name, world("@@.@@ b0.1a"))
+
+
+@pytest.mark.parametrize("name", COORDINATED)
+def test_four_robots_cross_in_an_open_square(name):
+    solved(name, world("..0.3 .d... 1...b .2... c.a.."))
+
+
+@pytest.mark.parametrize("name", COORDINATED)
+def test_directed_lanes_are_driven_forwards(name):
+    result = solved(name, lanes([(0, 1), (1, 2), (2, 3), (3, 0)], [0, 2], [3, 1], 4))
+    assert result.plan.end_s.tolist() == ([1.0, 1.0] if planner_class(name).assigns else [3.0, 3.0])
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_goal_out_of_reach_names_robot_and_goal(name):
+    if planner_class(name).assigns:
+        pytest.skip("chooses among goals; see the next test")
+    result = made(name).plan(lanes([(0, 1), (1, 0), (2, 3), (3, 2)], [0], [3], 4), 5.0)
+    assert result.status is Status.INFEASIBLE
+    assert "robot_0" in result.message
+    assert "v3" in result.message
+
+
+@pytest.mark.parametrize("name", [n for n in ALL if planner_class(n).assigns])
+def test_no_assignment_in_reach_is_infeasible(name):
+    result = made(name).plan(lanes([(0, 1), (1, 0), (2, 3), (3, 2)], [0], [3], 4), 5.0)
+    assert result.status is Status.INFEASIBLE
+    assert result.message
+
+
+@pytest.mark.parametrize("name", COORDINATED)
+def test_swap_in_a_dead_end_corridor_ends_in_time(name):
+    if planner_class(name).assigns:
+        pytest.skip("need not swap")
+    corridor = world("0.1")
+    problem = replace(corridor, goal=corridor.start[::-1].copy())
+    began = perf_counter()
+    result = made(name).plan(problem, 0.5)
+    assert result.status in (Status.INFEASIBLE, Status.TIMED_OUT)
+    assert result.plan is None
+    assert result.message
+    assert perf_counter() - began < 30  # compiling included
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_time_limit_of_zero_is_refused(name):
+    with pytest.raises(PlanError, match="time limit"):
+        planner(name, {}).plan(world("0.a"), 0.0)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_same_seed_gives_the_same_plan(name):
+    problem = world("0..1 .... b..a")
+    first, second = (paths_of_plan(solved(name, problem).plan, 1.0) for _ in range(2))
+    assert [p.tolist() for p in first] == [p.tolist() for p in second]
