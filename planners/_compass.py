@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 UNKNOWN = 3
-SLACK_STEPS = 16
+SLACK_STEPS = 10
 
 
 @njit(cache=True)
@@ -21,21 +21,21 @@ def read_code(code, robot, v):
 
 
 @njit(cache=True)
-def extend(first, head, goal, robot, at, code, scratch, bound):
+def extend(first, head, goal, robot, at, code, queue, bound):
     """Search again for a robot at vertex `at`, with four times the room each time until it and its neighbours are known.
 
     Parameters
     ----------
     first, head
-        The graph, every lane with its opposite.
+        The graph in int32, every lane with its opposite.
     goal, robot, at
         Where the robot goes, who it is, where it is.
     code
         [R, ceil(V / 4)] uint8; the robot's row is overwritten.
-    scratch
-        int64 [2 + 2 V]; [0] a stamp, [1] unused, [2 + v] distance and stamp of each vertex, then the queue.
+    queue
+        [V] int32, scratch.
     bound
-        [V, 2] float64 coordinates, scaled such that no lane is longer than 1 by the sum of absolute differences.
+        [V, 2] float32 coordinates, scaled such that no lane is longer than 1 by the sum of absolute differences.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def extend(first, head, goal, robot, at, code, scratch, bound):
     num_vertices = len(first) - 1
     slack = SLACK_STEPS
     while True:
-        distance, whole = _search(first, head, goal, robot, at, code, scratch, bound, slack)
+        distance, whole = _search(first, head, goal, robot, at, code, queue, bound, slack)
         if whole:
             return distance
         known = distance >= 0
@@ -57,44 +57,43 @@ def extend(first, head, goal, robot, at, code, scratch, bound):
 
 
 @njit(cache=True)
-def _search(first, head, goal, robot, at, code, scratch, bound, slack):
+def _search(first, head, goal, robot, at, code, queue, bound, slack):
     """One breadth-first search in the region of `slack`; (steps from `at` or -1, whether the region was everything)."""
-    num_vertices = len(first) - 1
-    scratch[0] += 1
-    stamp = scratch[0] << 32
     row = code[robot]
     row[:] = 255
-    queue = scratch[2 + num_vertices :]
     queue[0] = goal
-    scratch[2 + goal] = stamp
-    row[goal >> 2] &= ~np.uint8(3 << (2 * (goal & 3)))
+    row[goal >> 2] ^= np.uint8(3 << (2 * (goal & 3)))
     x, y = bound[at, 0], bound[at, 1]
-    limit = abs(bound[goal, 0] - x) + abs(bound[goal, 1] - y) + slack
+    limit = abs(bound[goal, 0] - x) + abs(bound[goal, 1] - y) + np.float32(slack + 0.01)
     begin, end, whole = 0, 1, True
     found = np.int64(0) if goal == at else np.int64(-1)
+    d = 0
     while begin < end:
-        v = queue[begin]
-        begin += 1
-        d = scratch[2 + v] - stamp + 1
-        for k in range(first[v], first[v + 1]):
-            u = head[k]
-            if scratch[2 + u] >= stamp:
-                continue
-            if d + abs(bound[u, 0] - x) + abs(bound[u, 1] - y) > limit:
-                whole = False
-                continue
-            scratch[2 + u] = stamp + d
-            shift = 2 * (u & 3)
-            row[u >> 2] = (row[u >> 2] & ~np.uint8(3 << shift)) | np.uint8((d % 3) << shift)
-            if u == at:
-                found = d
-            queue[end] = u
-            end += 1
+        d += 1
+        change = 3 ^ (d % 3)
+        left = limit - np.float32(d)
+        level_end = end
+        while begin < level_end:
+            v = queue[begin]
+            begin += 1
+            for k in range(first[v], first[v + 1]):
+                u = head[k]
+                shift = 2 * (u & 3)
+                if (row[u >> 2] >> shift) & 3 != UNKNOWN:
+                    continue
+                if abs(bound[u, 0] - x) + abs(bound[u, 1] - y) > left:
+                    whole = False
+                    continue
+                row[u >> 2] ^= np.uint8(change << shift)
+                if u == at:
+                    found = np.int64(d)
+                queue[end] = u
+                end += 1
     return found, whole
 
 
 @njit(cache=True)
-def extend_all(first, head, goal, at, begin, end, code, scratch, bound, steps):
+def extend_all(first, head, goal, at, begin, end, code, queue, bound, steps):
     """`extend` for robots begin to end - 1, with their steps to the goal in `steps`."""
     for robot in range(begin, end):
-        steps[robot] = extend(first, head, goal[robot], robot, at[robot], code, scratch, bound)
+        steps[robot] = extend(first, head, goal[robot], robot, at[robot], code, queue, bound)

@@ -33,7 +33,7 @@ class Search(NamedTuple):
     g: np.ndarray  # [N] int64 cost from the start
     h: np.ndarray  # [N] int64 sum of steps to the goals
     parent: np.ndarray  # [N] int64
-    digest: np.ndarray  # [N] uint64 hash of the configuration
+    digest: np.ndarray  # [N] int64 hash of the configuration
     first_branch: np.ndarray  # [N] int64 queue of branches: where it begins
     last_branch: np.ndarray  # [N] int64 and ends
     first_edge: np.ndarray  # [N] int64 known transitions
@@ -192,17 +192,18 @@ def _full(scratch, search):
 
 @njit(cache=True)
 def _digest(config):
-    digest = np.uint64(1469598103934665603)
+    """31 bits; a product of 31 and 25 bits stays within an int64."""
+    digest = np.int64(0x11C9DC5)
     for i in range(len(config)):
-        digest = (digest ^ np.uint64(config[i])) * np.uint64(1099511628211)
-        digest ^= digest >> np.uint64(29)
+        digest = ((digest ^ np.int64(config[i])) * 0x1000193) & 0x7FFFFFFF
+        digest ^= digest >> 15
     return digest
 
 
 @njit(cache=True)
 def _find(search, config, digest):
     mask = len(search.slot) - 1
-    k = np.int64(digest & np.uint64(mask))
+    k = digest & mask
     while search.slot[k] >= 0:
         node = search.slot[k]
         if search.digest[node] == digest and np.array_equal(search.config[node], config):
@@ -217,7 +218,7 @@ def fill_slots(search):
     search.slot[:] = NONE
     mask = len(search.slot) - 1
     for node in range(search.count[NODES]):
-        k = np.int64(search.digest[node] & np.uint64(mask))
+        k = search.digest[node] & mask
         while search.slot[k] >= 0:
             k = (k + 1) & mask
         search.slot[k] = node
@@ -243,7 +244,7 @@ def _create(search, config, digest, h):
     search.first_branch[node] = root
     search.last_branch[node] = root
     mask = len(search.slot) - 1
-    k = np.int64(digest & np.uint64(mask))
+    k = digest & mask
     while search.slot[k] >= 0:
         k = (k + 1) & mask
     search.slot[k] = node

@@ -22,8 +22,10 @@ class World(NamedTuple):
     table: np.ndarray  # [R, V] steps to the robot's goal, or [1, 1] when packed
     packed: bool  # distances are looked up in `code` instead: only which way is nearer is known
     code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
-    code_scratch: np.ndarray  # int64, scratch of _compass
-    bound: np.ndarray  # [V, 2] float64, see _compass
+    first_packed: np.ndarray  # `first` and `head` in int32, a queue and coordinates: see _compass; [1] and [1, 2] unless packed
+    head_packed: np.ndarray
+    queue: np.ndarray
+    bound: np.ndarray
     two_way: bool  # every lane has its opposite: robots can swap in corridors
     guided: bool  # robots keep to `guide` where it says something
     guide: np.ndarray  # [R, V] int32 vertex to go to next from each, -1 where it says nothing; [1, 1] unless guided
@@ -163,7 +165,7 @@ def _prefer(world, scratch, here, to, i, hindrance, rng):
         for k in range(a, b):
             unknown = unknown or read_code(world.code, i, world.head[k]) == UNKNOWN
         if unknown:
-            extend(world.first, world.head, world.goal[i], i, v, world.code, world.code_scratch, world.bound)
+            extend(world.first_packed, world.head_packed, world.goal[i], i, v, world.code, world.queue, world.bound)
     num = b - a + 1
     for k in range(num):
         u = world.head[a + k] if k < num - 1 else v

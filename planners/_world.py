@@ -56,15 +56,17 @@ def build_world(problem: Problem, deadline_s: float, *, packed: bool | None = No
     steps = np.full(num_robots, -1, np.int64)
     table = frozen(np.zeros((1, 1), np.int32))
     code = np.zeros((num_robots if packed else 1, (num_vertices + 3) // 4 if packed else 1), np.uint8)
-    code_scratch = np.zeros(2 + 2 * num_vertices if packed else 1, np.int64)
-    bound = _bound(graph) if packed else np.zeros((1, 2))
+    first_packed = graph.first.astype(np.int32) if packed else np.zeros(1, np.int32)
+    head_packed = graph.head.astype(np.int32) if packed else np.zeros(1, np.int32)
+    queue = np.zeros(num_vertices if packed else 1, np.int32)
+    bound = _bound(graph) if packed else np.zeros((1, 2), np.float32)
     if packed:
         at_once = max(1, 2_000_000 // num_vertices)
         for a in range(0, num_robots, at_once):
             if perf_counter() > deadline_s:
                 return None
             b = min(a + at_once, num_robots)
-            extend_all(graph.first, graph.head, target, np.array(problem.start), a, b, code, code_scratch, bound, steps)
+            extend_all(first_packed, head_packed, target, np.array(problem.start), a, b, code, queue, bound, steps)
     else:
         found = steps_table(problem, deadline_s)
         if found is None:
@@ -72,9 +74,22 @@ def build_world(problem: Problem, deadline_s: float, *, packed: bool | None = No
         table = found
         steps[:] = table[np.arange(num_robots), problem.start]
         steps[steps >= UNREACHABLE] = -1
-    return World(
-        graph.first, graph.head, target, table, packed, code, code_scratch, bound, two_way, False, np.zeros((1, 1), np.int32)
-    ), steps
+    world = World(
+        first=graph.first,
+        head=graph.head,
+        goal=target,
+        table=table,
+        packed=packed,
+        code=code,
+        first_packed=first_packed,
+        head_packed=head_packed,
+        queue=queue,
+        bound=bound,
+        two_way=two_way,
+        guided=False,
+        guide=np.zeros((1, 1), np.int32),
+    )
+    return world, steps
 
 
 def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
@@ -168,6 +183,6 @@ def small_problem() -> Problem:
 
 
 def _bound(graph: PlanGraph) -> np.ndarray:
-    """[V, 2] coordinates scaled such that every lane is at most 1 long by the sum of absolute differences."""
+    """[V, 2] float32 coordinates scaled such that every lane is at most 1 long by the sum of absolute differences."""
     longest = np.abs(graph.xy[graph.head] - graph.xy[graph.tail]).sum(1).max(initial=0)
-    return np.array(graph.xy / (longest * (1 + 1e-12)) if longest > 0 else graph.xy)
+    return np.array(graph.xy / longest if longest > 0 else graph.xy, np.float32)

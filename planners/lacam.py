@@ -67,8 +67,8 @@ class Lacam:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        replace(self, scatter=2, polish=10, anytime=True)._plan(small_problem(), 60.0, False)
-        self._plan(small_problem(), 60.0, True)
+        replace(self, scatter=2, polish=10, anytime=True)._plan(small_problem(), np.inf, False)
+        self._plan(small_problem(), np.inf, True)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, with the best plan found if anytime; INFEASIBLE with proof; TIMED_OUT."""
@@ -223,8 +223,9 @@ def _room(num_robots: int, width: int, nodes: int) -> Search:
     return Search(
         config=np.empty((nodes, num_robots), np.int32),
         order=np.empty((nodes, num_robots), np.int32),
-        **{name: np.empty(nodes, np.int64) for name in ("g", "h", "parent", "first_branch", "last_branch", "first_edge", "relax")},
-        digest=np.empty(nodes, np.uint64),
+        **{
+            name: np.empty(nodes, np.int64) for name in ("g", "h", "parent", "digest", "first_branch", "last_branch", "first_edge", "relax")
+        },
         relaxing=np.empty(nodes, np.bool_),
         **{name: np.empty(branches, np.int64) for name in ("branch_parent", "branch_next")},
         **{name: np.empty(branches, np.int32) for name in ("branch_vertex", "branch_depth")},

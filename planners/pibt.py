@@ -50,7 +50,7 @@ class Pibt:
     def prepare(self) -> None:
         """Compile or load the kernels."""
         for packed in (False, True):
-            self._plan(small_problem(), 60.0, packed)
+            self._plan(small_problem(), np.inf, packed)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, GAVE_UP when all attempts ran into the step limit, TIMED_OUT; INFEASIBLE only for goals out of reach."""

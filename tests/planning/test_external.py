@@ -79,7 +79,7 @@ def test_rubbish_is_not_a_plan(problem):
 def test_bad_commands_are_refused(problem):
     with pytest.raises(ScenarioError, match=r"unknown place '\{maps\}' \(did you mean 'map'"):
         planner("external", {"command": "solve {maps} {out}"})
-    with pytest.raises(ScenarioError, match="no {out}"):
+    with pytest.raises(ScenarioError, match=r"no \{out\}"):
         planner("external", {"command": "solve {map}"})
     with pytest.raises(PlanError, match="cannot be started"):
         planner("external", {"command": "/no/such/program {out}"}).plan(problem, 1.0)

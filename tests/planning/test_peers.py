@@ -84,7 +84,11 @@ def test_eecbs_writes_row_before_column(problem, cells):
 
 
 def test_yaml_is_read_by_position_since_times_may_repeat(problem, cells):
-    text = "schedule:\n  agent0:\n    - {x: 0, y: 1, t: 0}\n    - {x: 0, y: 0, t: 1}\n    - {x: 1, y: 0, t: 1}\n  agent1:\n    - {x: 2, y: 0, t: 0}\n"
+    text = """
+schedule:
+  agent0: [{x: 0, y: 1, t: 0}, {x: 0, y: 0, t: 1}, {x: 1, y: 0, t: 1}]
+  agent1: [{x: 2, y: 0, t: 0}]
+"""
     assert len(paths_of_plan(read_paths(text, problem, cells), 1.0)[0]) == 3
 
 
