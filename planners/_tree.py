@@ -16,6 +16,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning import _space_time as st
 from mrp_sumo.planning._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, SWAP, WIDTH
 from mrp_sumo.planning.distance import distances
+from mrp_sumo.planning.solvable import unsolvable
 from planners._nodes import branch, same_path
 from planners._pairs import cover, pair_weight
 from planners._symmetry import choose
@@ -23,6 +24,7 @@ from planners._symmetry import choose
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000
 PAIR_NODES = 64
+SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
 MOST_BYTES = 6 << 30
 NO_CONFLICTS = np.empty((0, WIDTH), np.int64)
 
@@ -79,6 +81,7 @@ class Tree:
         self._tables = like._tables if like else _Tables(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = {}
         self.generated = 0
+        self._problem, self._num_split, self._unsolvable = problem, 0, False
 
     @property
     def expansions(self) -> int:
@@ -128,7 +131,17 @@ class Tree:
             The factor and the tree's lower bound; without, a bypass may not cost more than the node.
         bypass, disjoint
             Whether to.
+
+        Returns
+        -------
+        children
+            None at all for a problem that turns out to have no solution: that is looked for when many splits have not helped.
         """
+        self._num_split += 1
+        if self._num_split == SPLITS_BEFORE_DOUBT:
+            self._unsolvable = unsolvable(self._problem, bool(self.world.following))
+        if self._unsolvable:
+            return []
         while True:
             children = self.split(node, self.choose(node), w, disjoint)
             if not bypass or disjoint:
@@ -136,11 +149,11 @@ class Tree:
             better = [c for c in children if len(c.conflicts) < len(node.conflicts) and self._may_adopt(node, c, w, lower)]
             if not better:
                 return children
-            self._adopt(node, min(better, key=lambda c: len(c.conflicts)))
+            self.adopt(node, min(better, key=lambda c: len(c.conflicts)))
             if not len(node.conflicts):
                 return [node]
 
-    def _adopt(self, node: Node, child: Node) -> None:
+    def adopt(self, node: Node, child: Node) -> None:
         """Bypass: give the node its child's paths, without the child's constraints."""
         robot = int(np.flatnonzero(node.records != child.records)[0])
         old, new = int(node.records[robot]), int(child.records[robot])
@@ -164,6 +177,8 @@ class Tree:
 
     def heuristic(self, node: Node) -> int:
         """WDG: what the pairs in conflict cost more than their paths, at least."""
+        if self._unsolvable:
+            return 0
         weight = np.zeros((self.num_robots, self.num_robots), np.int64)
         origin = self._tables.store.meta[:, st.ORIGIN]
         for i, j in sorted({(min(a, b), max(a, b)) for a, b in node.conflicts[:, :2].tolist()}):
@@ -296,7 +311,7 @@ class Tree:
             left = self.deadline - perf_counter()
             if left <= 0:
                 raise OutOfTime
-            return max(1000, min(4 * budget, int(left * EXPANSIONS_PER_S)))
+            return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
 
 

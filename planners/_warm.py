@@ -1,6 +1,6 @@
-"""Calls a planner on a question small enough to cost nothing, so that its kernels are compiled or loaded."""
+"""Puts questions to the constraint tree that are small enough to cost nothing and call every kernel, so that all are compiled or loaded."""
 
-from functools import cache
+import math
 
 import numpy as np
 
@@ -8,25 +8,30 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, frozen, nav_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.protocol import Planner
+from mrp_sumo.planning.solvable import unsolvable
+from planners._tree import Tree
 
 
 def warm(planner: Planner) -> None:
-    """Plan crossings in an open square, that end in conflicts of every sort."""
-    for problem in _questions():
-        planner.plan(problem, 600.0)
+    """Plan a swap on a line with a bay, and take every step of a tree on it."""
+    problem = _swap_at_a_bay()
+    planner.plan(problem, math.inf)
+    tree = Tree(problem, math.inf)
+    root = tree.root()
+    assert root is not None
+    tree.heuristic(root)
+    chosen = tree.choose(root)
+    children = tree.split(root, chosen)
+    tree.split(root, chosen, disjoint=True)
+    tree.adopt(root, children[0])
+    unsolvable(problem)
 
 
-@cache
-def _questions() -> tuple[Problem, ...]:
-    side = 4
-    cells = [(x, y) for y in range(side) for x in range(side)]
-    number = {cell: k for k, cell in enumerate(cells)}
-    lanes = [
-        (number[x, y], number[x + a, y + b]) for x, y in cells for a, b in ((1, 0), (0, 1), (-1, 0), (0, -1)) if (x + a, y + b) in number
-    ]
-    nav = nav_graph(name="square", xy=np.array(cells, float), lanes=lanes)
-    graph = PlanGraph(**{**nav.__dict__, "kind": "grid", "cell_m": 1.0, "vertex_of_station": frozen(np.arange(side * side))})
-    fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 3)
-    start = np.array([number[0, 1], number[1, 0], number[3, 3]])
-    goal = np.array([number[3, 2], number[2, 3], number[0, 0]])
-    return (Problem(graph=graph, fleet=fleet, start=start, goal=goal, goal_of=np.arange(3), step_s=1.0),)
+def _swap_at_a_bay() -> Problem:
+    edges = [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)]
+    xy = np.array([(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (2, 1)], np.float64)
+    nav = nav_graph(name="bay", xy=xy, lanes=[*edges, *((b, a) for a, b in edges)])
+    fields = {name: getattr(nav, name) for name in nav.__dataclass_fields__}
+    graph = PlanGraph(**fields, kind="grid", cell_m=1.0, vertex_of_station=frozen(np.arange(6)))
+    fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2)
+    return Problem(graph=graph, fleet=fleet, start=np.array([0, 4]), goal=np.array([4, 0]), goal_of=np.arange(2), step_s=1.0)

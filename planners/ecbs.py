@@ -81,7 +81,7 @@ class Ecbs:
                     best = node
                     break
                 expanded += 1
-                for child in tree.split(node, tree.choose(node), self.w):
+                for child in tree.children(node, self.w, bypass=False):
                     insert(child)
         except OutOfTime:
             status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"

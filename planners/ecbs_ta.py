@@ -86,7 +86,7 @@ class EcbsTa:
                         break
                     expanded += 1
                     root_expanded = node.depth == 0
-                    for child in tree.split(node, tree.choose(node), self.w):
+                    for child in tree.children(node, self.w, bypass=False):
                         insert(child, tree, assigned)
                 if waiting and (root_expanded or not focal):
                     assigned = problem.assigned(waiting[1])

@@ -24,7 +24,6 @@ class Eecbs:
     w: float = 1.2
     symmetries: bool = True  # rectangles, corridors, targets
     bypass: bool = True
-    heuristic: bool = True  # WDG raises the lower bound of nodes expanded for the bound's sake
     following: bool = False  # following conflicts count too
 
     assigns: ClassVar[bool] = False

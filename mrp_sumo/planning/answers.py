@@ -1,4 +1,5 @@
-"""Answers a planner gives before it searches, so that all give the same: goals out of reach, goals held twice.
+"""Answers a planner gives before it searches, so that all give the same: goals out of reach, goals held
+twice, robots that cannot pass each other.
 
 Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
 """
@@ -9,6 +10,7 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.distance import UNREACHABLE, distances
+from mrp_sumo.planning.solvable import order_broken
 
 
 def impossible(problem: Problem) -> PlanResult | None:
@@ -32,6 +34,9 @@ def impossible(problem: Problem) -> PlanResult | None:
             Status.INFEASIBLE,
             message=f"{name[robot]} cannot reach its goal '{label(target[robot])}' from '{label(problem.start[robot])}'",
         )
+    if broken := order_broken(problem):
+        a, b = broken
+        return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} would have to pass each other where there is no room")
     return None
 
 

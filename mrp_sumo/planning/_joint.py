@@ -1,0 +1,75 @@
+"""Kernel of the search of all joint states: whether a few robots on a small graph can reach their goals at all."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def can_reach(first, head, start, goal, following):
+    """Whether robots can go from their starts to their goals without a conflict.
+
+    Parameters
+    ----------
+    first, head
+        The graph, of V vertices.
+    start, goal
+        [R] vertices; V ** R must be a number small enough to hold that many flags.
+    following
+        Whether following conflicts are forbidden too.
+    """
+    num_vertices, num_robots = len(first) - 1, len(start)
+    size = np.int64(1)
+    for _ in range(num_robots):
+        size *= num_vertices
+    seen = np.zeros(size, np.bool_)
+    queue = np.empty(size, np.int64)
+    wanted, begin = np.int64(0), np.int64(0)
+    for r in range(num_robots):
+        wanted = wanted * num_vertices + goal[r]
+        begin = begin * num_vertices + start[r]
+    seen[begin] = True
+    queue[0] = begin
+    done, count = 0, 1
+    at = np.empty(num_robots, np.int64)
+    there = np.empty(num_robots, np.int64)
+    move = np.empty(num_robots, np.int64)
+    while done < count:
+        state = queue[done]
+        done += 1
+        if state == wanted:
+            return True
+        rest = state
+        for r in range(num_robots - 1, -1, -1):
+            at[r] = rest % num_vertices
+            rest //= num_vertices
+        r = 0
+        move[0] = -1
+        while r >= 0:  # robots one after the other, each through its moves
+            move[r] += 1
+            u = at[r]
+            degree = first[u + 1] - first[u]
+            if move[r] > degree:
+                r -= 1
+                continue
+            v = u if move[r] == degree else head[first[u] + move[r]]
+            clear = True
+            for s in range(r):
+                if there[s] == v or (there[s] == u and at[s] == v):
+                    clear = False
+                if following and ((v == at[s] and there[s] != v) or (there[s] == u and v != u)):
+                    clear = False
+            if not clear:
+                continue
+            there[r] = v
+            if r + 1 < num_robots:
+                r += 1
+                move[r] = -1
+                continue
+            new = np.int64(0)
+            for s in range(num_robots):
+                new = new * num_vertices + there[s]
+            if not seen[new]:
+                seen[new] = True
+                queue[count] = new
+                count += 1
+    return False
