@@ -27,6 +27,7 @@ from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor
 from mrp_sumo.io.plan_file import write_plan
 from mrp_sumo.io.run_folder import plain
+from mrp_sumo.io.scenario import Scenario
 from mrp_sumo.io.trajectory import write_trajectory
 from mrp_sumo.io.visits import write_visits
 from mrp_sumo.maps.grid import grid_graph
@@ -107,18 +108,22 @@ def make_run(folder: Path, num_robots: int, duration_s: float) -> None:
     write_trajectory(folder / "trajectory.parquet", execution, fleet.robot_name, {})
     write_visits(folder / "visits.parquet", problem, plan, execution)
     write_events(folder / "events.jsonl", execution, fleet, graph)
+    scenario = Scenario.model_validate(
+        {
+            "name": f"bench_{num_robots}",
+            "map": "warehouse",
+            "discretisation": {"kind": "grid", "cell_m": CELL_M},
+            "robots": {"count": num_robots},
+            "planner": "made_up",
+        }
+    )
     result = {
         "status": "time_limit",
         "outcome": "time_limit",
         "policy": "adg",
         "note": "",
         "seed": 7,
-        "scenario": {
-            "name": f"bench_{num_robots}",
-            "map": {"file": "warehouse"},
-            "planner": {"name": "made up"},
-            "assignment": {"mode": "fixed"},
-        },
+        "scenario": scenario.model_dump(mode="json"),
         "metrics": {"sim_time_s": duration_s, "wall_time_s": 1.0, "cpu_time_s": 1.0},
         "robots": [{"name": n, "goal": graph.label(int(v)), "goal_s": t} for n, v, t in zip(fleet.robot_name, plan.last_vertex, goal_s)],
         "findings": [],

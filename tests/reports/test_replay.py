@@ -254,6 +254,7 @@ def test_serve_answers_until_interrupted(folder):
                 assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
         finally:
             server.send_signal(signal.SIGINT)
+            server.communicate(timeout=20)
     assert server.returncode == 0
 
 

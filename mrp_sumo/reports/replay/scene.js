@@ -2,11 +2,11 @@
 
 const THEMES = {
   light: {
-    paper: "#eef1f5", floor: "#ffffff", furniture: "#e6ebf1", hole: "#e2e7ee", wall: "#3a4454", lane: "#b9c7d8", door: "#c2813f", station: "#7b8da3", ink: "#17202c", halo: "#ffffff",
+    paper: "#eef1f5", floor: "#ffffff", furniture: "#e6ebf1", fine: "#aab4c0", hole: "#e2e7ee", wall: "#3a4454", lane: "#b9c7d8", door: "#c2813f", station: "#7b8da3", ink: "#17202c", halo: "#ffffff",
     muted: "#5b6878", accent: "#1d4ed8", special: "#7c5cd6", states: ["#2f7de1", "#e8960c", "#dc2f45", "#15936f", "#9aa5b1"],
   },
   dark: {
-    paper: "#0c1015", floor: "#151b23", furniture: "#232c37", hole: "#0f141a", wall: "#8a97a8", lane: "#324154", door: "#b98a55", station: "#5d7085", ink: "#e6edf3", halo: "#0c1015",
+    paper: "#0c1015", floor: "#151b23", furniture: "#232c37", fine: "#465260", hole: "#0f141a", wall: "#8a97a8", lane: "#324154", door: "#b98a55", station: "#5d7085", ink: "#e6edf3", halo: "#0c1015",
     muted: "#8d9aaa", accent: "#6ea8ff", special: "#a48df0", states: ["#4d9bff", "#f7b02e", "#ff5468", "#2fc597", "#667380"],
   },
 };
@@ -73,7 +73,7 @@ class Scene {
   /* The whole map, with room for the counts above it. */
   fit() {
     const [w, h] = this.map.size_m;
-    const narrow = this.width < 600;
+    const narrow = this.width < 600 || this.height < 420;
     const side = narrow ? 14 : 36, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
     const scale = Math.min((this.width - 2 * side) / w, (this.height - top - bottom) / h);
     this.minScale = scale / 4;
@@ -140,7 +140,7 @@ class Scene {
     }
     this.lanes.end();
     const wall = packed(theme.wall), door = packed(theme.door);
-    const fine = packed(theme.wall, 0.5);
+    const fine = packed(theme.fine);
     this.walls.begin((map.walls.length + map.inner.length) / 4 + map.doors.length);
     for (let i = 0; i < map.inner.length; i += 4) this.walls.add(map.inner[i], map.inner[i + 1], map.inner[i + 2], map.inner[i + 3], 0.03, 1, true, fine);
     for (const ends of map.doors) this.walls.add(...ends, 0.06, 1.5, false, door);
@@ -396,7 +396,7 @@ class Scene {
 
   drawGoal(context, view) {
     const r = view.selected, v = r >= 0 && this.run.target.length ? this.run.target[r] : -1;
-    if (v < 0 || !this.motion.vertexX) return;
+    if (v < 0 || !this.motion.vertexX || this.motion.now[r] === AT_GOAL) return;
     const [x, y] = this.toScreen(this.motion.vertexX[v], this.motion.vertexY[v]);
     context.strokeStyle = this.theme.accent;
     for (const radius of [4, 9]) {
