@@ -1,31 +1,47 @@
-"""Compile the kernels of all planners into the cache, so that the first plan of each starts at once.
+"""Compile all kernels into the cache ahead, so that no first run pays for it. Does nothing the second time.
 
-Takes a minute or two on a machine that has never done it, seconds afterwards. Needed again after an update.
+Needed once after installing and after each update; any run would do it as well, for what it uses.
 """
 
 import argparse
-from time import perf_counter
+import multiprocessing
+import os
+import sys
+import time
 
-from mrp_sumo.errors import MrpSumoError
+EXECUTION = "execution"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
-    parser.add_argument("planner", nargs="*", help="planners to prepare (default: all)")
+    """The arguments of `mrp-sumo warmup`."""
+    parser.add_argument("--quiet", action="store_true", help="print nothing")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Prepare one planner after the other; one line each."""
-    from mrp_sumo.planning.registry import planner, planner_class, planner_names
+    """Compile, on all cores."""
+    from mrp_sumo.planning.registry import planner_names
 
-    for name in options.planner or planner_names():
-        planner_class(name)  # an unknown name is refused before anything is compiled
-        began = perf_counter()
-        try:
-            planner(name, {}).prepare()
-        except MrpSumoError:
-            if options.planner:
-                raise
-            continue  # needs parameters: an external program, with nothing to compile
-        print(f"{name:<12} {perf_counter() - began:6.1f} s", flush=True)
+    began = time.perf_counter()
+    names = [EXECUTION, *planner_names()]
+    _warm(names[0])  # what the others share is compiled once
+    workers = min(len(names) - 1, os.cpu_count() or 1)
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        for name in pool.imap_unordered(_warm, names[1:]):
+            if not options.quiet and sys.stderr.isatty():
+                print(f"{name} ready", file=sys.stderr)
+    if not options.quiet:
+        print(f"{len(names) - 1} planners and the controller are ready after {time.perf_counter() - began:.1f} s")
     return 0
+
+
+def _warm(name: str) -> str:
+    from mrp_sumo.planning import distance
+    from mrp_sumo.planning.registry import planner
+    from mrp_sumo.sim import warm
+
+    distance.prepare()
+    if name == EXECUTION:
+        warm.prepare()
+    else:
+        planner(name, {}).prepare()
+    return name
