@@ -147,3 +147,22 @@ def test_a_table_for_people(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "goalsReached                        2\n" in told and "minDistanceBetweenTwoAgents         1.000 m\n" in told
     assert np.isfinite(float(told.split("totalTimeForScheduleExecution")[1].split()[0]))
+
+
+def test_the_bag_of_a_run_gives_the_metrics_of_its_result(tmp_path, capsys):
+    """From scenario to bag and back: what evaluate says from the trajectory, analyze says from the messages."""
+    assert main(["run", "office_5", "--planner", "prioritised", "--out", str(tmp_path / "run")]) == 0
+    capsys.readouterr()
+    told, metrics = analyzed(capsys, tmp_path / "run"), json.loads((tmp_path / "run" / "result.json").read_text())["metrics"]
+    ours = {
+        "goalsReached": "goals_reached",
+        "allGoalReached": "all_goals_reached",
+        "totalTimeForScheduleExecution": "execution_time_s",
+        "executionTimeoutReached": "execution_timed_out",
+        "timeBlockedTotal": "time_blocked_total_s",
+        "minDistanceBetweenTwoAgents": "min_distance_m",
+        "minDistanceBetweenTwoAgentsAtStart": "min_distance_at_start_m",
+        "minDistanceBetweenTwoAgentsDelta": "min_distance_delta_m",
+        "invalidRun": "run_invalid",
+    }
+    assert {key: told[key] for key in ours} == {key: pytest.approx(metrics[name], rel=1e-9) for key, name in ours.items()}
