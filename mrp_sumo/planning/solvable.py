@@ -75,8 +75,8 @@ def unsolvable(problem: Problem, following: bool = False) -> bool:
         vertices = np.flatnonzero(graph.component == component)
         robots = np.flatnonzero(graph.component[problem.start] == component)
         degree = float(np.diff(graph.first)[vertices].mean()) + 1
-        states = float(len(vertices)) ** len(robots)
-        if states > MOST_STATES or states * degree ** len(robots) > MOST_MOVES:
+        states, moves = len(robots) * np.log(len(vertices)), len(robots) * np.log(len(vertices) * degree)
+        if states > np.log(MOST_STATES) or moves > np.log(MOST_MOVES):
             continue
         number = np.full(graph.num_vertices, -1)
         number[vertices] = np.arange(len(vertices))

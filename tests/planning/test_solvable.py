@@ -57,5 +57,5 @@ def test_full_ring_turns_unless_following_is_forbidden():
 
 
 def test_large_problem_is_left_to_the_planner():
-    line = [(k, k + 1) for k in range(60)]
-    assert not unsolvable(problem(line, list(range(10)), list(range(9, -1, -1)), 61))
+    line = [(k, k + 1) for k in range(600)]
+    assert not unsolvable(problem(line, list(range(500)), list(range(499, -1, -1)), 601))
