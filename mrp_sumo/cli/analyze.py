@@ -1,7 +1,7 @@
 """MRP-Bench's execution metrics of a bag with /fleet_states: ours, or one that MRP-Bench recorded.
 
 Starts, goals and constants are taken from --config, else from the YAML file beside the bag (as MRP-Bench
-leaves it), else from the run folder the bag lies in and from the bag's /robot_path_requests. BAG may be a run
+leaves it), else from the metadata of a bag of ours and from the bag's /robot_path_requests. BAG may be a run
 folder, too. Options win over files.
 """
 
@@ -125,7 +125,7 @@ def _told(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, A
     beside = [bag.with_name(bag.name + suffix) for suffix in (".yaml", ".yml")]
     path = config or next((p for p in beside if p.is_file()), None)
     if path is None:
-        return _constants_of_run(bag.parent / "result.json"), {}
+        return _constants_in(bag / "metadata.yaml"), {}
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -166,14 +166,12 @@ def _point(value: Any) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _constants_of_run(path: Path) -> dict[str, float]:
-    """The constants a run of ours was measured with."""
+def _constants_in(metadata: Path) -> dict[str, float]:
+    """The constants a bag of ours carries in its metadata."""
+    import yaml
+
     try:
-        scenario = json.loads(path.read_text(encoding="utf-8"))["scenario"]
-        return {
-            "cellSize": float(scenario["discretisation"]["cell_m"]),
-            "locationTolerance": float(scenario["execution"]["goal_tolerance_m"]),
-            "recordingTimeout": float(scenario["execution"]["time_limit_s"]),
-        }
-    except (OSError, ValueError, KeyError, TypeError):
+        custom = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]["custom_data"]
+        return {key: float(custom[key]) for key in DEFAULTS if key in custom}
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):  # other people's bags
         return {}

@@ -1,7 +1,8 @@
 """What a run leaves behind, in memory: everything logs, exports and replays are made from."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,16 @@ class Record:
     execution: Execution
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
     costmap: "Costmap | None" = None  # walls
+    constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names: what metrics were taken with
+
+
+def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:
+    """MRP-Bench's constants in a complete scenario."""
+    return {
+        "cellSize": float(scenario["discretisation"]["cell_m"]),
+        "locationTolerance": float(scenario["execution"]["goal_tolerance_m"]),
+        "recordingTimeout": float(scenario["execution"]["time_limit_s"]),
+    }
 
 
 def robot_states(execution: Execution, t_s: FloatArray) -> NDArray[np.int8]:

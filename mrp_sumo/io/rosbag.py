@@ -86,6 +86,7 @@ def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), 
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     renamed = {token: name for token, name in zip(messages.robots, record.fleet.robot_name) if token != name}
     custom = {"scenario": record.name, "seed": str(record.seed), "epoch_ns": str(EPOCH_NS), "rmf_generation": options.rmf}
+    custom |= {name: repr(float(value)) for name, value in record.constants.items()}
     if renamed:
         custom["robot_names"] = json.dumps(renamed, ensure_ascii=False)
     for key, value in {**custom, **(about or {})}.items():

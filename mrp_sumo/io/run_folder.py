@@ -29,7 +29,7 @@ from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.plan_file import write_plan
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import Record, constants_of
 from mrp_sumo.io.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -217,6 +217,7 @@ def _write_logs(
             execution=execution,
             nav=nav,
             costmap=costmap,
+            constants=constants_of(scenario.model_dump(mode="json")),
         )
         write_bag(folder / "bag", record, BagOptions(rmf=scenario.record.rmf_messages))
 

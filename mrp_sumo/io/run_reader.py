@@ -19,7 +19,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.events import events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.plan_file import read_plan
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import Record, constants_of
 
 if TYPE_CHECKING:
     import pandas
@@ -156,6 +156,7 @@ class Run:
             execution=self.execution,
             nav=self.nav,
             costmap=self.costmap,
+            constants=constants_of(self.result["scenario"]),
         )
 
     @property

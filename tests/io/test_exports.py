@@ -119,6 +119,7 @@ def test_metrics_of_a_bag_are_those_of_the_run(folder, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["numGoals"] == 4 and told["messages"] == 7
     distance = np.hypot(np.diff(record_of_four(seconds=3.0).execution.x_m[::5, :2], axis=1)[:, 0], 1.0).min()
+    assert told["allGoalReached"] is False and told["totalTimeForScheduleExecution"] == 300  # the scenario's time limit, from the bag
     assert told["minDistanceBetweenTwoAgents"] == pytest.approx(distance, abs=1e-6)
 
 
