@@ -1,0 +1,22 @@
+"""Write a page about a batch or a run: tables and charts that stand alone, for a browser, a phone, paper or a paper.
+
+OUT gets index.html, which needs no network, figures/ as SVG and PNG, and tables/ as CSV, Markdown and LaTeX.
+"""
+
+import argparse
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo report`."""
+    parser.add_argument("folder", metavar="DIR", help="folder of a batch, of a run, or of several run folders; or a results.parquet")
+    parser.add_argument("--out", metavar="OUT", help="folder of the report (default: DIR/report)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the report and say where."""
+    from mrp_sumo.reports.report import write_report
+
+    page = write_report(Path(options.folder), Path(options.out) if options.out else None)
+    print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+    return 0

@@ -1,0 +1,180 @@
+"""Charts: drawn with matplotlib's objects, kept as SVG and PNG, and as SVG to be set into a page whose colours they follow.
+
+The same data give the same bytes. Lines and marks differ in shape as well as colour; the colours are those of Okabe and
+Ito, which people with any colour vision can tell apart. Names of maps, planners and robots are text: neither markup nor formulas.
+"""
+
+import io
+import re
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from mrp_sumo.reports.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, SKY, VERMILION
+
+GRID, SOFT = "#d9dce1", "#eceef1"
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, INK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+LINES = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
+MAX_SERIES = 12  # in one chart
+MANY_POINTS = 1500  # beyond which marks are pixels inside the SVG
+
+ON_PAGE = {  # colour in the file -> CSS variable on the page, which has another value in the dark
+    INK: "--ink",
+    MUTED: "--muted",
+    PAPER: "--paper",
+    GRID: "--grid",
+    SOFT: "--soft",
+    BLUE: "--blue",
+    VERMILION: "--vermilion",
+    GREEN: "--green",
+    PURPLE: "--purple",
+    ORANGE: "--orange",
+    SKY: "--sky",
+}
+STYLE: Any = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": MUTED,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "axes.unicode_minus": True,
+    "figure.facecolor": PAPER,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.7,
+    "lines.markersize": 5,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "mrp_sumo",
+    "text.color": INK,
+    "text.parse_math": False,
+    "xtick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.color": MUTED,
+    "ytick.labelcolor": INK,
+    "ytick.labelsize": 8.5,
+}
+NARROW = (4.7, 3.15)  # inches; two beside each other on a desk, one readable on a phone
+PNG_DPI = 180
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A drawn chart."""
+
+    name: str  # of its files
+    title: str
+    caption: str  # what is shown and how to read it, one or two sentences
+    svg: bytes
+    png: bytes
+    wide: bool = False  # takes the whole width of the page
+
+    def on_page(self) -> str:
+        """The SVG as an element of an HTML page: no prolog, names of its own, colours of the page."""
+        text = self.svg.decode()
+        text = text[text.index("<svg") :]
+        text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+        text = re.sub(r'\bid="([^"]+)"', rf'id="{self.name}-\1"', text)
+        text = re.sub(r'href="#([^"]+)"', rf'href="#{self.name}-\1"', text)
+        text = re.sub(r"url\(#([^)]+)\)", rf"url(#{self.name}-\1)", text)
+        for colour, variable in ON_PAGE.items():
+            text = re.sub(rf"(?<=: ){colour}\b", f"var({variable})", text, flags=re.IGNORECASE)
+        opening = text[: text.index(">") + 1]
+        width = float(re.search(r'width="([\d.]+)pt"', opening)[1]) * 96 / 72  # type: ignore[index]
+        view = re.search(r'viewBox="[^"]+"', opening)[0]  # type: ignore[index]
+        bound = "" if self.wide else f' style="max-width:{width:.0f}px"'
+        new = f'<svg {view} role="img" aria-labelledby="{self.name}-title"{bound}>'
+        return new + text[len(opening) :]
+
+
+def draw(
+    name: str,
+    title: str,
+    caption: str,
+    paint: Callable[[Figure], None],
+    *,
+    size: tuple[float, float] = NARROW,
+    wide: bool = False,
+) -> Chart:
+    """Draw a chart.
+
+    Parameters
+    ----------
+    name
+        Of its files: letters, digits and `_`.
+    title, caption
+        Told beside it.
+    paint
+        Draws on an empty figure.
+    size
+        Width and height in inches.
+    wide
+        Whether it takes the whole width of the page.
+    """
+    svg, png = io.BytesIO(), io.BytesIO()
+    with mpl.rc_context(STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name in a script that the font lacks
+        figure = Figure(figsize=size, layout="constrained")
+        paint(figure)
+        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None}, dpi=PNG_DPI)
+        figure.savefig(png, format="png", metadata={"Software": None}, dpi=PNG_DPI)
+    return Chart(name, title, caption, svg.getvalue(), png.getvalue(), wide)
+
+
+def series_style(i: int) -> dict[str, object]:
+    """Colour, mark and line of the i-th series."""
+    return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)], "linestyle": LINES[i % len(LINES)]}
+
+
+def shown(name: str, limit: int = 34) -> str:
+    """A name as it can be drawn: printable, of bounded length, and not taken for one that legends leave out."""
+    text = "".join(c if c.isprintable() else "�" for c in name)
+    text = text if len(text) <= limit else text[: limit - 1] + "…"
+    return "\u2009" + text if text.startswith("_") else text
+
+
+def key(figure: Figure, ax: Axes) -> None:
+    """The legend, below the chart."""
+    handles, labels = ax.get_legend_handles_labels()
+    if len(labels) < 2 and not (labels and figure.axes.index(ax) > 0):
+        return
+    width = figure.get_figwidth() * 72
+    longest = max(map(len, labels)) * 5.0 + 34
+    columns = max(1, min(len(labels), int(width / longest)))
+    figure.legend(handles, labels, loc="outside lower left", ncols=columns, handlelength=2.6, columnspacing=1.4)
+
+
+def log_seconds(axis: Axis) -> None:
+    """A logarithmic axis of seconds, in words."""
+
+    def told(value: float, _: object) -> str:
+        for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+            if value >= size * 0.999 or unit == "µs":
+                return f"{value / size:g} {unit}"
+        return ""
+
+    axis.set_major_formatter(FuncFormatter(told))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def file_name(*parts: object) -> str:
+    """A name for files made of other names."""
+    return re.sub(r"_+", "_", "_".join(re.sub(r"[^a-z0-9]+", "_", str(part).lower()) for part in parts)).strip("_") or "chart"

@@ -1,0 +1,137 @@
+"""The page of a report: HTML that stands alone, without scripts and without a network.
+
+Everything from outside (names, reasons, paths) is text and is escaped here.
+"""
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mrp_sumo.reports.chart import Chart
+from mrp_sumo.reports.table import Table
+
+GENERATOR = "mrp-sumo report"
+STYLE_SHEET = Path(__file__).with_name("page.css")
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A figure to be seen first."""
+
+    label: str
+    value: str
+    detail: str = ""
+    mood: str = ""  # 'good', 'bad' or neither
+
+
+@dataclass
+class Section:
+    """A part of the page with its own heading."""
+
+    name: str  # of its place in the page
+    title: str
+    text: str = ""
+    parts: list[Table | Chart] = field(default_factory=list)
+
+
+def page(
+    title: str,
+    lead: str,
+    tiles: Sequence[Tile],
+    told: Sequence[str],
+    sections: Sequence[Section],
+    about: Sequence[str],
+) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    title, lead
+        What it is about.
+    tiles
+        The figures to be seen first.
+    told
+        What the reader must know of what is missing.
+    sections
+        Those without parts are left out.
+    about
+        Lines at the foot.
+    """
+    sections = [s for s in sections if s.parts or s.text]
+    lines = [
+        "<!DOCTYPE html>",
+        '<html lang="en">',
+        "<head>",
+        '<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f'<meta name="generator" content="{GENERATOR}">',
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">",
+        f"<title>{html.escape(title)}</title>",
+        f"<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>",
+        "</head>",
+        "<body>",
+        f"<header><h1>{html.escape(title)}</h1>",
+        f'<p class="lead">{html.escape(lead)}</p>' if lead else "",
+        "</header>",
+        '<nav aria-label="Sections"><ul>',
+        *(f'<li><a href="#{s.name}">{html.escape(s.title)}</a></li>' for s in sections),
+        "</ul></nav>",
+        "<main>",
+        _tiles(tiles),
+    ]
+    if told:
+        lines.append('<ul class="told">' + "".join(f"<li>{html.escape(line)}</li>" for line in told) + "</ul>")
+    for section in sections:
+        lines.append(f'<section aria-labelledby="{section.name}">\n<h2 id="{section.name}">{html.escape(section.title)}</h2>')
+        if section.text:
+            lines.append(f'<p class="lead">{html.escape(section.text)}</p>')
+        lines += _parts(section.parts)
+        lines.append("</section>")
+    lines.append("</main>")
+    lines.append("<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in about) + "</footer>")
+    lines.append("</body>\n</html>\n")
+    return "\n".join(line for line in lines if line)
+
+
+def _tiles(tiles: Sequence[Tile]) -> str:
+    if not tiles:
+        return ""
+    cells = []
+    for tile in tiles:
+        detail = f" <small>{html.escape(tile.detail)}</small>" if tile.detail else ""
+        cells.append(f'<div class="{tile.mood}"><dt>{html.escape(tile.label)}</dt><dd>{html.escape(tile.value)}{detail}</dd></div>')
+    return f'<dl class="tiles">{"".join(cells)}</dl>'
+
+
+def _parts(parts: Sequence[Table | Chart]) -> list[str]:
+    """Charts that follow each other stand beside each other."""
+    lines: list[str] = []
+    in_charts = False
+    for part in parts:
+        if isinstance(part, Chart) != in_charts:
+            lines.append("</div>" if in_charts else '<div class="charts">')
+            in_charts = not in_charts
+        lines.append(_chart(part) if isinstance(part, Chart) else _table(part))
+    if in_charts:
+        lines.append("</div>")
+    return lines
+
+
+def _chart(chart: Chart) -> str:
+    files = " ".join(f'<a href="figures/{chart.name}.{kind}">{kind.upper()}</a>' for kind in ("svg", "png"))
+    return (
+        f'<figure{" class=wide" if chart.wide else ""}>\n<h3 id="{chart.name}-title">{html.escape(chart.title)}</h3>\n'
+        f'<div class="scroll">{chart.on_page()}</div>\n'
+        f'<figcaption>{html.escape(chart.caption)} <span class="files">{files}</span></figcaption>\n</figure>'
+    )
+
+
+def _table(table: Table) -> str:
+    files = " ".join(
+        f'<a href="tables/{table.name}.{kind}">{name}</a>' for kind, name in (("csv", "CSV"), ("md", "Markdown"), ("tex", "LaTeX"))
+    )
+    head = f"<h3>{html.escape(table.title)}</h3>\n"
+    note = f'<p class="note">{html.escape(table.note)} <span class="files">{files}</span></p>'
+    body = f'<div class="scroll" tabindex="0">{table.to_html()}</div>\n{note}'
+    return f"<details><summary>{html.escape(table.title)}</summary>\n{body}</details>" if table.is_folded else head + body

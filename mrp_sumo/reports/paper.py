@@ -1,0 +1,321 @@
+"""Tables I to IV and Figure 5 of the MRP-Bench paper, of our runs, beside the paper's numbers as far as they are known.
+
+Schaefer, Palmieri, Heuer, Dillmann, Koenig, Kleiner: A Benchmark for Multi-Robot Planning in Realistic, Complex and Cluttered
+Environments, ICRA 2023. Numbers of the paper that could not be had are not here: `-` in a table is not a zero.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
+from mrp_sumo.reports.chart import COLOURS, MAX_SERIES, Chart, draw, shown
+from mrp_sumo.reports.map_picture import INK, PAPER
+from mrp_sumo.reports.study import Study, numbers
+from mrp_sumo.reports.table import Cell, Table, between, percent, whole
+
+
+@dataclass(frozen=True)
+class MapFacts:
+    """A row of Table I."""
+
+    vertices: int
+    edges: int
+    extent_m: tuple[float, float]
+    cells: int  # of the grid at 0.4 m
+    free: int
+
+
+PAPER_MAPS = {
+    "office": MapFacts(29, 32, (21.53, 12.05), 1025, 333),
+    "warehouse": MapFacts(54, 59, (22.16, 27.07), 3009, 788),
+    "airport": MapFacts(210, 211, (282.22, 64.35), 105700, 7645),
+}
+ALSO = {"airport_terminal": "airport"}  # MRP-Bench's file names
+PAPER_PLANNING = {("warehouse", "A*"): 1.00, ("warehouse", "CBS"): 0.83, ("warehouse", "ECBS"): 0.97, ("warehouse", "EECBS"): 1.00}  # 60 s
+PAPER_CBS_TA_S = 136.8  # what Table II gives for CBS-TA
+PAPER_COST = {  # Table IV: makespan and cost in cells, start included, over 39 scenarios
+    "A*": (65.3, 227.1),
+    "CBS": (65.6, 233.5),
+    "ECBS": (65.6, 234.1),
+    "EECBS": (66.3, 234.2),
+    "CBS-TA": (59.3, 213.5),
+    "ECBS-TA": (66.2, 227.3),
+}
+PAPER_COST_SCENARIOS = 39
+
+
+def map_of_paper(name: str) -> str:
+    """What the paper calls a map."""
+    base = name.split(", ", 1)[0]
+    return ALSO.get(base, base)
+
+
+def paper_planner(series: str) -> str:
+    """The planner of a series as the paper writes it."""
+    return series.split(", ", 1)[0]
+
+
+def table_1(study: Study) -> Table | None:
+    """Map facts, counted by the runs themselves or, for bundled maps, now."""
+    cells = "discretisation.cell_m" in study.frame
+    rows: list[list[Cell]] = []
+    for name in study.maps:
+        runs = study.frame[study.frame["_map"] == name]
+        counted = False
+        for cell_m in sorted(runs["discretisation.cell_m"].dropna().unique(), reverse=True) if cells else (0.4,):
+            facts = _facts(study, runs[runs["discretisation.cell_m"] == cell_m] if cells else runs, float(cell_m))
+            if facts is not None:
+                rows.append([name, float(cell_m), *facts])
+                counted = True
+        of = PAPER_MAPS.get(map_of_paper(name))
+        if of is not None and counted:
+            rows.append([f"{name}, paper", 0.4, of.vertices, of.edges, None, *of.extent_m, of.cells, of.free])
+    if not rows:
+        return None
+    return Table(
+        "table_1_maps",
+        "Table I: the maps",
+        ("map", "cell m", "vertices", "edges", "components", "width m", "height m", "cells", "free cells"),
+        rows,
+        "Vertices and undirected edges of the nav graph, extent of lanes and walls, cells of the occupancy grid.",
+        digits={"cell m": 2, "width m": 2, "height m": 2},
+    )
+
+
+def _facts(study: Study, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None:
+    keys = ("num_vertices", "num_edges", "num_components", "extent_x_m", "extent_y_m", "num_cells_total", "num_cells_free")
+    if study.until == "map":
+        found = runs[runs["_succeeded"]]
+        if not len(found) or any(k not in found for k in keys):
+            return None
+        values = [float(found.iloc[0][k]) for k in keys]
+    else:
+        from mrp_sumo.maps.catalogue import bundled_maps
+        from mrp_sumo.maps.facts import facts
+        from mrp_sumo.maps.load import load_map
+
+        row = runs.iloc[0]
+        path = bundled_maps().get(str(row["map"]))
+        if path is None:
+            return None
+        graph, level = row.get("map.graph"), row.get("map.level")
+        index: Any = None if pd.isna(graph) else "all" if graph == "all" else int(graph)
+        try:
+            told = facts(load_map(path, graph=index, level=None if pd.isna(level) else level), cell_m)
+        except (MrpSumoError, ValueError):
+            return None
+        grid = told["grid"] or {}
+        values = [told[k] for k in ("vertices", "edges", "components")] + list(told["extent_m"])
+        values += [float(grid.get(k, math.nan)) for k in ("total", "free")]
+    return [float(v) if i in (3, 4) or not math.isfinite(v) else int(v) for i, v in enumerate(values)]
+
+
+def table_2(study: Study) -> Table | None:
+    """Planning success and time."""
+    if not study.is_planned:
+        return None
+    rows: list[list[Cell]] = []
+    for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
+        planned = runs["_planned"].to_numpy(np.bool_)
+        rate = wilson(int(planned.sum()), len(runs))
+        time_s = runs["planning_time_s"].to_numpy(np.float64, na_value=np.nan)
+        solved_s = time_s[planned & np.isfinite(time_s)]
+        mean = bootstrap_mean(solved_s * 1e3)
+        sound = runs.loc[planned, "plan_valid"].fillna(False)
+        limit_s = float(runs["planner.time_limit_s"].max())
+        rows.append(
+            [
+                name,
+                whole(robots),
+                series,
+                len(runs),
+                percent(rate),
+                _paper_planning(name, series),
+                100.0 * float(sound.mean()) if len(sound) else None,
+                between(mean),
+                float(np.median(solved_s) * 1e3) if len(solved_s) else None,
+                float(solved_s.max() * 1e3) if len(solved_s) else None,
+                par2(time_s, planned, limit_s) if math.isfinite(limit_s) else None,
+            ]
+        )
+    return Table(
+        "table_2_planning",
+        "Table II: planning success and time",
+        (
+            "map",
+            "robots",
+            "planner",
+            "runs",
+            "success %",
+            "paper %",
+            "sound plans %",
+            "mean ms",
+            "median ms",
+            "longest ms",
+            "PAR2 s",
+        ),
+        rows,
+        "Success: a plan within the time limit, whatever its quality, as MRP-Bench counts. Sound: of these, without vertex or edge "
+        "conflict. Times are of runs with a plan. PAR2: mean time in which a run without a plan counts as twice the limit. "
+        "The paper's success rates at 60 s are known for its warehouse only, over all its numbers of robots.",
+        labels=3,
+        digits={"success %": 0, "paper %": 0, "sound plans %": 0},
+    )
+
+
+def table_3(study: Study) -> Table | None:
+    """Execution success within the time limit."""
+    if not study.is_executed:
+        return None
+    rows: list[list[Cell]] = []
+    for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
+        normalised, overall = success_rates(runs["_planned"], runs["_succeeded"])
+        time = bootstrap_mean(runs.loc[runs["_succeeded"], "execution_time_s"].to_numpy(np.float64, na_value=np.nan))
+        share = runs["goals_reached"].to_numpy(np.float64, na_value=np.nan) / runs["num_robots"].to_numpy(np.float64, na_value=np.nan)
+        rows.append(
+            [
+                name,
+                whole(robots),
+                series,
+                len(runs),
+                percent(normalised),
+                percent(overall),
+                100 * float(np.nanmean(share)) if np.isfinite(share).any() else None,
+                between(time),
+            ]
+        )
+    limits = sorted({f"{v:g}" for v in study.frame["execution.time_limit_s"].dropna().unique()}, key=float)
+    return Table(
+        "table_3_execution",
+        f"Table III: execution success within {' or '.join(limits) or '300'} s",
+        ("map", "robots", "planner", "runs", "normalised %", "overall %", "robots at goal %", "mean time s"),
+        rows,
+        "All robots at their goals and no two ever overlapping. Normalised: of the runs that had a plan; overall: of all runs. "
+        "Mean time: of the runs that succeeded.",
+        labels=3,
+        digits={"normalised %": 0, "overall %": 0, "robots at goal %": 0, "mean time s": 1},
+    )
+
+
+def table_4(study: Study) -> Table | None:
+    """Makespan and cost over the instances that every series solved."""
+    if not study.is_planned:
+        return None
+    rows: list[list[Cell]] = []
+    for (name, robots), runs in study.groups("_map", "_robots"):
+        common, series = commonly_solved(runs)
+        of = [(s, common[common["_series"] == s]) for s in study.series if s in series]
+        for s, solved in of:
+            makespan, cost = (bootstrap_mean(numbers(solved, k)) for k in ("makespan_steps", "cost_steps"))
+            paper = PAPER_COST.get(paper_planner(s)) if map_of_paper(name) == "warehouse" and whole(robots) == 9 else None
+            rows.append(
+                [
+                    name,
+                    whole(robots),
+                    s,
+                    len(solved),
+                    between(makespan),
+                    between(cost),
+                    paper[0] if paper else None,
+                    paper[1] if paper else None,
+                    _mean(solved, "makespan_smoothed_steps"),
+                    _mean(solved, "cost_smoothed_steps"),
+                    _mean(solved, "makespan_s"),
+                ]
+            )
+    return Table(
+        "table_4_cost",
+        "Table IV: makespan and cost where every planner found a plan",
+        (
+            "map",
+            "robots",
+            "planner",
+            "instances",
+            "makespan",
+            "cost",
+            "paper makespan",
+            "paper cost",
+            "smoothed makespan",
+            "smoothed cost",
+            "makespan s",
+        ),
+        rows,
+        "Means over the instances that all series of the block solved, in cells with the start included, as MRP-Bench counts; "
+        "smoothed as it smooths. The paper's are over 39 scenarios of other seeds; they stand beside the warehouse with nine robots, "
+        "where costs are of their size.",
+        labels=3,
+        digits=dict.fromkeys(("makespan", "cost", "paper makespan", "paper cost", "smoothed makespan", "smoothed cost", "makespan s"), 1),
+    )
+
+
+def commonly_solved(runs: pd.DataFrame) -> tuple[pd.DataFrame, set[str]]:
+    """The runs of instances that every series solved, once a series and instance; and the series."""
+    solved = runs[runs["_planned"]].drop_duplicates(["_series", "_instance"])
+    series = set(runs["_series"])
+    count = solved.groupby("_instance")["_series"].transform("nunique")
+    return solved[count == len(series)], series
+
+
+def figure_5(study: Study) -> list[Chart]:
+    """Execution time and time blocked by planner, a violin a planner as MRP-Bench's analysis script draws them."""
+    if not study.is_executed:
+        return []
+    charts: list[Chart] = []
+    by_map = len(study.maps) <= 6
+    for name in study.maps if by_map else ("all maps",):
+        runs = study.frame[study.frame["_map"] == name] if by_map else study.frame
+        common, _ = commonly_solved(runs)
+        told = common[common["_succeeded"]]
+        for column, what in (("execution_time_s", "execution time"), ("time_blocked_total_s", "time blocked")):
+            values = [(s, numbers(told[told["_series"] == s], column)) for s in study.series]
+            values = [(s, v) for s, v in values if len(v) > 1][:MAX_SERIES]
+            if not values:
+                continue
+
+            def paint(figure: Figure, values: list[tuple[str, FloatArray]] = values, what: str = what) -> None:
+                _violins(figure, values, f"{what} (s)")
+
+            caption = (
+                f"{what.capitalize()}{' of all robots' if what == 'time blocked' else ''}, in runs that every planner had a plan for "
+                "and that succeeded. Line: mean; box: middle half, its gap the median; the shape is the density."
+            )
+            size = (4.7, max(2.2, 0.9 + 0.42 * len(values)))
+            where = f", {name}" if len(study.maps) > 1 else ""
+            charts.append(draw(f"figure_5_{len(charts) + 1}", f"Figure 5: {what}{where}", caption, paint, size=size))
+    return charts
+
+
+def _violins(figure: Figure, values: list[tuple[str, FloatArray]], label: str) -> None:
+    ax = figure.add_subplot()
+    for i, (_, v) in enumerate(values):
+        colour = COLOURS[i % len(COLOURS)]
+        if np.ptp(v) > 0:
+            drawn: Any = ax.violinplot([v], positions=[i], orientation="horizontal", widths=0.8, showextrema=False)
+            (body,) = drawn["bodies"]
+            body.set(facecolor=colour, alpha=0.35, edgecolor=colour)
+        low, middle, high = np.quantile(v, (0.25, 0.5, 0.75))
+        ax.plot([low, high], [i, i], color=colour, lw=5, solid_capstyle="butt")
+        ax.plot([middle], [i], marker="|", color=PAPER, ms=5, mew=1.4)
+        ax.plot([v.mean()] * 2, [i - 0.3, i + 0.3], color=INK, lw=1.6)
+    ax.set_yticks(range(len(values)), [f"{shown(s)} ({len(v)})" for s, v in values])
+    ax.invert_yaxis()
+    ax.set_xlim(left=0)
+    ax.set_xlabel(label)
+    ax.grid(axis="y", visible=False)
+
+
+def _paper_planning(name: str, series: str) -> float | None:
+    rate = PAPER_PLANNING.get((map_of_paper(name), paper_planner(series)))
+    return None if rate is None else 100 * rate
+
+
+def _mean(runs: pd.DataFrame, column: str) -> float | None:
+    values = numbers(runs, column)
+    return float(values.mean()) if len(values) else None

@@ -1,0 +1,251 @@
+"""`mrp-sumo report`: a page about runs, its figures as SVG and PNG, its tables as CSV, Markdown and LaTeX.
+
+    OUT/index.html               stands alone, needs no network
+    OUT/figures/<name>.svg .png
+    OUT/tables/<name>.csv .md .tex
+
+Written beside its place and put there when complete. The same results give the same bytes. Replaces reports
+only: anything else that is in the way is refused.
+"""
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mrp_sumo import __version__
+from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.reports import paper, study_tables
+from mrp_sumo.reports.chart import Chart
+from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
+from mrp_sumo.reports.run_charts import replay_of, run_charts, tag_of
+from mrp_sumo.reports.study import Study, read_study
+from mrp_sumo.reports.study_charts import study_charts
+from mrp_sumo.reports.table import Cell, Table
+
+INDEX = "index.html"
+MAX_RUNS = 4  # of a batch whose charts are drawn one by one
+MANY_SERIES = 12
+
+
+def write_report(source: Path, out: Path | None = None) -> Path:
+    """Write the report of a batch or a run.
+
+    Parameters
+    ----------
+    source
+        Folder of a batch, of a run, or of several run folders; or a `results.parquet`.
+    out
+        The folder of the report; `report` within the source by default.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is nothing to report on, or `out` holds something else, or cannot be written.
+    """
+    study = read_study(source)
+    if out is None:
+        out = (source if source.is_dir() else source.parent) / "report"
+    out = out.resolve()
+    _check_replaceable(out)
+    one = len(study.frame) == 1 and len(study.folders) == 1
+    title, sections = _of_run(study, out) if one else _of_study(study, out)
+    text = page(title, study.description, _tiles(study, one), study.told, sections, _about(study))
+    new = out.parent / f".{out.name}.new-{os.getpid()}"
+    try:
+        new.mkdir(parents=True)
+        for section in sections:
+            for part in section.parts:
+                _write_part(new, part)
+        (new / INDEX).write_text(text, encoding="utf-8")
+        _put_in_place(new, out)
+    except OSError as error:
+        raise BatchError(f"{out}: cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+    return out / INDEX
+
+
+def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
+    """The sections about many runs."""
+    charts = study_charts(study)
+    overview = Section("overview", "Overview")
+    overview.parts = _there(study_tables.capacity(study), study_tables.statuses(study), study_tables.reasons(study))
+    success = Section("success", "Success", parts=[*charts.get("success", []), *_there(paper.table_3(study))])
+    if study.is_planned and not study.is_executed:
+        success.text = "These runs end with the plan: they were not driven."
+    planning = Section("planning", "Planning", parts=[*charts.get("planning", []), *_there(paper.table_2(study))])
+    cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(paper.table_4(study))])
+    execution = Section("execution", "Execution")
+    execution.parts = [*charts.get("execution", []), *paper.figure_5(study), *_there(study_tables.main_figures(study))]
+    compared = Section("compared", "Compared", parts=_there(study_tables.paired(study)))
+    maps = Section("maps", "Maps", parts=_there(paper.table_1(study)))
+    runs = Section("runs", "Runs", parts=_there(study_tables.worst_runs(study, out)))
+    drawn = _kept_runs(study)
+    limit = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all."
+    if len(study.series) > MANY_SERIES:
+        overview.text = limit
+    return study.name, [overview, success, planning, cost, execution, compared, maps, runs, *drawn]
+
+
+def _kept_runs(study: Study) -> list[Section]:
+    """Sections about run folders that are kept with the results, the worst first."""
+    keys = [str(k) for k in study.frame["key"]] if "key" in study.frame else []
+    kept = [k for k in keys if k in study.folders]
+    blocked = dict(zip(keys, study.frame["time_blocked_total_s"].to_numpy(np.float64, na_value=0.0)))
+    succeeded = dict(zip(keys, study.frame["_succeeded"]))
+    chosen = sorted(kept, key=lambda k: (bool(succeeded[k]), -blocked[k], k))[:MAX_RUNS]
+    sections = []
+    for key in chosen:
+        run = study.folders[key]
+        parts: list[Table | Chart] = list(run_charts(run, tag_of(["", *chosen], key)))
+        text = f"{run.result['status'].replace('_', ' ')}. {run.result.get('note', '')}".strip()
+        sections.append(Section(tag_of(["", *chosen], key), f"Run {key}", text, parts))
+    return sections
+
+
+def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
+    """The sections about a single run."""
+    (run,) = study.folders.values()
+    robots: list[list[Cell]] = [
+        [str(r["name"]), str(r["start"]), str(r["goal"]), r["goal_s"]] for r in run.result.get("robots", ()) if isinstance(r, dict)
+    ]
+    tables = _there(
+        Table(
+            "metrics",
+            "Metrics",
+            ("metric", "value"),
+            [[k, _cell(v)] for k, v in run.metrics.items() if not isinstance(v, list)],
+            folded=True,
+        ),
+        Table("robots", "Robots", ("robot", "start", "goal", "at its goal s"), robots, folded=len(robots) > 30, digits={"at its goal s": 1})
+        if robots
+        else None,
+    )
+    note = str(run.result.get("note", ""))
+    page_of = replay_of(run)
+    if page_of is not None:
+        tables.append(_link_table("replay", "Replay", Path(os.path.relpath(page_of.resolve(), out)).as_posix()))
+    charts: list[Table | Chart] = list(run_charts(run))
+    if not charts:
+        note = f"{note} The run was not driven ({run.result['status'].replace('_', ' ')}), so there is nothing to draw.".strip()
+    title = study.name
+    return title, [Section("run", "The run", note, charts), Section("numbers", "Numbers", parts=tables)]
+
+
+def _link_table(name: str, title: str, target: str) -> Table:
+    from mrp_sumo.reports.table import Link
+
+    return Table(name, title, ("page",), [[Link(title, target)]], labels=0)
+
+
+def _tiles(study: Study, one: bool) -> list[Tile]:
+    frame = study.frame
+    if one:
+        return _run_tiles(study)
+    tiles = [Tile("runs", f"{len(frame):,}")]
+    names = [study.maps, study.series]
+    tiles += [Tile(word, str(len(of))) for word, of in zip(("maps", "planners and variants"), names) if len(of) > 1]
+    if not study.is_planned:
+        return tiles
+    planned = float(frame["_planned"].mean())
+    tiles.append(Tile("a plan was found", f"{100 * planned:.1f} %", mood="good" if planned > 0.95 else ""))
+    if study.is_executed:
+        share = float(frame["_succeeded"].mean())
+        tiles.append(Tile("all robots at their goals", f"{100 * share:.1f} %", mood="good" if share > 0.95 else ""))
+        overlaps = frame["num_overlaps"].fillna(0).to_numpy(np.float64) > 0
+        if frame["num_overlaps"].notna().any():
+            tiles.append(Tile("runs in which robots overlapped", f"{int(overlaps.sum()):,}", mood="bad" if overlaps.any() else "good"))
+    return tiles
+
+
+def _run_tiles(study: Study) -> list[Tile]:
+    row = study.frame.iloc[0]
+    good = bool(row["_succeeded"])
+    tiles = [
+        Tile("status", str(row["status"]).replace("_", " "), mood="good" if good else "bad"),
+        Tile("map", str(row["_map"])),
+        Tile("robots", "–" if pd.isna(row["_robots"]) else str(int(row["_robots"]))),
+        Tile("planner", str(row["_series"])),
+    ]
+    for label, column, scale, unit in (
+        ("planning time", "planning_time_s", 1e3, "ms"),
+        ("planned makespan", "makespan_s", 1, "s"),
+        ("execution time", "execution_time_s", 1, "s"),
+        ("time blocked, all robots", "time_blocked_total_s", 1, "s"),
+        ("least clearance", "min_clearance_m", 100, "cm"),
+    ):
+        if not pd.isna(row[column]):
+            tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))
+    return tiles
+
+
+def _about(study: Study) -> list[str]:
+    lines = []
+    for column, word in (("code", "mrp_sumo"), ("libsumo", "SUMO"), ("machine", "Made on")):
+        if column in study.frame:
+            found = [str(v) for v in dict.fromkeys(study.frame[column].dropna())]
+            if found:
+                lines.append(f"{word} {'; '.join(found[:4])}{' and others' if len(found) > 4 else ''}")
+    lines.append(f"Written by mrp-sumo {__version__}. Colours after Okabe and Ito; intervals are of 95 %.")
+    return lines
+
+
+def _there(*tables: Table | None) -> list[Table | Chart]:
+    return [t.without_empty() for t in tables if t is not None and t.rows]
+
+
+def _cell(value: Any) -> Cell:
+    if value is None or isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    return value if isinstance(value, int) else float(value)
+
+
+def _write_part(folder: Path, part: Table | Chart) -> None:
+    if isinstance(part, Chart):
+        files: dict[str, bytes] = {f"figures/{part.name}.svg": part.svg, f"figures/{part.name}.png": part.png}
+    else:
+        texts = {"csv": part.to_csv(), "md": part.to_markdown(), "tex": part.to_latex()}
+        files = {f"tables/{part.name}.{kind}": text.encode() for kind, text in texts.items()}
+    for name, data in files.items():
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data)
+
+
+def _check_replaceable(out: Path) -> None:
+    """Refuse a place that holds something else than a report."""
+    if out.is_file():
+        raise MrpSumoError(f"{out}: is a file, expected a folder for the report")
+    if out.is_dir() and any(out.iterdir()):
+        try:
+            with (out / INDEX).open(encoding="utf-8") as file:
+                ours = GENERATOR in file.read(2000)
+        except (OSError, ValueError):
+            ours = False
+        if not ours:
+            raise MrpSumoError(f"{out}: is not empty and not a report, so it is not replaced; choose another --out")
+
+
+def _put_in_place(new: Path, out: Path) -> None:
+    """Rename `new` to `out`; what was there goes once the new one stands."""
+    old = out.parent / f".{out.name}.old-{os.getpid()}"
+    if out.exists():
+        out.rename(old)
+    try:
+        new.rename(out)
+    except OSError:
+        if old.exists():
+            old.rename(out)
+        raise
+    shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,273 @@
+"""What a report is about: the runs of a batch, of a folder of run folders, or a single run, sorted into maps, series and instances.
+
+A *series* is what is compared: a planner, with whatever else of it varies (policy, parameters, assignment). An *instance*
+is what all series are put to: map, robots, seed and all other values. Refuses folders without results, and tables
+that are not those of runs.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.io.columns import SECTIONS, parameter_columns
+from mrp_sumo.io.results import PLAN, load_results, read_plan
+from mrp_sumo.io.run_reader import RESULT, Run, load_run
+
+PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
+    "astar": "A*",
+    "cbs": "CBS",
+    "ecbs": "ECBS",
+    "eecbs": "EECBS",
+    "cbs_ta": "CBS-TA",
+    "ecbs_ta": "ECBS-TA",
+    "prioritised": "Prioritised",
+    "pibt": "PIBT",
+    "lacam": "LaCAM*",
+    "lns2": "LNS2",
+}
+NUMBERS = (  # metrics that charts and tables read; absent ones are filled in as missing
+    "num_robots",
+    "planning_time_s",
+    "assignment_time_s",
+    "makespan_steps",
+    "cost_steps",
+    "soc_steps",
+    "lower_bound_steps",
+    "makespan_smoothed_steps",
+    "cost_smoothed_steps",
+    "makespan_s",
+    "num_vertex_conflicts",
+    "num_edge_conflicts",
+    "goals_reached",
+    "robots_at_goal",
+    "execution_time_s",
+    "time_blocked_total_s",
+    "min_clearance_m",
+    "num_overlaps",
+    "lateness_mean_s",
+    "lateness_p95_s",
+    "lateness_max_s",
+    "run_wall_s",
+    "planner.time_limit_s",
+    "execution.time_limit_s",
+    "seed",
+)
+FLAGS = ("success", "plan_success", "plan_valid", "execution_timed_out")
+NEEDED = ("status", "success", "planner", "map")
+MAX_FOLDERS = 200  # run folders that are opened beside a batch
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Runs, one a row of `frame`: the columns of `load_results`, and
+
+    `_map`, `_robots`, `_series`: what the row belongs to; `_instance`: number of its instance; `_planned`,
+    `_succeeded`: whether a plan was found, and whether all robots then reached their goals.
+    """
+
+    name: str
+    description: str
+    until: str  # how far its runs go: 'map', 'plan' or 'execution'
+    frame: pd.DataFrame
+    maps: tuple[str, ...]
+    series: tuple[str, ...]
+    factors: tuple[str, ...]  # numeric scenario columns that vary, apart from seeds and the number of robots
+    told: tuple[str, ...]  # what could not be used
+    folders: dict[str, Run]  # run folders that are there, by the key of their row
+
+    @property
+    def is_planned(self) -> bool:
+        return self.until != "map"
+
+    @property
+    def is_executed(self) -> bool:
+        return self.until == "execution"
+
+    @property
+    def robots(self) -> list[int]:
+        """Numbers of robots, ascending."""
+        return sorted(int(n) for n in self.frame["_robots"].dropna().unique())
+
+    def groups(self, *by: str) -> list[tuple[tuple[Any, ...], pd.DataFrame]]:
+        """Rows by some of `_map`, `_robots`, `_series` and factors, in the order of the study."""
+        found = dict(iter(self.frame.groupby(list(by), sort=False, dropna=False)))
+        order = {"_map": self.maps, "_series": self.series}
+        return sorted(found.items(), key=lambda item: tuple(order[k].index(v) if k in order else v for k, v in zip(by, item[0])))
+
+
+def read_study(path: Path) -> Study:
+    """The study of a folder.
+
+    Parameters
+    ----------
+    path
+        Of a batch, of one run, or of a folder that holds run folders; or a `results.parquet`.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is nothing to report on.
+    """
+    told: list[str] = []
+    folders: dict[str, Run] = {}
+    name, description, until = path.resolve().name, "", ""
+    if path.is_file() or ((path / PLAN).is_file() and not (path / RESULT).is_file()):
+        frame = load_results(path, told.append)
+        if path.is_dir():
+            plan = read_plan(path)
+            name, description, until = str(plan["suite"]), " ".join(str(plan["description"]).split()), str(plan["until"])
+            missing = len(plan["keys"]) - len(frame)
+            if missing:
+                told.append(f"{missing} of {len(plan['keys'])} runs have no result yet; this report is of the others")
+            folders = _run_folders(path, told)
+        else:
+            name = path.stem
+    elif (path / RESULT).is_file():
+        run = load_run(path)
+        folders = {path.resolve().name: run}
+        name = str(run.result["scenario"].get("name") or name)
+        frame = pd.DataFrame([_row(path.resolve().name, run)])
+    elif path.is_dir():
+        folders = _run_folders(path, told)
+        if not folders:
+            raise BatchError(f"{path}: neither a batch nor a run: there is no {PLAN} and no {RESULT}")
+        frame = pd.DataFrame([_row(key, run) for key, run in folders.items()])
+    else:
+        raise BatchError(f"{path}: no such folder")
+    return _study(name, description, until, frame, told, folders)
+
+
+def numbers(runs: pd.DataFrame, column: str) -> FloatArray:
+    """The values of a column that are there, [N]."""
+    values: FloatArray = runs[column].to_numpy(np.float64, na_value=np.nan)
+    return values[np.isfinite(values)]
+
+
+def _run_folders(path: Path, told: list[str]) -> dict[str, Run]:
+    """Run folders one or two levels below, by name."""
+    found = {}
+    places = [p for pattern in (f"*/{RESULT}", f"*/*/{RESULT}") for p in sorted(path.glob(pattern))]
+    if len(places) > MAX_FOLDERS:
+        told.append(f"{len(places)} run folders, the first {MAX_FOLDERS} are used")
+    for place in places[:MAX_FOLDERS]:
+        try:
+            found[place.parent.name] = load_run(place.parent)
+        except MrpSumoError as error:
+            told.append(f"{error}; left out")
+    return found
+
+
+def _row(key: str, run: Run) -> dict[str, Any]:
+    """A run folder as a row of `load_results`."""
+    metrics = {name: value for name, value in run.metrics.items() if not isinstance(value, list)}
+    reached = metrics.get("all_goals_reached")
+    return {
+        "key": key,
+        "status": run.result["status"],
+        "success": run.result["status"] == "completed" and bool(reached),
+        "reason": run.result.get("note", ""),
+        "repeat": 0,
+        **parameter_columns(run.result["scenario"]),
+        **metrics,
+        "code": run.result.get("versions", {}).get("mrp_sumo"),
+        "libsumo": run.result.get("versions", {}).get("libsumo"),
+    }
+
+
+def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: list[str], folders: dict[str, Run]) -> Study:
+    lacking = [column for column in NEEDED if column not in frame]
+    if lacking:
+        raise BatchError(f"{name}: not a table of runs: there is no column '{lacking[0]}'")
+    if not len(frame):
+        raise BatchError(f"{name}: the table has no rows")
+    frame = frame.reset_index(drop=True).copy()
+    if not until:
+        only_maps = "num_vertices" in frame and "plan_success" not in frame
+        until = "map" if only_maps else "execution" if "sim_time_s" in frame and frame["sim_time_s"].notna().any() else "plan"
+    for column in NUMBERS:
+        if column not in frame:
+            frame[column] = np.nan
+    for column in FLAGS:
+        given = frame[column] if column in frame else pd.Series(pd.NA, index=frame.index)
+        frame[column] = given.astype("boolean")
+    frame["_map"] = _map_names(frame)
+    robots = pd.to_numeric(frame["robots.count"], errors="coerce") if "robots.count" in frame else pd.Series(np.nan, frame.index)
+    frame["_robots"] = robots.fillna(pd.to_numeric(frame["num_robots"], errors="coerce")).astype("Float64").astype("Int64")
+    varying = [c for c in frame.columns if c.split(".")[0] in SECTIONS and frame[c].nunique(dropna=True) > 1]
+    mixed = _series_columns(frame, varying)
+    frame["_series"] = [_series_name(row, mixed) for row in frame[["planner", *mixed]].astype(object).itertuples(index=False, name=None)]
+    known = list(PLANNER_NAMES)
+    first = {s: i for i, s in reversed(list(enumerate(frame["_series"])))}
+    rank = {s: (known.index(p) if p in known else len(known), first[s]) for s, p in zip(frame["_series"], frame["planner"])}
+    instance = [c for c in varying if c not in mixed and c != "planner" and not c.startswith("planner.parameters.")]
+    instance += [c for c in ("repeat",) if c in frame]
+    frame["_instance"] = frame.groupby(instance, sort=False, dropna=False).ngroup() if instance else 0
+    frame["_planned"] = frame["plan_success"].fillna(False).to_numpy(np.bool_)
+    frame["_succeeded"] = frame["success"].fillna(False).to_numpy(np.bool_)
+    factors = tuple(
+        c
+        for c in varying
+        if c not in (*mixed, "seed", "robots.count", "map", "planner")
+        and c.split(".")[0] not in ("record", "map")
+        and pd.api.types.is_numeric_dtype(frame[c])
+        and not pd.api.types.is_bool_dtype(frame[c])
+    )
+    return Study(
+        name=name,
+        description=description,
+        until=until,
+        frame=frame,
+        maps=tuple(dict.fromkeys(frame["_map"])),
+        series=tuple(sorted(first, key=lambda s: rank[s])),
+        factors=factors,
+        told=tuple(told),
+        folders=folders,
+    )
+
+
+def _map_names(frame: pd.DataFrame) -> list[str]:
+    """A short name a map; maps of one file name keep their folders."""
+    files = frame["map"].astype(str)
+    short = {file: re.sub(r"\.(building\.yaml|yaml|yml|map|json|geojson)$", "", file.rsplit("/", 1)[-1]) for file in files.unique()}
+    if len(set(short.values())) < len(short):
+        short = {file: file for file in short}
+    extra = [c for c in ("map.level", "map.graph") if c in frame and frame[c].nunique(dropna=False) > 1]
+    names = [short[file] for file in files]
+    for column in extra:
+        names = [name if pd.isna(v) else f"{name}, {column.split('.')[1]} {_plain(v)}" for name, v in zip(names, frame[column])]
+    return names
+
+
+def _series_columns(frame: pd.DataFrame, varying: list[str]) -> list[str]:
+    """What varies and belongs to a series, apart from the planner: words, and parameters of planner and assignment."""
+    own = []
+    for column in varying:
+        section = column.split(".")[0]
+        is_fleet = section == "robots" and column != "robots.type"
+        if column in ("planner", "map", "seed") or section in ("map", "record") or is_fleet:
+            continue
+        is_word = not pd.api.types.is_numeric_dtype(frame[column]) or pd.api.types.is_bool_dtype(frame[column])
+        if is_word or column.startswith("planner.parameters.") or section == "assignment":
+            own.append(column)
+    return own
+
+
+def _series_name(row: tuple[Any, ...], columns: list[str]) -> str:
+    planner = str(row[0])
+    parts = [PLANNER_NAMES.get(planner, planner)]
+    for column, value in zip(columns, row[1:]):
+        if pd.isna(value):
+            continue
+        word = column.rsplit(".", 1)[-1].replace("_", " ")
+        parts.append(f"{word} {_plain(value)}" if column.startswith("planner.parameters.") or isinstance(value, bool) else _plain(value))
+    return ", ".join(parts)
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,333 @@
+"""The charts of many runs: success, planning time, cost, execution, clearance, by map, with a line or a row a series.
+
+At most twelve series are drawn and six maps one by one; the tables hold all.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.experiments.statistics import wilson
+from mrp_sumo.reports.chart import COLOURS, MANY_POINTS, MAX_SERIES, NARROW, Chart, draw, file_name, key, log_seconds, series_style, shown
+from mrp_sumo.reports.map_picture import INK, MUTED, PAPER
+from mrp_sumo.reports.study import Study, numbers
+
+MAX_MAPS = 6  # drawn one by one; more are drawn together
+ALL = "all maps"
+
+Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x, y, low, high
+
+
+def study_charts(study: Study) -> dict[str, list[Chart]]:
+    """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution'."""
+    found: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": []}
+    if not study.is_planned:
+        return {}
+    series = study.series[:MAX_SERIES]
+    maps: tuple[str, ...] = study.maps if len(study.maps) <= MAX_MAPS else (ALL,)
+    for i, name in enumerate(maps, 1):
+        runs = study.frame if name == ALL else study.frame[study.frame["_map"] == name]
+        here = tuple(s for s in series if (runs["_series"] == s).any())
+        where = f", {shown(name)}" if len(study.maps) > 1 else ""
+        tag = file_name(i, name)[:40]
+        for x in ("_robots", *study.factors):
+            if runs[x].nunique() > 1:
+                found["success"].append(_success(study, runs, here, x, tag, where))
+                found["planning"].append(_planning_time(runs, here, x, tag, where))
+                if study.is_executed and x != "_robots":
+                    found["execution"].append(_lateness_against(runs, here, x, tag, where))
+        if not any(runs[x].nunique() > 1 for x in ("_robots", *study.factors)) and len(runs) > 1:
+            found["success"].append(_success_rows(study, runs, here, tag, where))
+        found["planning"].append(_cactus(runs, here, tag, where))
+        found["cost"].append(_suboptimality(runs, here, tag, where))
+        if study.is_executed:
+            found["cost"].append(_executed_planned(runs, here, tag, where))
+            found["execution"].append(_lateness(runs, here, tag, where))
+            found["execution"].append(_clearance(runs, here, tag, where))
+    return {section: [c for c in charts if c is not None] for section, charts in found.items()}
+
+
+def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart:
+    outcome = "_succeeded" if study.is_executed else "_planned"
+    curves: list[Curve] = []
+    for s in series:
+        points = []
+        for value, group in runs[runs["_series"] == s].groupby(x):
+            rate = wilson(int(group[outcome].sum()), len(group))
+            points.append((float(value), rate.value, rate.low, rate.high))
+        if points:
+            curves.append((s, *(100 * np.array(p) if k else np.array(p) for k, p in enumerate(zip(*points)))))  # type: ignore[arg-type]
+    what = "all robots reach their goals" if study.is_executed else "a plan is found"
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        _curves(ax, curves)
+        ax.set(ylim=(-3, 103), xlabel=_factor(x), ylabel="success (%)")
+        key(figure, ax)
+
+    title = f"Success against {_factor(x)}{where}"
+    caption = f"Share of all runs in which {what} within the time limit, with 95 % Wilson intervals."
+    return draw(f"success_{file_name(x)}_{tag}", title, caption, paint, size=_with_key(series))
+
+
+def _success_rows(study: Study, runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart:
+    outcome = "_succeeded" if study.is_executed else "_planned"
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        for i, s in enumerate(series):
+            of = runs[runs["_series"] == s]
+            for dy, column, face in ((-0.13, "_planned", PAPER), (0.13, outcome, None)):
+                if column == "_planned" and not study.is_executed and dy < 0:
+                    continue
+                rate = wilson(int(of[column].sum()), len(of))
+                colour = COLOURS[i % len(COLOURS)]
+                ax.plot([100 * rate.low, 100 * rate.high], [i + dy] * 2, color=colour, lw=2.2, solid_capstyle="round")
+                ax.plot([100 * rate.value], [i + dy], color=colour, marker="o", ms=6, mfc=face or colour, mew=1.5, clip_on=False)
+        _rows(ax, series)
+        ax.set(xlim=(-2, 102), xlabel="success (%)")
+
+    caption = "Share of all runs that succeed, with 95 % Wilson intervals." + (
+        " Hollow: a plan was found; filled: all robots reached their goals." * study.is_executed
+    )
+    return draw(f"success_{tag}", f"Success{where}", caption, paint, size=_with_rows(series))
+
+
+def _planning_time(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
+    curves: list[Curve] = []
+    for s in series:
+        points = []
+        of = runs[(runs["_series"] == s) & runs["_planned"]]
+        for value, group in of.groupby(x):
+            time = numbers(group, "planning_time_s")
+            if len(time):
+                points.append((float(value), *np.quantile(time, (0.5, 0.25, 0.75))))
+        if points:
+            curves.append((s, *map(np.array, zip(*points))))  # type: ignore[arg-type]
+    if not curves:
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        _curves(ax, curves)
+        ax.set(xlabel=_factor(x), ylabel="planning time", yscale="log")
+        log_seconds(ax.yaxis)
+        key(figure, ax)
+
+    caption = "Median planning time of runs with a plan, with the middle half of them. Compiled code is loaded before the clock starts."
+    return draw(f"planning_time_{file_name(x)}_{tag}", f"Planning time against {_factor(x)}{where}", caption, paint, size=_with_key(series))
+
+
+def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
+    lines = [(s, np.sort(numbers(runs[(runs["_series"] == s) & runs["_planned"]], "planning_time_s"))) for s in series]
+    if not any(len(t) > 1 for _, t in lines):
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        for i, (s, time) in enumerate(lines):
+            if not len(time):
+                continue
+            style = series_style(i) | {"marker": None}
+            count = np.arange(1, len(time) + 1)
+            few = np.unique(np.linspace(0, len(time) - 1, min(len(time), 400)).astype(int))
+            ax.plot(count[few], np.maximum(time[few], 1e-6), label=shown(s), **style)  # type: ignore[arg-type]
+            ax.plot(count[-1:], np.maximum(time[-1:], 1e-6), color=style["color"], marker=series_style(i)["marker"])
+        ax.set(xlabel="runs solved", ylabel="planning time", yscale="log", xlim=(0, None))
+        log_seconds(ax.yaxis)
+        key(figure, ax)
+
+    caption = "Runs that are solved when each may take the time on the left. Farther right and lower is better; marks are ends."
+    return draw(f"cactus_{tag}", f"Runs solved within a time{where}", caption, paint, size=_with_key(series))
+
+
+def _suboptimality(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
+    bound = runs["lower_bound_steps"].to_numpy(np.float64, na_value=np.nan)
+    cost = runs["soc_steps"].to_numpy(np.float64, na_value=np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(bound > 0, cost / bound, np.nan)
+    values = [(s, ratio[(runs["_series"] == s).to_numpy() & np.isfinite(ratio)]) for s in series]
+    values = [(s, v) for s, v in values if len(v)]
+    if not values or sum(len(v) for _, v in values) < 2:
+        return None
+    caption = (
+        "Sum of costs over the lower bound that the planner itself proved; 1 is optimal. Box: middle half, line: median, "
+        "whiskers: 5 to 95 %. Numbers of runs in brackets."
+    )
+    return draw(
+        f"suboptimality_{tag}", f"Cost over lower bound{where}", caption, _ratios(values, "cost / lower bound"), size=_with_rows(values)
+    )
+
+
+def _executed_planned(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
+    done = runs[runs["_succeeded"] & runs["execution_time_s"].notna() & runs["makespan_s"].notna()]
+    if len(done) < 2:
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        top = 0.0
+        for i, s in enumerate(series):
+            of = done[done["_series"] == s]
+            if len(of):
+                x, y = numbers(of, "makespan_s"), numbers(of, "execution_time_s")
+                top = max(top, float(x.max()), float(y.max()))
+                style = series_style(i)
+                ax.plot(
+                    x, y, ls="", marker=style["marker"], color=style["color"], ms=4, alpha=0.55, mew=0, label=shown(s),
+                    rasterized=len(done) > MANY_POINTS,
+                )  # fmt: skip
+        ax.plot([0, top], [0, top], color=MUTED, lw=1, ls=(0, (4, 3)), zorder=1)
+        ax.set(xlim=(0, top * 1.04), ylim=(0, top * 1.04), xlabel="planned makespan (s)", ylabel="execution time (s)")
+        key(figure, ax)
+
+    caption = "Runs that succeeded. Below the dashed line the robots were faster than planned: a plan allows a quarter turn at every step."
+    return draw(f"executed_planned_{tag}", f"Executed against planned makespan{where}", caption, paint, size=_with_key(series))
+
+
+def _lateness(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
+    values = [
+        (s, numbers(runs[runs["_series"] == s], "lateness_mean_s"), numbers(runs[runs["_series"] == s], "lateness_max_s")) for s in series
+    ]
+    values = [v for v in values if len(v[1])]
+    if not values or sum(len(v) for _, v, _ in values) < 2:
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        for i, (_, mean, largest) in enumerate(values):
+            _box(ax, i - 0.17, mean, COLOURS[i % len(COLOURS)], True)
+            _box(ax, i + 0.17, largest, COLOURS[i % len(COLOURS)], False)
+        ax.axvline(0, color=MUTED, lw=1, ls=(0, (4, 3)), zorder=1)
+        _rows(ax, [f"{shown(s, 26)} ({len(v)})" for s, v, _ in values])
+        ax.set_xlabel("lateness (s)")
+
+    caption = (
+        "Time at which vertices are reached minus planned time; negative is early. Filled: mean of a run; hollow: its largest. "
+        "Box: middle half of the runs, line: median, whiskers: 5 to 95 %."
+    )
+    return draw(f"lateness_{tag}", f"Lateness{where}", caption, paint, size=_with_rows(values, 0.44))
+
+
+def _lateness_against(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
+    curves: list[Curve] = []
+    for s in series:
+        points = []
+        for value, group in runs[runs["_series"] == s].groupby(x):
+            late = numbers(group, "lateness_mean_s")
+            if len(late):
+                points.append((float(value), *np.quantile(late, (0.5, 0.25, 0.75))))
+        if points:
+            curves.append((s, *map(np.array, zip(*points))))  # type: ignore[arg-type]
+    if not curves:
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        _curves(ax, curves)
+        ax.set(xlabel=_factor(x), ylabel="mean lateness (s)")
+        key(figure, ax)
+
+    caption = "Median over runs of their mean lateness, with the middle half of them."
+    return draw(f"lateness_{file_name(x)}_{tag}", f"Lateness against {_factor(x)}{where}", caption, paint, size=_with_key(series))
+
+
+def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
+    values = [(s, 100 * numbers(runs[runs["_series"] == s], "min_clearance_m")) for s in series]
+    values = [(s, v) for s, v in values if len(v)]
+    if not values or sum(len(v) for _, v in values) < 2:
+        return None
+    together = np.concatenate([v for _, v in values])
+    top = max(float(np.quantile(together, 0.9)), 1.0)
+    bins = np.linspace(0, top, 25)
+
+    def paint(figure: Figure) -> None:
+        axes = figure.subplots(len(values), 1, sharex=True, sharey=False, squeeze=False)[:, 0]
+        for i, (ax, (s, v)) in enumerate(zip(axes, values)):
+            counts, _ = np.histogram(np.minimum(v, top), bins)
+            ax.stairs(counts, bins, fill=True, color=COLOURS[i % len(COLOURS)], alpha=0.85)
+            ax.set_ylabel(shown(s, 22), rotation=0, ha="right", va="center")
+            ax.set_yticks([])
+            ax.grid(axis="y", visible=False)
+            ax.spines["left"].set_visible(False)
+            ax.set_xlim(0, top)
+            if (v <= 0).any():
+                ax.annotate(
+                    f"{int((v <= 0).sum())} with overlap",
+                    (0, counts.max()),
+                    xytext=(12, -1),
+                    textcoords="offset points",
+                    fontsize=8,
+                    color=INK,
+                    va="top",
+                )
+        axes[-1].set_xlabel("least clearance of two robots in a run (cm)")
+
+    caption = "Runs by the least distance between two footprints; 0 is an overlap. The last bin holds all that is farther."
+    return draw(f"clearance_{tag}", f"Clearance{where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))
+
+
+def _curves(ax: Axes, curves: Sequence[Curve]) -> None:
+    """Lines with their intervals, those of a place beside each other."""
+    places = np.unique(np.concatenate([c[1] for c in curves])) if curves else np.zeros(0)
+    step = float(np.diff(places).min()) if len(places) > 1 else 1.0
+    spread = min(0.5, 0.06 * len(curves)) * step
+    for i, (s, x, y, low, high) in enumerate(curves):
+        at = x + (i - (len(curves) - 1) / 2) * spread / max(1, len(curves) - 1)
+        style = series_style(i)
+        ax.vlines(at, low, high, color=style["color"], lw=1.2, alpha=0.6)
+        ax.plot(at, y, label=shown(s), clip_on=False, **style)  # type: ignore[arg-type]
+    if len(places) <= 10:
+        ax.set_xticks(places, [f"{p:g}" for p in places])
+
+
+def _ratios(values: Sequence[tuple[str, FloatArray]], label: str) -> Callable[[Figure], None]:
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        for i, (_, v) in enumerate(values):
+            _box(ax, i, v, COLOURS[i % len(COLOURS)], True, 0.5)
+        _rows(ax, [f"{shown(s, 26)} ({len(v)})" for s, v in values])
+        ax.set_xlabel(label)
+        high = max(ax.get_xlim()[1], 1.01)
+        ax.set_xlim(1 - 0.04 * (high - 1), high)
+
+    return paint
+
+
+def _box(ax: Axes, at: float, values: FloatArray, colour: str, filled: bool, height: float = 0.26) -> None:
+    """A box that lies: middle half, median, 5 to 95 %."""
+    if not len(values):
+        return
+    low, first, middle, third, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
+    ax.plot([low, high], [at, at], color=colour, lw=1.3)
+    ax.barh(at, third - first, left=first, height=height, facecolor=colour if filled else PAPER, edgecolor=colour, lw=1.3)
+    ax.plot([middle, middle], [at - height / 2, at + height / 2], color=INK, lw=1.8, solid_capstyle="butt")
+
+
+def _rows(ax: Axes, names: Sequence[str]) -> None:
+    ax.set_yticks(range(len(names)), [shown(n) for n in names])
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.grid(axis="y", visible=False)
+    ax.tick_params(axis="y", length=0)
+
+
+def _factor(column: str) -> str:
+    """A scenario column as people call it: the last word, its unit in brackets."""
+    words = column.rsplit(".", 1)[-1].strip("_").split("_")
+    unit = f" ({words.pop()})" if len(words) > 1 and words[-1] in ("s", "m", "mps") else ""
+    return " ".join(words) + unit
+
+
+def _with_key(series: Sequence[str]) -> tuple[float, float]:
+    """A size with room for the legend."""
+    longest = max((len(shown(s)) for s in series), default=1) * 5.0 + 34
+    columns = max(1, min(len(series), int(NARROW[0] * 72 / longest)))
+    return NARROW[0], NARROW[1] + 0.19 * -(-len(series) // columns)
+
+
+def _with_rows(rows: Sequence[object], each: float = 0.34) -> tuple[float, float]:
+    return NARROW[0], max(1.9, 0.85 + each * len(rows))

@@ -1,0 +1,221 @@
+"""The tables of a report that are not the paper's: the main figures, how runs ended, paired differences, the worst runs."""
+
+import math
+import os
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
+from mrp_sumo.reports.study import Study, numbers
+from mrp_sumo.reports.table import Cell, Link, Table, between, percent, whole
+
+MAX_PAIRS = 45  # pairs of series that are compared
+WORST = 12  # runs
+REASONS = 15
+
+
+def capacity(study: Study, enough: float = 0.95) -> Table | None:
+    """How many robots fit: the largest fleet up to which a series always succeeded often enough, by map."""
+    if not study.is_executed or len(study.robots) < 2:
+        return None
+    rows: list[list[Cell]] = []
+    rates = study.frame.groupby(["_map", "_series", "_robots"], sort=False)["_succeeded"].mean()
+    for series in study.series:
+        row: list[Cell] = [series]
+        for name in study.maps:
+            most, tried = 0, [n for n in study.robots if (name, series, n) in rates.index]
+            for n in tried:
+                if rates[(name, series, n)] < enough:
+                    break
+                most = n
+            row.append(None if not tried else "none" if not most else f"{most}" if most < tried[-1] else f"≥ {most}")
+        rows.append(row)
+    return Table(
+        "capacity",
+        f"Largest fleet up to which at least {100 * enough:g} % of the runs succeed",
+        ("planner", *study.maps),
+        rows,
+        f"Of the fleets that were tried: {', '.join(map(str, study.robots))} robots. ≥: no larger one was tried.",
+    )
+
+
+def statuses(study: Study) -> Table:
+    """How runs ended, by series."""
+    order = {status: i for i, status in enumerate(("completed", "planned", "loaded"))}
+    found = study.frame["status"].astype(str).value_counts(sort=False)
+    names = sorted(found.index, key=lambda s: (order.get(s, len(order)), -found[s], s))
+    counts = study.frame.groupby(["_series", "status"], sort=False).size()
+    rows: list[list[Cell]] = [[s, *(int(counts.get((s, status), 0)) for status in names)] for s in study.series]
+    if len(rows) > 1:
+        rows.append(["all", *(int(found[status]) for status in names)])
+    return Table("statuses", "How the runs ended", ("planner", *(n.replace("_", " ") for n in names)), rows)
+
+
+def reasons(study: Study) -> Table | None:
+    """The most frequent reasons of runs that did not succeed."""
+    failed = study.frame[~study.frame["_succeeded"]]
+    if "reason" not in failed or not len(failed):
+        return None
+    told = failed.assign(reason=failed["reason"].fillna("").astype(str).str.slice(0, 160))
+    grouped = told.groupby(["status", "reason"], sort=False).agg(
+        count=("status", "size"), example=("key" if "key" in told else "status", "first")
+    )
+    grouped = grouped.sort_values("count", ascending=False, kind="stable").head(REASONS)
+    rows: list[list[Cell]] = [
+        [status.replace("_", " "), why or "no reason is given", int(row["count"]), str(row["example"])]
+        for (status, why), row in grouped.iterrows()
+    ]
+    return Table("reasons", "Why runs did not succeed", ("status", "reason", "runs", "such as"), rows, labels=1, folded=len(rows) > 6)
+
+
+def main_figures(study: Study) -> Table | None:
+    """One row a map, fleet and series: execution in numbers."""
+    if not study.is_executed:
+        return None
+    rows: list[list[Cell]] = []
+    for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
+        done = runs[runs["_succeeded"]]
+        row: list[Cell] = [name, whole(robots), series, len(done)]
+        for column in ("execution_time_s", "time_blocked_total_s", "lateness_mean_s"):
+            mean = bootstrap_mean(numbers(done, column))
+            row.append(between(mean))
+        planned = numbers(done.assign(_r=done["execution_time_s"] / done["makespan_s"]), "_r")
+        row.append(float(np.median(planned)) if len(planned) else None)
+        clearance = numbers(runs, "min_clearance_m")
+        row.append(100 * float(clearance.min()) if len(clearance) else None)
+        overlaps = numbers(runs, "num_overlaps")
+        row.append(int((overlaps > 0).sum()) if len(overlaps) else None)
+        rows.append(row)
+    return Table(
+        "execution",
+        "Execution",
+        (
+            "map",
+            "robots",
+            "planner",
+            "succeeded",
+            "execution time s",
+            "time blocked s",
+            "mean lateness s",
+            "executed / planned",
+            "least clearance cm",
+            "runs with overlap",
+        ),
+        rows,
+        "Means with 95 % bootstrap intervals over the runs that succeeded; executed over planned makespan is a median. Least clearance and "
+        "overlaps are of all runs. A plan allows every step a quarter turn, so robots are early (negative lateness) where the way is free.",
+        labels=3,
+        digits=dict.fromkeys(("execution time s", "time blocked s", "mean lateness s", "least clearance cm"), 1)
+        | {"executed / planned": 2},
+    )
+
+
+def paired(study: Study) -> Table | None:
+    """Differences of series on the same instances."""
+    if len(study.series) < 2 or not study.is_planned:
+        return None
+    outcome = "_succeeded" if study.is_executed else "_planned"
+    time = "execution_time_s" if study.is_executed else "planning_time_s"
+    of = {s: rows.drop_duplicates("_instance").set_index("_instance") for s, rows in study.frame.groupby("_series", sort=False)}
+    results = []
+    for a, b in list(combinations(study.series, 2))[:MAX_PAIRS]:
+        shared = of[a].index.intersection(of[b].index)
+        if not len(shared):
+            continue
+        one, two = of[a].loc[shared], of[b].loc[shared]
+        both = (one[outcome] & two[outcome]).to_numpy(np.bool_)
+        rate = mcnemar(one[outcome].to_numpy(np.bool_), two[outcome].to_numpy(np.bool_))
+        values = wilcoxon(
+            one.loc[both, time].to_numpy(np.float64, na_value=np.nan), two.loc[both, time].to_numpy(np.float64, na_value=np.nan)
+        )
+        results.append((a, b, rate, values))
+    if not results:
+        return None
+    p_rate, p_time = holm([r.p_value for _, _, r, _ in results]), holm([v.p_value for *_, v in results])
+    scale, unit = (1.0, "s") if study.is_executed else (1e3, "ms")
+    rows: list[list[Cell]] = [
+        [
+            a,
+            b,
+            rate.count,
+            percent(rate.difference),
+            _p(p1),
+            values.count,
+            between(values.difference, scale),
+            values.rank_biserial,
+            _p(p2),
+        ]
+        for (a, b, rate, values), p1, p2 in zip(results, p_rate, p_time)
+    ]
+    what = "execution time" if study.is_executed else "planning time"
+    return Table(
+        "paired",
+        "Paired differences on the same instances, second minus first",
+        ("first", "second", "instances", "success, points", "p", "both", f"{what} {unit}", "effect", "p of time"),
+        rows,
+        f"Success: percentage points with Newcombe's interval, McNemar's exact test. {what.capitalize()}: mean difference where both "
+        "succeeded with bootstrap interval, Wilcoxon's signed-rank test; effect is the rank-biserial correlation, -1: the second is "
+        "always faster. p values are adjusted after Holm.",
+        labels=2,
+        folded=len(rows) > 6,
+        digits={"success, points": 1, "effect": 2},
+    )
+
+
+def worst_runs(study: Study, page: Path) -> Table | None:
+    """Runs that did not succeed, then those that were blocked longest; with links to what is kept of them beside the page."""
+    if not study.is_executed or len(study.frame) < 2:
+        return None
+    frame = study.frame
+    blocked = frame["time_blocked_total_s"].to_numpy(np.float64, na_value=np.nan)
+    order = np.lexsort((np.arange(len(frame)), -np.nan_to_num(blocked), frame["_succeeded"].to_numpy(np.int64)))
+    kept = [i for i in order if str(frame["key"].iloc[i]) in study.folders] if "key" in frame else []
+    chosen = list(dict.fromkeys([*order[:WORST], *kept[: WORST // 2]]))
+    rows: list[list[Cell]] = []
+    for i in chosen:
+        row = frame.iloc[i]
+        run = study.folders.get(str(row.get("key", "")))
+        link: Cell = None
+        if run is not None:
+            replay = run.folder / "replay.html"
+            target = replay if replay.is_file() else run.folder
+            link = Link("replay" if replay.is_file() else "folder", Path(os.path.relpath(target.resolve(), page.resolve())).as_posix())
+        seed = row["seed"]
+        rows.append(
+            [
+                str(row.get("key", i)),
+                str(row["status"]).replace("_", " "),
+                row["_map"],
+                whole(row["_robots"]),
+                row["_series"],
+                None if pd.isna(seed) else int(seed),
+                _value(row["goals_reached"]),
+                _value(row["time_blocked_total_s"]),
+                _value(row["lateness_max_s"]),
+                link,
+            ]
+        )
+    return Table(
+        "worst_runs",
+        "The worst runs",
+        ("run", "status", "map", "robots", "planner", "seed", "goals reached", "time blocked s", "largest lateness s", "kept"),
+        rows,
+        "Runs that did not succeed first, then by time blocked."
+        + ("" if kept else " No run folders or replay pages are kept beside these results."),
+        folded=len(rows) > 15,
+        digits={"time blocked s": 1, "largest lateness s": 1},
+    )
+
+
+def _value(value: object) -> float | int | None:
+    if value is None or pd.isna(value):
+        return None
+    number = float(value)  # type: ignore[arg-type]
+    return int(number) if number.is_integer() and math.isfinite(number) else number
+
+
+def _p(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"
