@@ -24,7 +24,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import Record
 from mrp_sumo.io.run_reader import Run, load_run
-from mrp_sumo.reports.shown import furniture_and_walls, shown_record, shown_states
+from mrp_sumo.reports.shown import furniture_and_walls, is_grid_map, shown_record, shown_states
 
 SOURCES = Path(__file__).with_name("replay")
 SCRIPTS = ("data.js", "motion.js", "shaders.js", "scene.js", "timeline.js", "panel.js", "main.js")
@@ -320,7 +320,6 @@ def _milliseconds(t_s: FloatArray) -> NDArray[Any]:
 def _map(record: Record, outline: Outline | None, low: FloatArray, high: FloatArray) -> dict[str, Any]:
     """What is drawn under the robots, in m from the lower left corner."""
     nav = record.nav or record.graph
-    is_grid = isinstance(nav, PlanGraph)
     told: dict[str, Any] = {"size_m": high - low, "floors": [], "holes": [], "cells": [], "furniture": [], "inner": []}
     told |= {"lifts": [], "walls": [], "doors": [], "lanes": [], "stations": [], "junctions": []}
     if outline is not None:
@@ -332,8 +331,8 @@ def _map(record: Record, outline: Outline | None, low: FloatArray, high: FloatAr
         told["inner"] = _flat(inner - low)
         told["walls"] = _flat(walls - low)
         told["doors"] = [_flat(d - low) for d in outline.doors]
-    if is_grid:
-        told["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(nav)]
+    if is_grid_map(record):
+        told["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
     else:
         once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
         ends = np.column_stack((nav.xy[nav.tail[once]] - low, nav.xy[nav.head[once]] - low, nav.reverse[once] < 0))

@@ -55,6 +55,12 @@ def shown_states(execution: Execution) -> NDArray[np.int8]:
     return state
 
 
+def is_grid_map(record: Record) -> bool:
+    """Whether the map is a grid as it is: its cells are drawn, not lanes."""
+    nav, graph = record.nav, record.graph
+    return graph.kind == "grid" and (nav is None or np.array_equal(nav.xy, graph.xy))
+
+
 def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Execution:
     """A plan as if it had been driven exactly, for runs that were not executed.
 

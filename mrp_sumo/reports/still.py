@@ -20,7 +20,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import STATE_NAMES, Record
 from mrp_sumo.io.run_reader import Run
-from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, shown_record, shown_states
+from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, is_grid_map, shown_record, shown_states
 
 INK, MUTED, PAPER, FLOOR, FURNITURE, WALL, LANE, DOOR = (
     "#17202c",
@@ -131,9 +131,9 @@ def _draw_floor(ax: Axes, record: Record, outline: Outline | None, points_per_m:
         lw = float(np.clip(0.1 * points_per_m, 0.6, 4))
         ax.add_collection(LineCollection(list(outline.doors), color=DOOR, lw=0.6 * lw, zorder=2), autolim=False)
         ax.add_collection(LineCollection(list(walls), color=WALL, lw=lw, capstyle="round", zorder=2), autolim=False)
-    if isinstance(nav, PlanGraph):
-        half = nav.cell_m / 2
-        cells = nav.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    if is_grid_map(record):
+        half = record.graph.cell_m / 2
+        cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
         ax.add_collection(PolyCollection(list(cells), facecolor=FLOOR, edgecolor=FLOOR, lw=0.3, zorder=0), autolim=False)
         return
     once = (nav.reverse < 0) | (nav.tail < nav.head)

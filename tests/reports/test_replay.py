@@ -10,7 +10,7 @@ import subprocess
 import sys
 import urllib.request
 import zlib
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ import pytest
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
@@ -210,6 +211,14 @@ def test_building_of_no_walls_is_drawn():
     outline = Outline(np.zeros((0, 2, 2)), np.zeros((0, 2, 2)), (), (), ())
     head, _ = read_back(replay_page(record_of(), About("trial", outline=outline)))
     assert head["map"]["walls"] == []
+
+
+def test_a_grid_map_shows_its_cells_also_when_read_back():
+    record = record_of()
+    for nav in (None, NavGraph(**{f.name: getattr(record.graph, f.name) for f in fields(NavGraph)})):
+        head, _ = read_back(replay_page(replace(record, nav=nav), About("trial")))
+        assert head["map"]["cells"] == [pytest.approx([0.1, 0.1 + row, 4, 1]) for row in range(3)]
+        assert not head["map"]["lanes"]
 
 
 def test_real_run_gives_one_page_and_the_same_again(folder, tmp_path, capsys):

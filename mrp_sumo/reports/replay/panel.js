@@ -218,7 +218,7 @@ class Panel {
         return make("button", { className: "row", onclick: () => app.seek(Math.min(m.end, (arrived === NEVER ? m.visit.arrive[k] : arrived) / 1000)) },
           make("span", { className: "time", textContent: clockText(m.visit.arrive[k] / 1000) }),
           make("span", { className: "what", textContent: run.vertices[m.visit.vertex[k]] }),
-          make("span", { className: "end", textContent: arrived === NEVER ? (m.isPlanOnly ? "" : "–") : clockText(arrived / 1000) }));
+          make("span", { className: "end", textContent: m.isPlanOnly ? "" : arrived === NEVER ? "–" : clockText(arrived / 1000) }));
       }, (row, k) => {
         row.classList.toggle("now", k === current);
         row.classList.toggle("past", k < current);
