@@ -128,6 +128,16 @@ def begin(path, need, state):
         state.arrived[k] = 0.0
 
 
+class Around(NamedTuple):
+    """What disturbs the robots."""
+
+    factor: np.ndarray  # [R] on their speed
+    hold_until: np.ndarray  # [R] s, before which they stand still
+    told: np.ndarray  # [R] m, how far they know they may drive
+    closed: np.ndarray  # [L] whether nobody may set out on a lane
+    prompt: bool  # whether they know everything at once
+
+
 class News(NamedTuple):
     """Robots SUMO has to be told of, [R] each, filled up to the counts that `advance` returns."""
 
@@ -136,17 +146,20 @@ class News(NamedTuple):
 
 
 @njit(cache=True)
-def advance(now, dt, s, drive, path, need, state, log, news, factor, hold_until, cell, window, tolerance, wait_least, look_ahead, paced):
+def advance(
+    look, now, dt, s, drive, path, need, state, log, news, around, cell, window, tolerance, wait_least, look_ahead, paced, yielding
+):
     """All between two steps of SUMO: look where robots are, let them claim, command speeds.
 
-    One call, since handing the arrays over costs more than the work for few robots. Returns the number of
-    entries in the log, of changed speeds and of routes to renew.
+    One call, since handing the arrays over costs more than the work for few robots. `look` is off where no step
+    has been made since the last call. Returns the number of entries in the log, of changed speeds and of routes
+    to renew.
     """
     count = 0
-    if now > 0.0:
-        count = _observe(now, dt, s, drive, path, need, state, log, cell, window, tolerance, wait_least)
-    _extend(now, drive, path, need, state, look_ahead)
-    changed = _command(now, dt, drive, path, state, factor, hold_until, paced, news.changed)
+    if look:
+        count = _observe(now, dt, s, drive, path, need, state, log, cell, window, tolerance, wait_least, yielding)
+    _extend(now, drive, path, need, state, around.closed, look_ahead)
+    changed = _command(now, dt, drive, path, state, around, paced, news.changed)
     due = 0
     for r in range(len(s)):
         if state.won[r] + state.on_lane[r] >= state.routed[r] and state.routed[r] < path.first[r + 1]:
@@ -156,7 +169,7 @@ def advance(now, dt, s, drive, path, need, state, log, news, factor, hold_until,
 
 
 @njit(cache=True)
-def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least):
+def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least, yielding):
     """Book the step that ended at `now`, turn, log arrivals, free what was left. Returns entries in the log."""
     # arrays are taken out of their tuples once: numba counts references each time
     was, speed, first, nx, heading = state.s, state.speed, path.first, state.nx, path.heading
@@ -194,6 +207,8 @@ def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_toler
             category = TURN
         elif cause[r] == PLANNED:
             category = PLANNED_WAIT
+        elif yielding:
+            category = YIELDING
         elif cause[r] == FREE and commanded[r] <= 1e-6:
             category = MOVING  # it has just been allowed to go on
         else:
@@ -292,7 +307,7 @@ def _turns_to_ask(ordered, asked):
 
 
 @njit(cache=True)
-def _extend(now, drive, path, need, state, look_ahead):
+def _extend(now, drive, path, need, state, closed, look_ahead):
     """Let robots claim their next visits."""
     first, cause, other, won, where = path.first, state.cause, state.other, state.won, state.where
     nx, turns, yaw, heading, top = state.nx, path.turns, state.yaw, path.heading, drive.speed
@@ -327,6 +342,9 @@ def _extend(now, drive, path, need, state, look_ahead):
                 cause[r] = PLANNED
                 break
             if not ordered and allowed[r] - was[r] > reach[r]:
+                break
+            if closed[lane[k]] and not on_lane[r]:
+                cause[r] = DISTURBED
                 break
             back = reverse[lane[k]]
             if not on_lane[r] and back >= 0 and claims[back] > 0:
@@ -367,13 +385,15 @@ def _extend(now, drive, path, need, state, look_ahead):
 
 
 @njit(cache=True)
-def _command(now, dt, drive, path, state, factor, hold_until, paced, changed):
+def _command(now, dt, drive, path, state, around, paced, changed):
     """The robots' speeds for the next step. Returns how many changed; `changed` tells which."""
-    was, allowed, decel, top, cause = state.s, state.allowed, drive.decel, drive.speed, state.cause
+    was, decel, top, cause = state.s, drive.decel, drive.speed, state.cause
+    told = state.allowed if around.prompt else around.told
+    factor, hold_until = around.factor, around.hold_until
     nx, first, due, at, commanded = state.nx, path.first, path.due, path.at, state.command
     count = 0
     for r in range(len(was)):
-        v = stop_speed(allowed[r] - was[r] - MARGIN_M, decel[r], dt)
+        v = stop_speed(told[r] - was[r] - MARGIN_M, decel[r], dt)
         v = min(v, top[r] * factor[r])
         if now < hold_until[r]:
             v = 0.0

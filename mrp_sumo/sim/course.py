@@ -35,8 +35,8 @@ class Course:
         return len(self.path.first) - 1
 
 
-def course_of(problem: Problem, plan: Plan, policy: Policy, step_length_s: float) -> Course:
-    """Prepare a plan.
+def course_of(problem: Problem, plan: Plan, policy: Policy, step_length_s: float, begin_s: float = 0.0) -> Course:
+    """Prepare a plan whose time 0 is `begin_s` of the execution.
 
     Raises
     ------
@@ -80,8 +80,8 @@ def course_of(problem: Problem, plan: Plan, policy: Policy, step_length_s: float
             lane=lane,
             heading=heading,
             turns=turns,
-            earliest=np.ascontiguousarray(policy.earliest_s(plan), np.float64),
-            due=plan.arrive_s if policy.paced else np.zeros(plan.num_visits),
+            earliest=policy.earliest_s(plan) + begin_s,
+            due=plan.arrive_s + begin_s if policy.paced else np.zeros(plan.num_visits),
             short_of=_short_of(resources, lane, at),
             reverse=graph.reverse,
         ),
@@ -232,3 +232,31 @@ def fresh_state(course: Course) -> _control.State:
     alone = path.first[1:] - begin == 1  # robots that never move are at their goals
     state.goal[alone] = 0.0
     return state
+
+
+def continued(course: Course, before: _control.State, path: _control.Path, now: float) -> _control.State:
+    """Robots on the first visits of a new course, where they stand on the last visits of an old one they arrived at."""
+    state, stands = fresh_state(course), before.nx - 1
+    state.s[:] = before.s - path.at[stands]  # a millimetre or so before the vertex
+    state.yaw[:] = before.yaw
+    state.command[:] = before.command
+    state.booked[:] = before.booked
+    state.mark_s[:] = state.s
+    state.mark_t[:] = now
+    state.arrived[course.path.first[:-1]] = now
+    alone = np.diff(course.path.first) == 1
+    there = path.first[1:] - 1 == stands
+    state.goal[:] = np.where(alone, np.where(there, before.goal, now), np.nan)
+    return state
+
+
+def empty_log(num_robots: int) -> _control.Log:
+    """Room for what can happen in a step."""
+    room = 4 * num_robots  # at most a blocking, a wait, a departure and an arrival a robot
+    whole = [np.zeros(room, np.int64) for _ in range(5)]
+    return _control.Log(*whole, np.zeros(room), np.zeros(room))
+
+
+def empty_news(num_robots: int) -> _control.News:
+    """Room for all robots."""
+    return _control.News(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))

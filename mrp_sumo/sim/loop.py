@@ -1,31 +1,36 @@
 """The co-simulation: a plan driven in SUMO, step by step, under a policy.
 
-Each step: let robots claim what they need next, command speeds, let SUMO move, look where everybody is. Refuses
-plans and robots that cannot be driven (`sim.course`) before the first step. Robots at their goals stay there as
+Each step: see what robots did, let them claim what they need next, command speeds, let SUMO move. Refuses plans
+and robots that cannot be driven (`sim.course`) before the first step. Robots at their goals stay there as
 obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from mrp_sumo.core.execution import Execution, Outcome
-from mrp_sumo.core.graph import frozen
+from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.blocking import LOOK_EVERY_S, DeadlockWatch, deadlock_event, events_of, waits_at_the_end
-from mrp_sumo.sim.course import Course, course_of, fresh_state
-from mrp_sumo.sim.policy import policy_of
-from mrp_sumo.sim.recorder import Recorder, positions_m
-from mrp_sumo.sim.routes import insert
+from mrp_sumo.sim.course import Course, continued, course_of, empty_log, empty_news, fresh_state
+from mrp_sumo.sim.disturber import Disturber
+from mrp_sumo.sim.policy import Policy, policy_of
+from mrp_sumo.sim.recorder import Recorder
+from mrp_sumo.sim.recovery import plan_from
+from mrp_sumo.sim.routes import Routes
 from mrp_sumo.sim.settings import ExecutionSettings
 from mrp_sumo.sim.sumo import Sumo, running_sumo, type_of
 
 A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
+QUIET_WITHIN_S = 30.0  # in which all robots must come to stand at vertices for a new plan
 Progress = Callable[[float, int], None]
 
 
@@ -39,7 +44,7 @@ def simulate(
     problem
         What the plan is for.
     settings
-        Policy, clock and recording.
+        Policy, clock, recording, disturbances.
     network
         The SUMO network of `problem.graph` (`maps.sumo.build_network`).
     progress
@@ -54,92 +59,184 @@ def simulate(
     PlanError
         When the policy keeps the plan's order and that is cyclic.
     """
-    course = course_of(problem, plan, policy_of(settings.policy), settings.step_length_s)
-    with running_sumo(network, problem.fleet, problem.fleet.separation_m, settings.step_length_s, settings.seed, gui) as sumo:
-        return drive(problem, plan, settings, course, sumo, progress)
-
-
-def drive(problem: Problem, plan: Plan, settings: ExecutionSettings, course: Course, sumo: Sumo, progress: Progress | None) -> Execution:
-    """The loop itself, on a running SUMO."""
-    policy, dt, path, names = policy_of(settings.policy), settings.step_length_s, course.path, problem.fleet.robot_name
-    num_robots, state = course.num_robots, fresh_state(course)
-    routes = insert(problem.graph, path, state, sumo, type_of(problem.fleet), float(problem.fleet.max_speed_mps.max()))
-    labels = [problem.graph.label(v) for v in range(problem.graph.num_vertices)]
-    recorder, watch, findings = Recorder(num_robots), DeadlockWatch(), []
-    log, news = _empty_log(num_robots), _control.News(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))
-    factor, hold_until = np.ones(num_robots), np.zeros(num_robots)
-    tolerances = (problem.graph.cell_m - A_CELL_LESS_M, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S)
-    look_every, tell_every = max(1, round(LOOK_EVERY_S / dt)), max(1, round(1 / dt))
-    outcome = Outcome.TIME_LIMIT
-    step, now, s = 0, 0.0, np.zeros(num_robots)
-    wall, cpu = time.perf_counter(), time.process_time()
-    while True:
-        logged, changed, due = _control.advance(
-            *(now, dt, s, course.drive, path, course.need, state, log, news, factor, hold_until, *tolerances),
-            *(policy.look_ahead, policy.paced),
-        )
-        if logged:
-            recorder.events += events_of(log, logged, path, names)
-        if step % look_every == 0:
-            recorder.events += [deadlock_event(now, cycle, state, path, labels, names) for cycle in watch.look(state)]
-        if progress and step and step % tell_every == 0:
-            progress(now, int(np.isfinite(state.goal).sum()))
-        if step % settings.steps_per_sample == 0:
-            recorder.sample(s, state.yaw, state.speed)
-            if (state.nx >= path.first[1:]).all():
-                outcome = Outcome.COMPLETED
-                break
-            if now >= settings.time_limit_s - 1e-9:
-                break
-        for r in news.changed[:changed].tolist():
-            sumo.set_speed(sumo.names[r], state.command[r])
-        if due:
-            routes.renew(news.due[:due].tolist())
-        sumo.step()
-        step += 1
-        now = round(step * dt, 9)
-        sumo.read_driven(s, (state.command > 0) | (state.speed > 0))
-        findings += [f"{now:.2f} s: SUMO reports a {kind} of {one} and {two}" for one, two, kind in sumo.collisions()]
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    recorder.events += waits_at_the_end(now, state, path, names, WAIT_LEAST_S)
-    return _execution(problem, plan, settings, course, state, recorder, outcome, (now, wall, cpu), findings)
-
-
-def _execution(
-    problem: Problem,
-    plan: Plan,
-    settings: ExecutionSettings,
-    course: Course,
-    state: _control.State,
-    recorder: Recorder,
-    outcome: Outcome,
-    clocks: tuple[float, float, float],
-    findings: list[str],
-) -> Execution:
-    s, yaw, speed = recorder.samples()
-    x, y = positions_m(s, plan.first, course.path.at, problem.graph.xy[plan.vertex])
-    goal = np.where(plan.last_vertex == problem.target, state.goal, np.nan)
-    events = sorted(recorder.events, key=lambda event: (event.t_s, event.robot, event.kind))
-    return Execution(
-        t_s=frozen(np.round(np.arange(len(s)) * settings.steps_per_sample * settings.step_length_s, 9)),
-        x_m=frozen(x),
-        y_m=frozen(y),
-        yaw_rad=frozen((yaw + np.pi) % (2 * np.pi) - np.pi),
-        speed_mps=frozen(speed),
-        arrived_s=frozen(state.arrived),
-        goal_s=frozen(goal),
-        outcome=outcome,
-        policy=settings.policy,
-        sim_time_s=clocks[0],
-        wall_time_s=clocks[1],
-        cpu_time_s=clocks[2],
-        events=tuple(events),
-        findings=tuple(findings),
-        booked_s=frozen(state.booked),
+    policy, fleet, dt = policy_of(settings.policy), problem.fleet, settings.step_length_s
+    course = course_of(problem, plan, policy, dt)
+    disturber = Disturber(
+        settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s, float(fleet.radius_m.max()), settings.seed
     )
+    with running_sumo(network, fleet, fleet.separation_m, dt, settings.seed, gui) as sumo:
+        routes = Routes(problem.graph, course.path, sumo, fresh_state(course))
+        routes.begin(type_of(fleet), float(fleet.max_speed_mps.max()))
+        run = _Run(problem, plan, settings, policy, course, routes, sumo, disturber, Recorder(problem.graph.xy[plan.vertex], course.path))
+        run.drive(progress)
+    return run.execution()
 
 
-def _empty_log(num_robots: int) -> _control.Log:
-    room = 4 * num_robots  # at most a blocking, a wait, a departure and an arrival a robot and step
-    whole = [np.zeros(room, np.int64) for _ in range(5)]
-    return _control.Log(*whole, np.zeros(room), np.zeros(room))
+@dataclass
+class _Run:
+    """An execution under way."""
+
+    problem: Problem
+    plan: Plan
+    settings: ExecutionSettings
+    policy: Policy
+    course: Course  # of the plan, or of the last new one
+    routes: Routes
+    sumo: Sumo
+    disturber: Disturber
+    recorder: Recorder
+
+    def __post_init__(self) -> None:
+        self.state = self.routes.state
+        self.names = self.problem.fleet.robot_name
+        self.labels = [self.problem.graph.label(v) for v in range(self.problem.graph.num_vertices)]
+        self.events: list[Event] = []
+        self.findings: list[str] = []
+        self.watch = DeadlockWatch()
+        self.outcome = Outcome.TIME_LIMIT
+        self.now = 0.0
+        self.quiet_since = np.inf  # since when robots stop for a new plan, inf: they do not
+        self.given_up = self.settings.on_deadlock != "resolve"
+        self.first_arrived: FloatArray | None = None  # [N] of the plan's visits, once there is a new plan
+
+    def drive(self, progress: Progress | None) -> None:
+        """Until all robots are at the ends of their paths, or time is up."""
+        settings, dt, state, sumo = self.settings, self.settings.step_length_s, self.state, self.sumo
+        num_robots = self.problem.num_robots
+        log, news = empty_log(num_robots), empty_news(num_robots)
+        tolerances = (self.problem.graph.cell_m - A_CELL_LESS_M, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S)
+        look_every, tell_every = max(1, round(LOOK_EVERY_S / dt)), max(1, round(1 / dt))
+        disturbed, step, s = settings.disturbances.any, 0, np.zeros(num_robots)
+        around = self.disturber.around
+
+        def advance(look: bool) -> tuple[int, int, int]:
+            course, stopping = self.course, self.quiet_since < np.inf
+            counts: tuple[int, int, int] = _control.advance(
+                *(look, self.now, dt, s, course.drive, course.path, course.need, self.state, log, news, around, *tolerances),
+                *(0 if stopping else self.policy.look_ahead, self.policy.paced, stopping),
+            )
+            return counts
+
+        wall, cpu = time.perf_counter(), time.process_time()
+        while True:
+            if disturbed:
+                self.events += self.disturber.happen(self.now, state)
+            logged, changed, due = advance(step > 0)
+            if logged:
+                self.events += events_of(log, logged, self.course.path, self.names)
+            if step % settings.steps_per_sample == 0:
+                self.recorder.sample(s, state.yaw, state.speed)
+                if self._is_over():
+                    break
+            if step % look_every == 0:
+                self._look_for_deadlocks()
+            if self.quiet_since < np.inf and self._renew_plan():
+                state, s = self.state, self.state.s.copy()
+                _, changed, due = advance(False)
+            if progress and step and step % tell_every == 0:
+                progress(self.now, int(np.isfinite(state.goal).sum()))
+            for r in news.changed[:changed].tolist():
+                sumo.set_speed(sumo.names[r], state.command[r])
+            if due:
+                self.routes.renew(news.due[:due].tolist())
+            sumo.step()
+            step += 1
+            self.now = round(step * dt, 9)
+            sumo.read_driven(s, (state.command > 0) | (state.speed > 0))
+            self.findings += [f"{self.now:.2f} s: SUMO reports a {kind} of {one} and {two}" for one, two, kind in sumo.collisions()]
+        self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
+        self.events += waits_at_the_end(self.now, state, self.course.path, self.names, WAIT_LEAST_S)
+
+    def _is_over(self) -> bool:
+        if self.outcome is Outcome.DEADLOCK:
+            return True
+        if (self.state.nx >= self.course.path.first[1:]).all():
+            self.outcome = Outcome.COMPLETED
+            return True
+        return self.now >= self.settings.time_limit_s - 1e-9
+
+    def _look_for_deadlocks(self) -> None:
+        """Tell new deadlocks, and do about deadlocks and long blockings what the settings say."""
+        found = self.watch.look(self.state)
+        self.events += [deadlock_event(self.now, cycle, self.state, self.course.path, self.labels, self.names) for cycle in found]
+        if found and self.settings.on_deadlock == "stop":
+            self.outcome = Outcome.DEADLOCK
+        if self.given_up or self.quiet_since < np.inf:
+            return
+        stuck = self.state.stuck & (self.now - self.state.mark_t >= self.settings.patience_s)
+        if self.watch.known or stuck.any():
+            self.quiet_since = self.now
+
+    def _renew_plan(self) -> bool:
+        """Once all robots stand at vertices, plan anew and go on from there. Gives up when that does not work."""
+        state, path = self.state, self.course.path
+        done = (state.nx == state.won + 1) & ~state.on_lane
+        held = self.disturber.hold_until > self.now  # they drive none of what they have claimed
+        at_vertex = (done | held) & (state.speed == 0) & (np.abs(state.s - path.at[state.nx - 1]) <= _control.ARRIVED_M)
+        waited = self.now - self.quiet_since
+        if not at_vertex.all() and waited < QUIET_WITHIN_S:
+            return False
+        why = ""
+        if at_vertex.all():
+            try:
+                problem, plan = plan_from(self.problem, path.vertex[state.nx - 1], self.disturber.broken, self.settings.replanner)
+                course = self._course(problem, plan)
+            except PlanError as error:
+                why = str(error)
+        else:
+            why = f"{self.names[int(np.flatnonzero(~at_vertex)[0])]} does not come to stand at a vertex"
+        begun, self.quiet_since = self.quiet_since, np.inf
+        if why:
+            self.given_up = True
+            self.events.append(Event(begun, "unresolved", -1, duration_s=round(waited, 9), text=why))
+            return False
+        text = f"all robots stopped and {self.settings.replanner} planned anew"
+        self.events.append(Event(begun, "resolved", -1, duration_s=round(waited, 9), text=text))
+        if self.first_arrived is None:
+            self.first_arrived = state.arrived
+        self.state = continued(course, state, path, self.now)
+        self.sumo.rebase(self.state.s)
+        self.recorder.turn_to(self.problem.graph.xy[plan.vertex], course.path)
+        self.disturber.forget_messages(self.state.allowed)
+        self.watch.known.clear()
+        self.course, self.routes = course, self.routes.renewed(course.path, self.state)
+        return True
+
+    def _course(self, problem: Problem, plan: Plan) -> Course:
+        """A new plan is driven in its order if that can be kept: it is for who stands where now, not for the clock."""
+        try:
+            self.policy = policy_of("adg")
+            return course_of(problem, plan, self.policy, self.settings.step_length_s, self.now)
+        except PlanError:
+            if policy_of(self.settings.policy).sound_plan_only:
+                raise
+            self.policy = policy_of("open_loop")
+            return course_of(problem, plan, self.policy, self.settings.step_length_s, self.now)
+
+    def execution(self) -> Execution:
+        """All that was recorded."""
+        x, y, yaw, speed = self.recorder.samples()
+        path, state, settings = self.course.path, self.state, self.settings
+        ends = path.vertex[path.first[1:] - 1]
+        goal = np.where(ends == self.problem.target, state.goal, np.nan)
+        arrived = state.arrived
+        if self.first_arrived is not None:  # of a plan that was given up, robots still reach the ends
+            arrived = self.first_arrived
+            arrived[self.plan.first[1:] - 1] = goal
+        return Execution(
+            t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
+            x_m=frozen(x),
+            y_m=frozen(y),
+            yaw_rad=frozen((yaw + np.pi) % (2 * np.pi) - np.pi),
+            speed_mps=frozen(speed),
+            arrived_s=frozen(arrived),
+            goal_s=frozen(goal),
+            outcome=self.outcome,
+            policy=settings.policy,
+            sim_time_s=self.now,
+            wall_time_s=self.wall_s,
+            cpu_time_s=self.cpu_s,
+            events=tuple(sorted(self.events, key=lambda event: (event.t_s, event.robot, event.kind))),
+            findings=tuple(self.findings),
+            booked_s=frozen(state.booked),
+        )

@@ -23,6 +23,7 @@ class Policy(Protocol):
     name: str
     look_ahead: int  # how many visits ahead of its position a robot may claim at most
     paced: bool  # whether a robot that is early drives slower
+    sound_plan_only: bool  # refuses plans with conflicts, and orders that cannot be kept
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         """Who passes before whom at every resource; None: first come, first served. PlanError when it cannot be kept."""
@@ -36,6 +37,7 @@ class OpenLoop:
     """Drive the path, whatever the clock says; right of way at a vertex goes to who asked first. Can deadlock."""
 
     name: str = "open_loop"
+    sound_plan_only: bool = False
     look_ahead: int = 2
     paced: bool = False
 
@@ -51,6 +53,7 @@ class Timed:
     """Leave no vertex before the plan does; right of way as in open loop. Delays can make it deadlock."""
 
     name: str = "timed"
+    sound_plan_only: bool = False
     look_ahead: int = 2
     paced: bool = True
 
@@ -66,6 +69,7 @@ class Adg:
     """Enter a vertex when everyone planned before has left it, as early as that is. Cannot deadlock."""
 
     name: str = "adg"
+    sound_plan_only: bool = True
     look_ahead: int = 4
     paced: bool = False
 
@@ -81,6 +85,7 @@ class AdgTimed:
     """The plan's order, and no vertex left before the plan does. Cannot deadlock."""
 
     name: str = "adg_timed"
+    sound_plan_only: bool = True
     look_ahead: int = 4
     paced: bool = True
 
@@ -92,7 +97,6 @@ class AdgTimed:
 
 
 POLICIES: dict[str, Policy] = {policy.name: policy for policy in (OpenLoop(), Timed(), Adg(), AdgTimed())}
-SOUND_PLAN_ONLY = frozenset(("adg", "adg_timed"))
 
 
 def policy_of(name: str) -> Policy:
@@ -110,4 +114,4 @@ def policy_of(name: str) -> Policy:
 
 def needs_sound_plan(name: str) -> bool:
     """Whether the policy refuses plans with conflicts, and orders that cannot be kept."""
-    return name in SOUND_PLAN_ONLY
+    return policy_of(name).sound_plan_only

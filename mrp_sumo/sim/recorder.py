@@ -1,21 +1,22 @@
-"""Keeps what happened: samples of every robot at a fixed period, and events. Positions follow from distances at the end."""
+"""Keeps samples of every robot at a fixed period. Positions follow from distances along the paths at the end."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrp_sumo.core.execution import Event
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.sim import _control
 
 ROWS = 256  # samples are kept in blocks of this many
 
 
 @dataclass
 class Recorder:
-    """Samples of R robots."""
+    """Samples of R robots on their paths."""
 
-    num_robots: int
-    events: list[Event] = field(default_factory=list)
+    xy: FloatArray  # [N, 2] of the visits, m
+    path: _control.Path
+    _done: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = field(default_factory=list)  # on earlier paths
     _blocks: list[FloatArray] = field(default_factory=list)  # [ROWS, 3, R]: distance, yaw, speed
     _count: int = 0
 
@@ -23,33 +24,29 @@ class Recorder:
         """Keep one sample, the next by the period."""
         row = self._count % ROWS
         if row == 0:
-            self._blocks.append(np.empty((ROWS, 3, self.num_robots)))
+            self._blocks.append(np.empty((ROWS, 3, len(s_m))))
         block = self._blocks[-1][row]
         block[0], block[1], block[2] = s_m, yaw_rad, speed_mps
         self._count += 1
 
-    def samples(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distance along the path, yaw and speed, [T, R] each."""
-        parts = [block[: self._count - k * ROWS] for k, block in enumerate(self._blocks)]
+    def turn_to(self, xy: FloatArray, path: _control.Path) -> None:
+        """Robots go on along other paths."""
+        self._done.append(self._samples())
+        self.xy, self.path = xy, path
+        self._blocks, self._count = [], 0
+
+    def samples(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """x, y, yaw and speed, [T, R] each."""
+        x, y, yaw, speed = (np.concatenate(parts) for parts in zip(*self._done, self._samples()))
+        return x, y, yaw, speed
+
+    def _samples(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        num_robots = len(self.path.first) - 1
+        parts = [block[: self._count - k * ROWS] for k, block in enumerate(self._blocks)] or [np.empty((0, 3, num_robots))]
         s, yaw, speed = (np.concatenate([part[:, k] for part in parts]) for k in range(3))
-        return s, yaw, speed
-
-
-def positions_m(s_m: FloatArray, first: IntArray, at_m: FloatArray, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """x and y [T, R] of robots that have driven `s_m` [T, R] along their paths.
-
-    Parameters
-    ----------
-    first
-        [R + 1] CSR of the paths' points.
-    at_m
-        [N] distance of each point along its path.
-    xy
-        [N, 2] the points.
-    """
-    x, y = np.empty_like(s_m), np.empty_like(s_m)
-    for r in range(len(first) - 1):
-        points = slice(first[r], first[r + 1])
-        x[:, r] = np.interp(s_m[:, r], at_m[points], xy[points, 0])
-        y[:, r] = np.interp(s_m[:, r], at_m[points], xy[points, 1])
-    return x, y
+        x, y = np.empty_like(s), np.empty_like(s)
+        for r in range(num_robots):
+            points = slice(self.path.first[r], self.path.first[r + 1])
+            x[:, r] = np.interp(s[:, r], self.path.at[points], self.xy[points, 0])
+            y[:, r] = np.interp(s[:, r], self.path.at[points], self.xy[points, 1])
+        return x, y, yaw, speed

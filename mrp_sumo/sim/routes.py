@@ -32,7 +32,18 @@ class Routes:
         self.edge = [edge_name(a, b) for a, b in zip(self.graph.tail.tolist(), self.graph.head.tolist())]
         self._lanes: list[int] = self.path.lane.tolist()
 
-    def check(self) -> None:
+    def begin(self, kinds: list[int], fastest_mps: float) -> None:
+        """Check the network, put robots of these types [R] on it, and let SUMO take the step in which they appear."""
+        self._check()
+        self._raise_limits(fastest_mps)
+        self._insert_all(kinds)
+        self.sumo.begin()
+
+    def renewed(self, path: _control.Path, state: _control.State) -> "Routes":
+        """Routes along other paths, from where robots stand. They are made when they are due."""
+        return Routes(self.graph, path, self.sumo, state)
+
+    def _check(self) -> None:
         """Refuse a network whose lanes on the robots' paths are not those of the graph."""
         for lane in np.unique(self.path.lane[self.path.lane >= 0]).tolist():
             found, expected = self.sumo.lane_length_m(self.edge[lane]), self.graph.length_m[lane]
@@ -41,13 +52,13 @@ class Routes:
                     f"edge '{self.edge[lane]}' of the network is {found:g} m long, expected {expected:g} m: it was not made of this graph"
                 )
 
-    def raise_limits(self, speed_mps: float) -> None:
+    def _raise_limits(self, speed_mps: float) -> None:
         """The network's stand-in for no limit must not cap fast robots."""
         if speed_mps > NO_LIMIT_MPS:
             for lane in np.flatnonzero(~np.isfinite(self.graph.speed_mps)).tolist():
                 self.sumo.raise_limit(self.edge[lane], speed_mps)
 
-    def insert_all(self, kinds: list[int]) -> None:
+    def _insert_all(self, kinds: list[int]) -> None:
         """Put every robot on its first vertex: at the end of the incoming edge most in line with its first move."""
         graph, path = self.graph, self.path
         by_head = np.argsort(graph.head, kind="stable")
@@ -107,13 +118,3 @@ class Routes:
         head = int(self.graph.head[lane])
         onward = range(int(self.graph.first[head]), int(self.graph.first[head + 1]))
         return [self.edge[onward[0]]] if onward else []
-
-
-def insert(graph: NavGraph, path: _control.Path, state: _control.State, sumo: Sumo, kinds: list[int], fastest_mps: float) -> Routes:
-    """Check the network and put all robots on it."""
-    routes = Routes(graph, path, sumo, state)
-    routes.check()
-    routes.raise_limits(fastest_mps)
-    routes.insert_all(kinds)
-    sumo.begin()
-    return routes

@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.errors import ExecutionError
+from mrp_sumo.errors import ExecutionError, nearest
+from mrp_sumo.sim.disturbances import NONE, Disturbances
+
+ON_DEADLOCK = ("report", "stop", "resolve")
 
 
 @dataclass(frozen=True)
@@ -18,14 +21,20 @@ class ExecutionSettings:
     record_period_s: float = 0.1  # a whole number of steps
     seed: int = 0
     blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked
+    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': stop all robots and plan anew from where they stand
+    replanner: str = "lacam"  # the planner that resolves
+    patience_s: float = 60.0  # after which 'resolve' also plans around a robot that blocks others without a deadlock
+    disturbances: Disturbances = NONE
 
     def __post_init__(self) -> None:
-        for key in ("step_length_s", "time_limit_s", "record_period_s", "blocking_window_s"):
+        for key in ("step_length_s", "time_limit_s", "record_period_s", "blocking_window_s", "patience_s"):
             value = getattr(self, key)
             if not (np.isfinite(value) and value > 0):
                 raise ExecutionError(f"{key} is {value}, expected a number of seconds above 0")
         if not 0.001 <= self.step_length_s <= 1.0:
             raise ExecutionError(f"step_length_s is {self.step_length_s}, expected 0.001 to 1")
+        if self.on_deadlock not in ON_DEADLOCK:
+            raise ExecutionError(f"on_deadlock is '{self.on_deadlock}'{nearest(self.on_deadlock, ON_DEADLOCK)}")
         if not self.goal_tolerance_m >= 0:
             raise ExecutionError(f"goal_tolerance_m is {self.goal_tolerance_m}, expected 0 or more")
         steps = self.record_period_s / self.step_length_s

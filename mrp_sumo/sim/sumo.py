@@ -84,6 +84,10 @@ class Sumo:
             names = compress(self._name, moving.tolist())
             driven_m[moving] = np.fromiter(map(self._vehicle.getDistance, names), np.float64) - self._base[moving]
 
+    def rebase(self, driven_m: FloatArray) -> None:
+        """Let odometers show these values [R] now."""
+        self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name)) - driven_m
+
     def edge(self, robot: int) -> str:
         return str(self._vehicle.getRoadID(self._name[robot]))
 
