@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import ClassVar
 
-import numpy as np
-
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import impossible, require_limit
@@ -25,9 +23,9 @@ class AStar:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners._astar import shortest_path
+        from planners._warm import warm
 
-        shortest_path(np.array([0, 1, 1]), np.array([1]), np.array([1, 0], np.int32), 0)
+        warm(self)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. SOLVED whether or not the paths collide: the referee tells."""

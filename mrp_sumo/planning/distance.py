@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from mrp_sumo.core.graph import IntArray, NavGraph
+from mrp_sumo.core.graph import IntArray, NavGraph, frozen
 from mrp_sumo.planning._kernels import UNREACHABLE, reversed_lanes, steps_to_all
 
 __all__ = ["UNREACHABLE", "Distances", "distances"]
@@ -65,7 +65,7 @@ class Distances:
 
 def prepare() -> None:
     """Compile or load the search, so that the first table takes no longer than the next."""
-    Distances(np.array([0, 1, 1], np.int64), np.array([1], np.int64)).to(1)
+    Distances(frozen(np.array([0, 1, 1], np.int64)), frozen(np.array([1], np.int64))).to(1)
 
 
 _shared: WeakKeyDictionary[NavGraph, Distances] = WeakKeyDictionary()

@@ -1,0 +1,43 @@
+"""What `prepare` has to do: leave nothing to compile or to load while planning time is measured."""
+
+import sys
+
+import numpy as np
+import pytest
+
+numba = pytest.importorskip("numba")
+from numba.core.dispatcher import Dispatcher  # noqa: E402
+
+from mrp_sumo.core.fleet import RobotType, fleet_of  # noqa: E402
+from mrp_sumo.core.problem import Problem  # noqa: E402
+from mrp_sumo.maps.grid import grid_graph  # noqa: E402
+from mrp_sumo.planning import distance  # noqa: E402
+from mrp_sumo.planning.draw import uniform_draw  # noqa: E402
+from mrp_sumo.planning.registry import planner, planner_names  # noqa: E402
+
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+
+
+def compiled():
+    """How many signatures of each kernel are ready in this process."""
+    found = {}
+    for name, module in list(sys.modules.items()):
+        if module is not None and name.split(".")[0] in ("planners", "mrp_sumo"):
+            found |= {f"{k.__module__}.{k.__name__}": len(k.overloads) for k in vars(module).values() if isinstance(k, Dispatcher)}
+    return found
+
+
+@pytest.mark.parametrize("name", [n for n in planner_names() if n != "external"])
+def test_planning_compiles_nothing_after_prepare(name):
+    free = np.random.default_rng(5).random((24, 24)) > 0.15
+    graph = grid_graph(free, 1.0, (0.0, 0.0))
+    start, goal = uniform_draw(graph, 25, 3)
+    fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), len(start))
+    chosen = planner(name, {})
+    goal_of = np.full(len(start), -1) if chosen.assigns else np.arange(len(start))
+    problem = Problem(graph, fleet, start, goal, goal_of, 1.0)
+    distance.prepare()
+    chosen.prepare()
+    before = compiled()
+    chosen.plan(problem, 5.0)
+    assert {kernel: n for kernel, n in compiled().items() if n != before.get(kernel, 0)} == {}
