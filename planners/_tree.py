@@ -83,6 +83,10 @@ class Tree:
         self.generated = 0
         self._problem, self._num_split, self._unsolvable = problem, 0, False
 
+    def again(self) -> "Tree":
+        """Another tree of the same problem, in the same room."""
+        return Tree(self._problem, self.deadline, following=bool(self.world.following), symmetries=self.symmetries, like=self)
+
     @property
     def expansions(self) -> int:
         """Low-level expansions so far."""

@@ -2,7 +2,9 @@
 
 Source: Li, Ruml, Koenig, "EECBS: a bounded-suboptimal search for multi-agent path finding", AAAI 2021: nodes are
 chosen by an estimate of the cost of a solution below them, learned while searching from what a step costs and
-how many conflicts it ends (section 4); bypass, prioritised conflicts and symmetries on top (section 5).
+how many conflicts it ends (section 4); bypass, prioritised conflicts and symmetries on top (section 5). The WDG
+heuristic, which needs shortest paths, serves the lower bound in a tree of its own: when nothing is cheap enough
+to be chosen, a step of optimal CBS alternates with the paper's expansion of the node of least bound.
 """
 
 from dataclasses import dataclass
@@ -48,7 +50,7 @@ class Eecbs:
         if refusal := impossible(problem):
             return refusal
         tree = Tree(problem, began + time_limit_s, following=self.following, symmetries=self.symmetries)
-        nodes = _Open(self.w)
+        nodes = _Open(self.w, _Bound(tree))
         best, expanded = None, 0
         status, message = Status.SOLVED, ""
         try:
@@ -85,11 +87,47 @@ class Eecbs:
         )
 
 
+class _Bound:
+    """A lower bound by conflict-based search with shortest paths and WDG, a node a call."""
+
+    def __init__(self, tree) -> None:
+        self._like = tree
+        self._number = count()
+        self._tree, self._open = None, []
+        self.lower = 0
+
+    def improve(self) -> None:
+        """Expand the node of least cost; the next one's is a lower bound of all solutions."""
+        if self._tree is None:
+            self._tree = self._like.again()
+            if root := self._tree.root():
+                self._insert(root)
+        while self._open:
+            f, _, _, node = self._open[0]
+            self.lower = max(self.lower, f)
+            if not len(node.conflicts):
+                return
+            heappop(self._open)
+            if not node.looked_at:
+                node.looked_at = True
+                node.h = max(node.h, self._tree.heuristic(node))
+                self._insert(node)
+                continue
+            for child in self._tree.children(node):
+                child.h = max(0, node.f - child.cost)
+                self._insert(child)
+            return
+
+    def _insert(self, node) -> None:
+        heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))
+
+
 class _Open:
     """The open nodes in the paper's three orders: CLEANUP by bound, OPEN by estimate, FOCAL by number of conflicts."""
 
-    def __init__(self, w: float) -> None:
+    def __init__(self, w: float, bound: _Bound) -> None:
         self.w = w
+        self._bound = bound
         self.lower = 0
         self.chosen_for_bound = 0
         self._number = count()
@@ -114,7 +152,7 @@ class _Open:
                 heappop(heap)
         if not self._cleanup:
             return None
-        self.lower = max(self.lower, self._cleanup[0][0])
+        self.lower = max(self.lower, self._cleanup[0][0], self._bound.lower)
         limit = self.w * self.lower + 1e-9
         reach = self.w * self._open[0][0] + 1e-9
         while self._beyond and self._beyond[0][0] <= reach:
@@ -125,6 +163,10 @@ class _Open:
             distance, estimate, serial, node = heappop(self._focal)
             if serial not in self._closed:
                 heappush(self._beyond, (estimate, distance, serial, node))
+        if not (self._focal and self._focal[0][3].cost <= limit) and self._open[0][3].cost > limit:
+            self._bound.improve()
+            self.lower = max(self.lower, self._bound.lower)
+            limit = self.w * self.lower + 1e-9
         if self._focal and self._focal[0][3].cost <= limit:
             _, _, serial, node = heappop(self._focal)
         elif self._open[0][3].cost <= limit:
