@@ -30,6 +30,7 @@ from mrp_sumo.io.results import (
     read_record,
     record_path,
     records_in,
+    standings_in,
     write_record,
     write_tables,
     write_whole,
@@ -87,10 +88,9 @@ def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, qu
     if folder.exists():
         _require_ours(batch)
     keys = {run.key for run in batch.runs}
-    for record in records_in(folder, told, quarantine=quarantine):
-        if record["key"] in keys:
-            batch.status[record["key"]] = record["status"]
-            batch.attempts[record["key"]] = record["attempts"]
+    for key, status, attempts in standings_in(folder, told, quarantine=quarantine):
+        if key in keys:
+            batch.status[key], batch.attempts[key] = status, attempts
         else:
             batch.num_foreign += 1
     return batch
@@ -178,8 +178,11 @@ def estimate_s(batch: Batch, workers: int, retries: int) -> tuple[float, str]:
     """Roughly how long the rest takes, and where that comes from."""
     todo = batch.todo(retries)
     known: list[float] = []
-    if (batch.folder / "runs").is_dir():
-        known = [r["run_wall_s"] for r in records_in(batch.folder, lambda line: None) if r["run_wall_s"] is not None]
+    for record in records_in(batch.folder, lambda line: None):
+        if record["run_wall_s"] is not None:
+            known.append(record["run_wall_s"])
+        if len(known) == 1000:
+            break
     each = sum(known) / len(known) if known else {"map": 0.1, "plan": 0.2, "execution": 0.6}[batch.file.suite.until]
     source = f"from {len(known)} runs in the folder" if known else "a guess for small maps and few robots"
     return len(todo) * each / workers, source

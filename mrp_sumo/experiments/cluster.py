@@ -7,6 +7,8 @@ machines need the same version of mrp_sumo, and maps that are files at the same 
 import logging
 import queue
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from mrp_sumo.errors import BatchError
@@ -54,32 +56,50 @@ class Cluster:
 
     @property
     def free(self) -> int:
-        threads = sum(worker["nthreads"] for worker in self._client.scheduler_info(n_workers=-1)["workers"].values())
-        return int(2 * threads) - self.running  # the next is there when one ends
+        with self._answering():
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        return 2 * sum(int(worker["nthreads"]) for worker in workers) - self.running  # the next is there when one ends
 
     def submit(self, job: Job) -> None:
         self._count += 1
         name = f"{job['key']}-{self._count}"
-        future: Any = self._client.submit(make_here, job, self._function, code_version(), key=name, pure=False)
-        self._under_way[name] = job
-        future.add_done_callback(self._ended.put)
+        with self._answering():
+            future: Any = self._client.submit(make_here, job, self._function, code_version(), key=name, pure=False)
+            self._under_way[name] = job
+            future.add_done_callback(self._ended.put)
 
     def wait(self, timeout_s: float) -> list[tuple[Job, Answer]]:
         ended = []
-        try:
-            ended.append(self._answer(self._ended.get(timeout=timeout_s)))
-            while True:
-                ended.append(self._answer(self._ended.get_nowait()))
-        except queue.Empty:
-            pass
-        if not ended and self._client.status != "running":
-            raise BatchError(f"the Dask scheduler at '{self._address}' is gone")
+        with self._answering():
+            try:
+                ended.append(self._answer(self._ended.get(timeout=timeout_s)))
+                while True:
+                    ended.append(self._answer(self._ended.get_nowait()))
+            except queue.Empty:
+                pass
+            if not ended and self._client.status != "running":
+                raise self._gone()
         return ended
 
     def close(self) -> None:
         if self._client.status == "running":
             self._client.run(_close_here)
         self._client.close(timeout=2)
+
+    @contextmanager
+    def _answering(self) -> Iterator[None]:
+        """Whatever goes wrong in a client without a scheduler: the scheduler is gone."""
+        try:
+            yield
+        except BatchError:
+            raise
+        except Exception as error:
+            if self._client.status == "running" and not isinstance(error, OSError):
+                raise
+            raise self._gone() from None
+
+    def _gone(self) -> BatchError:
+        return BatchError(f"the Dask scheduler at '{self._address}' is gone; start again to go on")
 
     def _answer(self, future: Any) -> tuple[Job, Answer]:
         job = self._under_way.pop(future.key)
@@ -89,7 +109,7 @@ class Cluster:
                 raise BatchError(answer["reason"])
             return job, answer
         if future.status == "cancelled":
-            raise BatchError(f"the Dask scheduler at '{self._address}' is gone")
+            raise self._gone()
         took = {"run_wall_s": None, "run_cpu_s": None, "peak_memory_mb": None}
         return job, {**failure(CRASHED, f"Dask: {_line(future.exception())}"), **took, **machine()}
 

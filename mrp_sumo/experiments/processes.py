@@ -15,7 +15,7 @@ from collections import deque
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO, Protocol
 
 from mrp_sumo.errors import BatchError
@@ -103,6 +103,7 @@ class _Worker:
 
     def __init__(self, function: str) -> None:
         ours, theirs = socket.socketpair()
+        self._scratch = TemporaryDirectory(prefix="mrp_sumo_worker_")  # its temporary files go with it, however it ends
         self._log: IO[bytes] = TemporaryFile()  # noqa: SIM115  closed with the worker
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "mrp_sumo.experiments.worker", str(theirs.fileno()), function, str(os.getpid())],
@@ -111,7 +112,7 @@ class _Worker:
             stdout=self._log,
             stderr=self._log,
             start_new_session=True,  # a group of its own, to kill with its children, and out of reach of Ctrl-C
-            env={**os.environ, **dict.fromkeys(SINGLE_THREADED, "1"), "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, **dict.fromkeys(SINGLE_THREADED, "1"), "PYTHONUNBUFFERED": "1", "TMPDIR": self._scratch.name},
         )
         theirs.close()
         self.connection = Connection(ours.detach())
@@ -163,6 +164,7 @@ class _Worker:
         self._process.wait()
         self.connection.close()
         self._log.close()
+        self._scratch.cleanup()
 
     def _died(self) -> Answer:
         with suppress(subprocess.TimeoutExpired):

@@ -161,24 +161,25 @@ def runs_of(file: SuiteFile, code: str) -> list[Run]:
         count *= len(values)
     if count > MAX_RUNS:
         raise ScenarioError(f"{file.document.path.name}: {count} runs, expected at most {MAX_RUNS}")
-    _check_axes(file)
     excluded = _Exclusions(file)
-    runs, seen = [], set()
-    inputs: dict[tuple[str, ...], str] = {}
+    runs: list[Run] = []
+    seen: set[str] = set()
+    inputs = _Inputs(file)
     for values in itertools.product(*(values for _, values in file.axes)):
-        scenario = _scenario_of(file, values)
-        canonical = scenario.model_dump_json()
-        if excluded(canonical):
-            continue
-        chosen = _chosen(scenario)
-        if chosen not in inputs:
-            inputs[chosen] = _inputs(file, scenario)
+        try:
+            scenario = _scenario_of(file, values)
+            canonical = scenario.model_dump_json()
+            if excluded(canonical):
+                continue
+            read = inputs(scenario, canonical)
+        except MrpSumoError as error:
+            raise ScenarioError(*_faults_of_axes(file) or str(error).splitlines()) from None
         for repeat in range(file.suite.repeat):
             shared = scenario_key(canonical, file.suite.until, repeat)
             if shared in seen:  # two values that mean the same
                 continue
             seen.add(shared)
-            runs.append(Run(run_key(shared, inputs[chosen], code), shared, canonical, repeat))
+            runs.append(Run(run_key(shared, read, code), shared, canonical, repeat))
     excluded.require_used()
     if not runs:
         raise ScenarioError(f"{file.document.at(('exclude',))}: nothing is left to run")
@@ -309,24 +310,21 @@ class _AxisPlaces(dict[Place, str]):
         return self._document.at(("base", *place) if isinstance(self._document.content.get("base"), dict) else ("base",))
 
 
-def _check_axes(file: SuiteFile) -> None:
-    """Try every value once beside the first of the others, so that all faults are told at once."""
+def _faults_of_axes(file: SuiteFile) -> list[str]:
+    """What is wrong with each value of the axes beside the first of the others, so that all is told at once."""
     first = tuple(values[0] for _, values in file.axes)
     faults: dict[str, None] = {}
-    checked: set[tuple[str, ...]] = set()
+    inputs = _Inputs(file)
     for i, (_, values) in enumerate(file.axes):
         for value in values:
             try:
                 scenario = _scenario_of(file, (*first[:i], value, *first[i + 1 :]))
-                if _chosen(scenario) not in checked:
-                    checked.add(_chosen(scenario))
-                    _inputs(file, scenario)
+                inputs(scenario, scenario.model_dump_json())
             except MrpSumoError as error:
                 faults.update(dict.fromkeys(str(error).splitlines()))
             if len(faults) >= 10:
                 break
-    if faults:
-        raise ScenarioError(*faults)
+    return list(faults)
 
 
 class _Exclusions:
@@ -369,31 +367,39 @@ def _short(key: str) -> str:
     return section if MAIN_KEYS.get(section) == inner else key
 
 
-def _chosen(scenario: Scenario) -> tuple[str, ...]:
-    """What a scenario names: files, planner, assigner, policy. Checked once for all runs with the same."""
-    return (
-        scenario.map.file,
-        str(scenario.robots.type),
-        scenario.planner.name,
-        str(scenario.planner.parameters),
-        scenario.assignment.solver,
-        str(scenario.assignment.parameters),
-        str(scenario.execution),
-        str(scenario.record.period_s),
-    )
+class _Inputs:
+    """Hash of the files that a scenario reads. What a scenario names is checked on the way, once for all with the same names."""
+
+    def __init__(self, file: SuiteFile) -> None:
+        self._file = file
+        self._of_scenario: dict[str, str] = {}  # by JSON from the map on: what comes before is the seed
+        self._of_names: dict[tuple[str, ...], str] = {}
+
+    def __call__(self, scenario: Scenario, canonical: str) -> str:
+        rest = canonical[canonical.index('"map":') :]
+        if rest not in self._of_scenario:
+            names = _names(scenario)
+            if names not in self._of_names:
+                self._of_names[names] = self._read(scenario)
+            self._of_scenario[rest] = self._of_names[names]
+        return self._of_scenario[rest]
+
+    def _read(self, scenario: Scenario) -> str:
+        from mrp_sumo.experiments.run import choices
+
+        whole = ScenarioFile(scenario, self._file.document, self._file.places)
+        choices(whole)
+        try:
+            paths = [find_map(scenario.map.file, self._file.folder)]
+        except MrpSumoError as error:
+            raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
+        if isinstance(name := scenario.robots.type, str):
+            bundled = bundled_folder("robots") / f"{name}.yaml"
+            paths.append(bundled if bundled.is_file() else self._file.folder / name)
+        return input_hash(paths)
 
 
-def _inputs(file: SuiteFile, scenario: Scenario) -> str:
-    """Hash of the files that a scenario reads; raises for names of nothing."""
-    from mrp_sumo.experiments.run import choices
-
-    whole = ScenarioFile(scenario, file.document, file.places)
-    choices(whole)
-    try:
-        paths = [find_map(scenario.map.file, file.folder)]
-    except MrpSumoError as error:
-        raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
-    if isinstance(name := scenario.robots.type, str):
-        bundled = bundled_folder("robots") / f"{name}.yaml"
-        paths.append(bundled if bundled.is_file() else file.folder / name)
-    return input_hash(paths)
+def _names(scenario: Scenario) -> tuple[str, ...]:
+    """What a scenario names: files, planner, assigner, policy."""
+    parts = (scenario.map.file, scenario.robots.type, scenario.planner, scenario.assignment, scenario.execution, scenario.record)
+    return tuple(str(part) for part in parts)

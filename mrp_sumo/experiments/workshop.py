@@ -4,13 +4,13 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrp_sumo.core.graph import PlanGraph
-from mrp_sumo.io.scenario import Discretisation, MapChoice
-from mrp_sumo.maps.building import Building
-from mrp_sumo.maps.catalogue import find_map
-from mrp_sumo.maps.load import Map, load_map
+if TYPE_CHECKING:  # loaded with the first map: workers are there at once
+    from mrp_sumo.core.graph import PlanGraph
+    from mrp_sumo.io.scenario import Discretisation, MapChoice
+    from mrp_sumo.maps.building import Building
+    from mrp_sumo.maps.load import Map
 
 MAX_KEPT = 48  # things made; a suite with more maps makes some of them again
 
@@ -31,15 +31,19 @@ class Workshop:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._scratch.cleanup()
 
-    def map(self, choice: MapChoice, folder: Path) -> Map:
+    def map(self, choice: "MapChoice", folder: Path) -> "Map":
         """The map that a scenario in `folder` chooses. Raises MapError."""
+        from mrp_sumo.maps.catalogue import find_map
+        from mrp_sumo.maps.load import load_map
+
         path = find_map(choice.file, folder)
         state = path.stat()
         key = (path.resolve(), state.st_mtime_ns, state.st_size, choice)
         return self._once(key, lambda: load_map(path, graph=choice.graph, level=choice.level, meters_per_pixel=choice.meters_per_pixel))
 
-    def graph(self, map_: Map, choice: Discretisation) -> PlanGraph:
+    def graph(self, map_: "Map", choice: "Discretisation") -> "PlanGraph":
         """The nav graph of a map as it is planned on."""
+        from mrp_sumo.core.graph import PlanGraph
         from mrp_sumo.maps.grid import paper_grid
         from mrp_sumo.maps.roadmap import cut_lanes
 
@@ -49,7 +53,7 @@ class Workshop:
         make = paper_grid if choice.kind == "grid" else cut_lanes
         return self._once((id(nav), choice), lambda: make(nav, choice.cell_m), nav)
 
-    def network(self, graph: PlanGraph, backdrop: Building | None = None) -> Path:
+    def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
         """The SUMO network of a plan graph, with a building drawn behind it for those who look."""
         from mrp_sumo.maps.sumo import build_network
 

@@ -11,6 +11,7 @@ A record that is there is complete: it is written under another name, synced, an
 import csv
 import json
 import os
+import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 PLAN, TABLE, CSV = "plan.json", "results.parquet", "results.csv"
 MACHINE_COLUMNS = ("attempts", "machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb", "ended_at")  # differ from run to run
 _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
+_BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
 
 Record = dict[str, Any]
 
@@ -63,7 +65,8 @@ def record_path(folder: Path, key: str) -> Path:
 
 def write_record(folder: Path, record: Record) -> None:
     """Write the record of a run, in place of an earlier one."""
-    body = json.dumps(record, separators=(",", ":")).encode()
+    first = {name: record[name] for name in ("key", "status", "attempts")}  # where they are found without reading on
+    body = json.dumps(first | record, separators=(",", ":")).encode()
     write_whole(record_path(folder, record["key"]), _HEAD % zlib.crc32(body) + body + _TAIL)
 
 
@@ -75,48 +78,73 @@ def read_record(path: Path) -> Record:
     BatchError
         When the file is not what was written.
     """
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123  a third faster, and there may be 100,000
-        data = file.read()
-    size = len(_HEAD % 0)
-    body = data[size : -len(_TAIL)]
-    if data[:size] != _HEAD % zlib.crc32(body) or not data.endswith(_TAIL):
-        raise BatchError(f"{path.name}: {len(data)} bytes, not a whole record")
-    record: Record = json.loads(body)
-    if record["key"] != path.stem:
-        raise BatchError(f"{path.name}: the record of another run, {record['key']}")
+    record: Record = json.loads(_read_body(str(path), path.name))
     return record
 
 
-def records_in(folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> Iterator[Record]:
-    """The records of a folder in no order, without what cannot be read.
+def records_in(folder: Path, told: Callable[[str], None]) -> Iterator[Record]:
+    """The records of a folder, in no order that means anything. `told` is called with a line about each file that cannot be used."""
+    for body in _bodies(folder, lambda path, reason: told(f"{reason}; left out")):
+        yield json.loads(body)
+
+
+def standings_in(folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> Iterator[tuple[str, str, int]]:
+    """Key, status and number of attempts of every record of a folder, without reading on.
 
     Parameters
     ----------
     folder
         Of a batch.
     told
-        Called with a line about each file that is left out.
+        Called with a line about each file that cannot be used.
     quarantine
-        Move such files away; for the batch alone, which makes their runs again.
+        Move such files away, and remove what a killed process left; for the batch, which makes their runs again.
     """
-    for shard in sorted((folder / "runs").iterdir()) if (folder / "runs").is_dir() else ():
-        for path in sorted(shard.iterdir()):
-            if path.name.startswith("."):  # left by a process that was killed while it wrote
-                if quarantine:
-                    path.unlink(missing_ok=True)
+
+    def aside(path: Path, reason: str) -> None:
+        if not quarantine:
+            told(f"{reason}; left out")
+            return
+        (folder / "quarantine").mkdir(exist_ok=True)
+        path.replace(folder / "quarantine" / path.name)
+        told(f"{reason}; moved to quarantine, the run is made again")
+
+    if quarantine and (folder / "runs").is_dir():
+        for left in (folder / "runs").glob("*/.*"):
+            left.unlink(missing_ok=True)
+    for body in _bodies(folder, aside):
+        begin = _BEGIN.match(body)
+        assert begin  # it has its checksum
+        yield begin[1].decode(), begin[2].decode(), int(begin[3])
+
+
+def _bodies(folder: Path, spoiled: Callable[[Path, str], None]) -> Iterator[bytes]:
+    """The records of a folder as JSON, their checksums checked. Paths are strings here: there may be 100,000."""
+    if not (folder / "runs").is_dir():
+        return
+    for shard in sorted(entry.path for entry in os.scandir(folder / "runs")):
+        for name in sorted(entry.name for entry in os.scandir(shard)):
+            if name.startswith("."):  # left by a process that was killed while it wrote, or being written
                 continue
+            path = f"{shard}/{name}"
             try:
-                record = read_record(path)
-            except (BatchError, ValueError, KeyError, TypeError) as error:
-                reason = str(error) if isinstance(error, BatchError) else f"{path.name}: not a record"
-                if quarantine:
-                    (folder / "quarantine").mkdir(exist_ok=True)
-                    path.replace(folder / "quarantine" / path.name)
-                    told(f"{reason}; moved to quarantine, the run is made again")
-                else:
-                    told(f"{reason}; left out")
+                body = _read_body(path, name)
+            except BatchError as error:
+                spoiled(Path(path), str(error))
                 continue
-            yield record
+            yield body
+
+
+def _read_body(path: str, name: str) -> bytes:
+    with open(path, "rb", buffering=0) as file:  # noqa: PTH123
+        data = file.read()
+    size = len(_HEAD % 0)
+    body = data[size : -len(_TAIL)]
+    if data[:size] != _HEAD % zlib.crc32(body) or not data.endswith(_TAIL) or not (begin := _BEGIN.match(body)):
+        raise BatchError(f"{name}: {len(data)} bytes, not a whole record")
+    if begin[1].decode() + ".json" != name:
+        raise BatchError(f"{name}: the record of another run, {begin[1].decode()}")
+    return body
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def test_query_answers_sql_and_views(study, capsys):
         (["batch", "STUDY", "--workers", "0"], "--workers: found 0, expected 1 or more"),
         (["batch", "STUDY", "--memory-limit", "-5"], "--memory-limit: found -5, expected more than 0"),
         (["batch", "STUDY", "--out", "STUDY"], "cannot be written to"),
-        (["compare", "OUT", "OUT", "--metric", "soc"], "no metric 'soc' (did you mean 'soc_steps'?)"),
+        (["compare", "OUT", "OUT", "--metric", "soc_step"], "no metric 'soc_step' (did you mean 'soc_steps'?)"),
         (["compare", "OUT", "OUT", "--alpha", "2"], "--alpha: found 2, expected a number between 0 and 1"),
     ],
 )

@@ -74,7 +74,7 @@ def test_cluster_gives_the_results_of_one_worker_and_survives_crashes(tmp_path, 
     while len(list((tmp_path / "there").glob("runs/*/*.json"))) < 15 and time.monotonic() < deadline:
         time.sleep(0.05)
     scheduler.terminate()
-    assert process.communicate(timeout=60)[1] == f"the Dask scheduler at '{address}' is gone\n"
+    assert process.communicate(timeout=60)[1] == f"the Dask scheduler at '{address}' is gone; start again to go on\n"
     assert process.returncode == 2
     assert len(told_by(tmp_path / "there")) >= 15
 

@@ -1,0 +1,88 @@
+"""What the batch machinery costs: planning and resuming a large suite, and the overhead of a run that does nothing.
+
+.venv/bin/python tools/bench_batch.py [--runs 100000] [--small 400]
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from mrp_sumo.experiments.batch import open_batch, run_batch
+from mrp_sumo.experiments.identity import code_version
+from mrp_sumo.experiments.suite import read_suite, runs_of
+from mrp_sumo.io.results import PLAN, load_results, record_path, write_record
+from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+
+
+def nothing(job, workshop):
+    """A run without work, with as many metrics as a real one."""
+    metrics = {**{f"metric_{i}": i * 0.1 for i in range(40)}, **dict.fromkeys(MACHINE_DEPENDENT, 0.5), "time_blocked_s": [0.0] * 9}
+    return {"status": "completed", "success": True, "reason": "", "metrics": metrics}
+
+
+class Silent:
+    """Tells nobody."""
+
+    def begin(self, num_runs, num_done): ...
+
+    def ended(self, record): ...
+
+    def told(self, line):
+        print(line)
+
+
+def timed(name, work):
+    """Print how long `work` takes; where others use the machine too, CPU time tells more."""
+    began, cpu = time.perf_counter(), time.process_time()
+    made = work()
+    print(f"{name:<55} {time.perf_counter() - began:8.2f} s, {time.process_time() - cpu:.2f} s CPU")
+    return made
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=100_000, help="of the large suite")
+    parser.add_argument("--small", type=int, default=400, help="runs that are made")
+    options = parser.parse_args()
+    os.environ["PYTHONPATH"] = str(Path(__file__).parent)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / "small.yaml").write_text(f"base: office_9\ngrid_search: {{seed: 0..{options.small - 1}}}\n")
+        small = read_suite(folder / "small.yaml")
+        for workers in (1, 2):
+            out = folder / f"small_{workers}"
+            began = time.perf_counter()
+            run_batch(small, out, Silent(), workers=workers, function="bench_batch:nothing")
+            each = (time.perf_counter() - began) / options.small
+            print(f"{f'overhead of a run, {workers} workers, start and tables included':<55} {each * 1000:8.2f} ms")
+        (folder / "large.yaml").write_text(f"base: office_9\ngrid_search: {{robots.count: [5, 9], seed: 0..{options.runs // 2 - 1}}}\n")
+        large = read_suite(folder / "large.yaml")
+        runs = timed(f"plan {options.runs} runs", lambda: runs_of(large, code_version()))
+        out = folder / "large"
+        _fill(out, folder / "small_1", small, runs)
+        batch = timed(f"plan and resume {options.runs} runs, all but one done", lambda: open_batch(large, out, print, quarantine=True))
+        assert len(batch.todo(1)) == 1
+        timed(f"load the results of {options.runs} runs", lambda: load_results(out))
+
+
+def _fill(out, small_out, small, runs):
+    """Records of all runs but the last, as a batch would have left them."""
+    import json
+
+    from mrp_sumo.io.results import read_record
+
+    like = read_record(record_path(small_out, runs_of(small, code_version())[0].key))
+    out.mkdir()
+    plan = json.loads((small_out / PLAN).read_text())
+    (out / PLAN).write_text(json.dumps({**plan, "suite": "large", "keys": [run.key for run in runs]}))
+    sync, os.fsync = os.fsync, lambda descriptor: None  # not what is measured
+    for run in runs[:-1]:
+        write_record(out, {**like, "key": run.key, "scenario_key": run.scenario_key, "scenario": json.loads(run.scenario)})
+    os.fsync = sync
+
+
+if __name__ == "__main__":
+    sys.exit(main())
