@@ -214,6 +214,5 @@ def _tell(figure: Figure, ax: Axes, record: Record, at_s: float, counts: list[in
     length = float(max(m * power for m in (1, 2, 5) if m * power <= wanted))
     right, low = ax.get_xlim()[1], ax.get_ylim()[0] - 0.12 * wanted
     ax.plot([right - length, right], [low, low], color=MUTED, lw=2.5, solid_capstyle="butt", clip_on=False)
-    ax.annotate(
-        f"{length:g} m", (right - length, low), (-4, 0), textcoords="offset points", fontsize=8, color=MUTED, ha="right", va="center"
-    )
+    where = {"textcoords": "offset points", "ha": "right", "va": "center", "annotation_clip": False}
+    ax.annotate(f"{length:g} m", (right - length, low), (-4, 0), fontsize=8, color=MUTED, **where)

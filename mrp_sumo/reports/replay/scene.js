@@ -6,7 +6,7 @@ const THEMES = {
     muted: "#5b6878", accent: "#1d4ed8", special: "#7c5cd6", states: ["#2f7de1", "#e8960c", "#dc2f45", "#15936f", "#9aa5b1"],
   },
   dark: {
-    paper: "#0c1015", floor: "#151b23", furniture: "#232c37", fine: "#465260", hole: "#0f141a", wall: "#8a97a8", lane: "#324154", door: "#b98a55", station: "#5d7085", ink: "#e6edf3", halo: "#0c1015",
+    paper: "#0c1015", floor: "#171f29", furniture: "#232c37", fine: "#465260", hole: "#0f141a", wall: "#8a97a8", lane: "#324154", door: "#b98a55", station: "#5d7085", ink: "#e6edf3", halo: "#0c1015",
     muted: "#8d9aaa", accent: "#6ea8ff", special: "#a48df0", states: ["#4d9bff", "#f7b02e", "#ff5468", "#2fc597", "#667380"],
   },
 };
