@@ -70,7 +70,7 @@ class Messages:
         self.typestore = typestore(generation)
         self.robots = ros_names(record.fleet.robot_name)
         self.generation = generation
-        self.level_name = (record.nav or record.graph).level_names[0] if (record.nav or record.graph).level_names else "L1"
+        self.level_names = record.graph.level_names or ("L1",)
 
     def serialised(self, message: Any) -> bytes:
         """Through the library."""
@@ -239,25 +239,31 @@ class Messages:
     def _path_request(self, robot: int, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
         """One request with K locations."""
         task = self.record.graph.label(int(self.record.target[robot]))
+        level = self.record.graph.level[vertex]
+        kind = "rmf_fleet_msgs/PathRequest"
 
         def serialised(marks: Sequence[int]) -> bytes:
-            path = [self.location(0, 0.0, 0.0, 0.0, t=self.make("builtin_interfaces/Time", mark, 0)) for mark in marks]
-            return self.serialised(self.make("rmf_fleet_msgs/PathRequest", FLEET_NAME, self.robots[robot], path, task))
+            path = [self.location(0.0, 0.0, 0.0, int(level[0]), t=self.make("builtin_interfaces/Time", mark, 0)) for mark in marks]
+            return self.serialised(self.make(kind, FLEET_NAME, self.robots[robot], path, task))
 
+        if (level != level[0]).any():  # locations differ in length
+            rows = zip(ns.tolist(), *xy.T.tolist(), yaw.tolist(), level.tolist(), vertex.tolist())
+            path = [self.location(x, y, turned, on, v, t=self.time(t)) for t, x, y, turned, on, v in rows]
+            return self.serialised(self.make(kind, FLEET_NAME, self.robots[robot], path, task))
         raw, first, second, stride = tiled(serialised, len(ns))
         names, formats = ["sec", "nanosec", "x", "y", "yaw", "index"], ["<i4", "<u4", "<f4", "<f4", "<f4", "<u8"]
-        for begin, end, rows in ((first, second, slice(0, 1)), (second, second + stride * (len(ns) - 1), slice(1, None))):
-            size = end - begin if rows.stop else stride
+        for begin, end, part in ((first, second, slice(0, 1)), (second, second + stride * (len(ns) - 1), slice(1, None))):
+            size = end - begin if part.stop else stride
             at = np.dtype({"names": names, "formats": formats, "offsets": [0, 4, 8, 12, 16, size - 8], "itemsize": size})
             locations = raw[begin:end].view(at)
-            locations["sec"], locations["nanosec"] = ns[rows] // 10**9, ns[rows] % 10**9
-            locations["x"], locations["y"], locations["yaw"] = xy[rows, 0], xy[rows, 1], yaw[rows]
-            locations["index"] = vertex[rows]
+            locations["sec"], locations["nanosec"] = ns[part] // 10**9, ns[part] % 10**9
+            locations["x"], locations["y"], locations["yaw"] = xy[part, 0], xy[part, 1], yaw[part]
+            locations["index"] = vertex[part]
         return raw.tobytes()
 
-    def location(self, ns: int, x: Any, y: Any, yaw: Any, vertex: int = 0, t: Any = None) -> Any:
+    def location(self, x: Any, y: Any, yaw: Any, level: int, vertex: int = 0, *, t: Any) -> Any:
         limit = () if self.generation == "galactic" else (False, 0.0)
-        return self.make("rmf_fleet_msgs/Location", t or self.time(ns), x, y, yaw, *limit, self.level_name, vertex)
+        return self.make("rmf_fleet_msgs/Location", t, x, y, yaw, *limit, self.level_names[level], vertex)
 
     def path(self, ns: int, robot: int) -> bytes:
         """nav_msgs/Path of one robot; pose stamps are planned arrivals."""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mrp_sumo.core.execution import positions_at
@@ -23,6 +24,7 @@ CLOUD = np.dtype(
         "itemsize": 32,
     }
 )
+ABSENT = -1  # as a level
 CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
 
 
@@ -40,32 +42,34 @@ class Samples:
 
 
 class Stream:
-    """Messages over time from a template, made anew whenever other robots are on the floor."""
+    """Messages over time from a template, made anew whenever other robots are on the floor, or on other levels."""
 
     def __init__(
         self,
         samples: Samples,
-        template: Callable[[IntArray], Template],
+        template: Callable[[IntArray, NDArray[np.int8]], Template],
         fill: Callable[[Template, int, Any], None],
         *,
         nanosec: bool = True,
         only: int | None = None,
+        level: NDArray[np.int8] | None = None,
     ) -> None:
         self.samples = samples
         self._make, self._fill, self._nanosec, self._only = template, fill, nanosec, only
-        self._there: BoolArray | None = None
+        self._level = np.where(samples.there, 0, ABSENT).astype(np.int8) if level is None else level  # [K, R]
+        self._now = self._level[0]
         self._template: Template | None = None
         self._robots: Any = slice(None)
 
     def message(self, k: int) -> bytes | None:
         """What is said at the k-th time; None for nothing."""
-        there = self.samples.there[k]
+        there, level = self.samples.there[k], self._level[k]
         if self._only is not None and not there[self._only]:
             return None
-        if self._template is None or (self._only is None and (there is not self._there and not np.array_equal(there, self._there))):  # type: ignore[arg-type]
+        if self._template is None or (self._only is None and not np.array_equal(level, self._now)):
             robots = np.flatnonzero(there)
-            self._there, self._robots = there, slice(None) if there.all() else robots
-            self._template = self._make(robots)
+            self._now, self._robots = level, slice(None) if there.all() else robots
+            self._template = self._make(robots, level)
         sec, nanosec = divmod(EPOCH_NS + int(self.samples.t_ns[k]), 10**9)
         self._template.set("<i4", sec)
         if self._nanosec:
@@ -78,7 +82,7 @@ def transforms(m: Messages, samples: Samples) -> Stream:
     """/tf, all robots in one message."""
     frames = [f"{name}/base_link" for name in m.robots]
 
-    def template(robots: IntArray) -> Template:
+    def template(robots: IntArray, _: Any) -> Template:
         def make(v: list[Any]) -> Any:
             rows = zip(robots, v[0::6], v[1::6], v[2::6], v[3::6], v[4::6], v[5::6])
             return m.make(
@@ -109,7 +113,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
     tasks = [m.record.graph.label(int(v)) for v in m.record.target]
     more = ("",) if m.generation == "kilted" else ()  # performing_action
 
-    def template(robots: IntArray) -> Template:
+    def template(robots: IntArray, level: NDArray[np.int8]) -> Template:
         def make(v: list[Any]) -> Any:
             rows = zip(robots, v[0::7], v[1::7], v[2::7], v[3::7], v[4::7], v[5::7], v[6::7])
             states = [
@@ -121,7 +125,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
                     number,
                     m.make("rmf_fleet_msgs/RobotMode", mode_now, 0, *more),
                     100.0,
-                    m.location(0, x, y, yaw, t=m.make("builtin_interfaces/Time", sec, nanosec)),
+                    m.location(x, y, yaw, int(level[r]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
                     [],
                 )
                 for r, number, mode_now, sec, nanosec, x, y, yaw in rows
@@ -138,7 +142,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
         t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
         t.set("<f4", np.stack((samples.x[k, robots], samples.y[k, robots], samples.yaw[k, robots]), 1).ravel())
 
-    return Stream(samples, template, fill, nanosec=False)
+    return Stream(samples, template, fill, nanosec=False, level=_levels(m.record, samples))
 
 
 def cloud(m: Messages, samples: Samples) -> Stream:
@@ -146,7 +150,7 @@ def cloud(m: Messages, samples: Samples) -> Stream:
     fields = [("x", 7), ("y", 7), ("z", 7), ("rgb", 7), ("speed", 7), ("yaw", 7), ("id", 6), ("blocked", 2)]
     rgb = np.array([int("".join(f"{round(255 * c):02x}" for c in COLOURS[state]), 16) for state in range(len(STATE_NAMES))], np.uint32)
 
-    def template(robots: IntArray) -> Template:
+    def template(robots: IntArray, _: Any) -> Template:
         described = [m.make("sensor_msgs/PointField", name, CLOUD.fields[name][1], kind, 1) for name, kind in fields]  # type: ignore[index]
         data = np.zeros(len(robots) * CLOUD.itemsize, np.uint8)
 
@@ -175,7 +179,7 @@ def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
         turn = (np.diff(samples.yaw[:, robot]) + np.pi) % (2 * np.pi) - np.pi
         turn_rate[1:] = np.nan_to_num(turn / (np.diff(samples.t_ns) / 1e9))
 
-    def template(_: IntArray) -> Template:
+    def template(*_: Any) -> Template:
         def make(v: list[Any]) -> Any:
             header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
             pose = m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", v[2], v[3], 0.0), m.turn(v[4], v[5]))
@@ -235,6 +239,16 @@ def metrics(samples: Samples, k: int) -> dict[str, bytes]:
     if len(xy) > 1:
         figures["min_distance_m"] = float(cKDTree(xy).query(xy, k=2)[0][:, 1].min())
     return {name: CDR_HEADER + np.array(value, "<f8").tobytes() for name, value in figures.items()}
+
+
+def _levels(record: Record, samples: Samples) -> NDArray[np.int8] | None:
+    """[K, R] level of the vertex nearest to each robot, ABSENT off the floor; None where there is one level."""
+    if len(record.graph.level_names) < 2:
+        return None
+    level = np.full(samples.x.shape, ABSENT, np.int8)
+    xy = np.column_stack((samples.x[samples.there], samples.y[samples.there]))
+    level[samples.there] = record.graph.level[cKDTree(record.graph.xy).query(xy)[1]]
+    return level
 
 
 def _status(m: Messages, robot: int, state: int) -> bytes:

@@ -268,3 +268,26 @@ def test_requests_are_right_however_the_names_align(generation, length):
         assert [p.t.sec - 1_700_000_000 for p in request.path] == record.plan.arrive_s[visits].tolist()
         assert [(p.x, p.y) for p in request.path] == list(map(tuple, record.graph.xy[record.plan.vertex[visits]]))
         assert (request.robot_name, len(request.path)) == (fleet.robot_name[i], visits.stop - visits.start)
+
+
+@pytest.mark.parametrize("generation", GENERATIONS)
+def test_levels_are_named_where_there_are_several(tmp_path, generation):
+    """The right half of the corridors is upstairs: states and requests say so, and still are the library's bytes."""
+    record = record_of_four(seconds=8.0)
+    upstairs = (record.graph.xy[:, 0] > 3.5).astype(np.int64)
+    graph = replace(record.graph, level=upstairs, level_names=("ground", "first floor"))
+    write_bag(tmp_path / "bag", replace(record, graph=graph), BagOptions(rmf=generation))
+    store = typestore(generation)
+    with Reader(tmp_path / "bag") as reader:
+        for connection, _, raw in reader.messages():
+            assert bytes(store.serialize_cdr(store.deserialize_cdr(raw, connection.msgtype), connection.msgtype)) == bytes(raw)
+    messages = decoded(tmp_path / "bag", generation)
+    fleets = [m for topic, _, m in messages if topic == "/fleet_states"]
+    assert [[r.location.level_name[0] for r in m.robots] for m in (fleets[0], fleets[8], fleets[15])] == [
+        ["g", "g", "g", "g"],
+        ["f", "g", "f", "g"],
+        ["f", "f", "f", "g"],
+    ]
+    requests = [m for topic, _, m in messages if topic == "/robot_path_requests"]
+    assert [p.level_name for p in requests[0].path] == ["ground"] * 4 + ["first floor"] * 4
+    assert {p.level_name for p in requests[3].path} == {"ground"}
