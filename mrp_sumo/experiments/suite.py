@@ -275,7 +275,7 @@ def _put(data: dict[str, Any], key: list[str], value: Any) -> None:
         old = data.get(section)
         if isinstance(old, dict) and isinstance(value, dict):
             kept = {k: v for k, v in old.items() if not (k == "parameters" and MAIN_KEYS.get(section) in value)}
-            value = {} if section == "map" else kept | value
+            value = value if section == "map" else kept | value
         data[section] = value
         return
     inner = data.get(section)
