@@ -95,7 +95,13 @@ def step(world, scratch, here, to, order, hindrance, rng):
         scratch.next[u] = i
     if fine:
         for k in range(num_robots):
-            if to[order[k]] < 0 and not _inherit(world, scratch, here, to, order[k], hindrance, rng):
+            i = order[k]
+            if to[i] >= 0:
+                continue
+            if here[i] == world.goal[i] and scratch.next[here[i]] < 0:  # at home and not pushed: what it likes best
+                to[i] = here[i]
+                scratch.next[here[i]] = i
+            elif not _inherit(world, scratch, here, to, i, hindrance, rng):
                 fine = False
                 break
     for i in range(num_robots):

@@ -4,7 +4,7 @@ Refuses time limits that are not positive numbers.
 """
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from time import perf_counter
 
@@ -20,6 +20,7 @@ from planners._compass import extend_all
 from planners._pibt import Scratch, World
 
 TABLE_BYTES = 400_000_000  # tables of steps larger than this are packed
+TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes
 SLICE_S = 0.02  # how long a kernel runs until the clock is read
 
 
@@ -36,7 +37,33 @@ def checked_deadline(time_limit_s: float) -> float:
     return perf_counter() + time_limit_s
 
 
-def build_world(problem: Problem, deadline_s: float, *, packed: bool | None = None) -> tuple[World, IntArray] | None:
+def is_large(problem: Problem) -> bool:
+    """Whether tables of steps would take too much memory, and distances can be packed instead."""
+    size = 4 * problem.num_robots * problem.graph.num_vertices
+    return size > TABLE_BYTES and bool((problem.graph.reverse >= 0).all())
+
+
+def tiled(problem: Problem) -> tuple[Problem, IntArray]:
+    """The problem with vertices renumbered tile by tile, so that those near each other share lines of the processor's cache.
+
+    Names and options are not renumbered: the graph is good for planning only. Also [V] the old number of each vertex.
+    """
+    graph = problem.graph
+    unit = float(np.median(graph.length_m)) if graph.num_lanes else 1.0
+    x, y = np.floor((graph.xy - graph.xy.min(axis=0)) / unit + 0.25).astype(np.int64).T
+    original = np.lexsort((x, y, x // TILE, y // TILE)).astype(np.int64)
+    number = np.empty(graph.num_vertices, np.int64)
+    number[original] = np.arange(graph.num_vertices)
+    tail, head = number[graph.tail], number[graph.head]
+    lanes = np.lexsort((head, tail))
+    place = np.empty(graph.num_lanes, np.int64)
+    place[lanes] = np.arange(graph.num_lanes)
+    reverse = np.where(graph.reverse >= 0, place[graph.reverse], -1)[lanes]
+    renumbered = replace(graph, xy=frozen(graph.xy[original]), tail=frozen(tail[lanes]), head=frozen(head[lanes]), reverse=frozen(reverse))
+    return replace(problem, graph=renumbered, start=number[problem.start], goal=number[problem.goal]), original
+
+
+def build_world(problem: Problem, deadline_s: float, *, packed: bool) -> tuple[World, IntArray] | None:
     """World and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
 
     Parameters
@@ -46,13 +73,11 @@ def build_world(problem: Problem, deadline_s: float, *, packed: bool | None = No
     deadline_s
         On the clock of `perf_counter`.
     packed
-        Whether to keep two bits a vertex (all lanes must have opposites); by default if tables of steps would be too large.
+        Whether to keep two bits a vertex; all lanes must have opposites.
     """
     graph, target = problem.graph, np.array(problem.target)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
     two_way = bool((graph.reverse >= 0).all())
-    if packed is None:
-        packed = two_way and 4 * num_robots * num_vertices > TABLE_BYTES
     steps = np.full(num_robots, -1, np.int64)
     table = frozen(np.zeros((1, 1), np.int32))
     code = np.zeros((num_robots if packed else 1, (num_vertices + 3) // 4 if packed else 1), np.uint8)

@@ -26,9 +26,11 @@ from planners._world import (
     build_scratch,
     build_world,
     checked_deadline,
+    is_large,
     small_problem,
     solved,
     sum_of_costs,
+    tiled,
     timed_out,
     without_search,
 )
@@ -77,11 +79,15 @@ class Lacam:
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
         begin_s = perf_counter()
         deadline_s = checked_deadline(time_limit_s)
+        given, original = problem, None
+        packed = is_large(problem) if packed is None else packed
+        if packed:
+            problem, original = tiled(problem)
         built = build_world(problem, deadline_s, packed=packed)
         if built is None:
             return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
         world, steps = built
-        known = without_search(problem, steps, begin_s)
+        known = without_search(given, steps, begin_s)
         if known:
             return known
         lower_bound = float(steps.sum())
@@ -108,7 +114,7 @@ class Lacam:
         if self.anytime and cost > lower_bound:
             path = self._improved(hunt, task, path, lower_bound, deadline_s, rng)
         stats |= {"cost": sum_of_costs(path, world.goal), **hunt.counters()}
-        return solved(problem, path, begin_s, lower_bound, **stats)
+        return solved(given, path if original is None else original[path], begin_s, lower_bound, **stats)
 
     def _guided(self, world: World, task: Task, steps: IntArray, deadline_s: float, rng: np.random.Generator) -> World:
         """The world with a guide of ways that cross each other little."""

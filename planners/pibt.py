@@ -22,9 +22,11 @@ from planners._world import (
     build_world,
     checked_deadline,
     gave_up,
+    is_large,
     small_problem,
     solved,
     sum_of_costs,
+    tiled,
     timed_out,
     without_search,
 )
@@ -59,11 +61,15 @@ class Pibt:
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
         begin_s = perf_counter()
         deadline_s = checked_deadline(time_limit_s)
+        given, original = problem, None
+        packed = is_large(problem) if packed is None else packed
+        if packed:
+            problem, original = tiled(problem)
         built = build_world(problem, deadline_s, packed=packed)
         if built is None:
             return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
         world, steps = built
-        known = without_search(problem, steps, begin_s)
+        known = without_search(given, steps, begin_s)
         if known:
             return known
         lower_bound = float(steps.sum())
@@ -86,8 +92,10 @@ class Pibt:
                 last = t
                 t, home = _pibt.run(world, scratch, path, t, min(t + at_once, len(path) - 1), order, base_order, self.hindrance, rng)
                 if home:
-                    cost = sum_of_costs(path[: t + 1], world.goal)
-                    return solved(problem, path[: t + 1], begin_s, lower_bound, attempts=attempt, cost=cost)
+                    path = path[: t + 1]
+                    cost = sum_of_costs(path, world.goal)
+                    path = path if original is None else original[path]
+                    return solved(given, path, begin_s, lower_bound, attempts=attempt, cost=cost)
                 at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
         message = f"no solution in {self.num_attempts} attempts of {max_steps} steps each"
         return gave_up(begin_s, lower_bound, message, attempts=self.num_attempts)

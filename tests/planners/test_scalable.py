@@ -23,7 +23,7 @@ from mrp_sumo.planning.draw import uniform_draw
 from planners import _lns, _pibt, _sipps
 from planners._compass import UNKNOWN, read_code
 from planners._refinement import Refinement, task_of
-from planners._world import build_scratch, build_world, steps_table, sum_of_costs
+from planners._world import build_scratch, build_world, steps_table, sum_of_costs, tiled
 from planners.lacam import Lacam
 from planners.lns2 import Lns2
 from planners.pibt import Pibt
@@ -98,6 +98,17 @@ def test_packed_distances_tell_which_neighbour_is_nearer(seed):
         assert (known[inside] == table.table[robot][inside] % 3).all()
 
 
+def test_tiles_only_change_the_numbers():
+    problem = random_problem(40, 5, 0)
+    other, original = tiled(problem)
+    assert (original[other.start] == problem.start).all() and (original[other.target] == problem.target).all()
+    graph, renumbered = problem.graph, other.graph
+    lanes = set(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    assert set(zip(original[renumbered.tail].tolist(), original[renumbered.head].tolist(), strict=True)) == lanes
+    assert (renumbered.head[renumbered.reverse] == renumbered.tail).all()
+    assert (renumbered.xy == graph.xy[original]).all()
+
+
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_step_of_pibt_moves_everybody_without_collision(seed, packed):
@@ -119,7 +130,7 @@ def test_a_step_of_pibt_moves_everybody_without_collision(seed, packed):
 
 def test_imposed_vertices_are_kept_or_refused():
     problem = problem_on(corridor(3), [0, 1], [2, 0])
-    world, _ = build_world(problem, np.inf)
+    world, _ = build_world(problem, np.inf, packed=False)
     scratch, rng = build_scratch(world), np.random.default_rng(0)
     to = np.array([0, -1])
     assert _pibt.step(world, scratch, problem.start, to, np.arange(2), False, rng)
