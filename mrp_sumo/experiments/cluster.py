@@ -44,6 +44,11 @@ class Cluster:
             self._client = connect(address, timeout=PATIENCE_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BatchError(f"no Dask scheduler at '{address}': {_line(error)}") from None
+        try:
+            self._client.wait_for_workers(1, timeout=PATIENCE_S)
+        except TimeoutError:
+            self._client.close(timeout=2)
+            raise BatchError(f"the Dask scheduler at '{address}' has no workers") from None
         self._address = address
         self._function = function
         self._under_way: dict[Any, Job] = {}

@@ -354,7 +354,8 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArr
     assert robots.count is not None
     where = ("robots", "count")
     if robots.draw == "uniform":
-        return _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed))
+        start, goal = _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed))
+        return start, goal
     start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]
 

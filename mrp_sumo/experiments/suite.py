@@ -273,9 +273,8 @@ def _put(data: dict[str, Any], key: list[str], value: Any) -> None:
         key = [section, MAIN_KEYS[section]]
     if len(key) == 1:
         old = data.get(section)
-        if isinstance(old, dict) and isinstance(value, dict):
-            kept = {k: v for k, v in old.items() if not (k == "parameters" and MAIN_KEYS.get(section) in value)}
-            value = value if section == "map" else kept | value
+        if isinstance(old, dict) and isinstance(value, dict) and section != "map":
+            value = {k: v for k, v in old.items() if not (k == "parameters" and MAIN_KEYS.get(section) in value)} | value
         data[section] = value
         return
     inner = data.get(section)

@@ -73,6 +73,17 @@ def test_naming_a_planner_keeps_its_limit_and_drops_the_parameters_of_another(tm
     ]
 
 
+def test_another_map_keeps_nothing_of_the_one_before(tmp_path):
+    file = suite(
+        tmp_path,
+        "base: {map: {file: office, graph: 0}, robots: {count: 2}}\n"
+        "grid_search:\n  map: [office, {file: airport, graph: all}, {file: warehouse}]\n  discretisation: [roadmap, {cell_m: 0.5}]\n",
+    )
+    found = columns(runs_of(file, "1"))
+    assert [(c["map"], c["map.graph"]) for c in found[::2]] == [("office", None), ("airport", "all"), ("warehouse", None)]
+    assert [(c["discretisation"], c["discretisation.cell_m"]) for c in found[:2]] == [("roadmap", 0.4), ("grid", 0.5)]
+
+
 def test_order_of_parameters_is_no_reason_to_run_again(tmp_path):
     keys = []
     for parameters in ("{max_steps: 70, num_attempts: 2}", "{num_attempts: 2, max_steps: 70}"):
