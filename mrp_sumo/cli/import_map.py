@@ -2,7 +2,7 @@
 
 FILE is an RMF building or nav graph, a MovingAI .map or .scen, a ROS map_server YAML, or the name of a bundled
 map. --out gets NAME.net.xml (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each
-chosen graph (NAME.nav.yaml after repairs), NAME.png and facts.json, whole or not at all. With --check only findings
+chosen graph (NAME.nav.yaml after repairs), NAME.png, NAME.svg and facts.json, whole or not at all. With --check only findings
 are printed, and the exit code is 2 if the map is refused.
 """
 
@@ -30,7 +30,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a map file, or the name of a bundled map")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results; one that an earlier import made is replaced")
     add_choice(parser)
-    parser.add_argument("--svg", action="store_true", help="write the picture as NAME.svg too")
     parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
     parser.add_argument("--check", action="store_true", help="only report findings")
 
@@ -48,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     map_ = chosen_map(options.file, options)
     told = facts(map_, options.cell)
     if options.out is not None:
-        _write(map_, told, options.out, options.svg)
+        _write(map_, told, options.out)
     if options.json:
         print(json.dumps(told, indent=2))
     else:
@@ -78,7 +77,7 @@ def _require_replaceable(out: Path) -> None:
         raise MapError(f"{out} exists and is no folder of an earlier import: choose another --out")
 
 
-def _write(map_: "Map", told: dict[str, Any], out: Path, svg: bool) -> None:
+def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.maps.nav_graph import write_nav_graph
     from mrp_sumo.maps.sumo import build_network
@@ -93,8 +92,7 @@ def _write(map_: "Map", told: dict[str, Any], out: Path, svg: bool) -> None:
                 network = beside.submit(build_network, map_.nav, work / f"{map_.name}.net.xml", map_.building)
                 for name, document in _nav_graphs(map_).items():
                     write_nav_graph(document, work / f"{name}.nav.yaml")
-                for suffix in (".png", ".svg") if svg else (".png",):
-                    draw_map(map_, work / f"{map_.name}{suffix}")
+                draw_map(map_, work / f"{map_.name}.png", work / f"{map_.name}.svg")
                 network.result()
             (work / FACTS).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
             if out.exists():

@@ -32,6 +32,8 @@ NEEDS_LANE = (
     "lift_cabin",
 )
 
+FOUND_ON_GRAPHS = frozenset({"t_junction_near_miss", "lanes_cross_without_vertex", "several_components", "not_strongly_connected"})
+
 
 def check_building(building: Building) -> tuple[Finding, ...]:
     """The findings about the building's graphs."""

@@ -34,7 +34,7 @@ def facts(map_: Map, cell_m: float = 0.4) -> dict[str, Any]:
         "levels": levels,
         "graphs": list(map_.graphs),
         "vertices": nav.num_vertices,
-        "edges": nav.num_edges - _num_lift_lanes(nav) // 2,
+        "edges": nav.num_edges - num_lift_lanes(nav) // 2,
         "components": len(np.unique(nav.component[driven])),
         "extent_m": _extent(np.concatenate([nav.xy[driven], *walls])),
         "lane_extent_m": _extent(nav.xy[driven]),
@@ -43,7 +43,8 @@ def facts(map_: Map, cell_m: float = 0.4) -> dict[str, Any]:
     }
 
 
-def _num_lift_lanes(nav: NavGraph) -> int:
+def num_lift_lanes(nav: NavGraph) -> int:
+    """Lanes that lifts stand for, each direction once."""
     return sum("lift" in options for options in nav.lane_options)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.check import check_graph, crossings, near_misses
+from mrp_sumo.maps.check import FOUND_ON_GRAPHS, check_graph, crossings, near_misses
 from mrp_sumo.maps.finding import ordered
 from mrp_sumo.maps.map import Map
 
@@ -58,8 +58,7 @@ def repair(
     if not changes:
         return map_, ()
     found = check_graph(nav)
-    measured = {"t_junction_near_miss", "lanes_cross_without_vertex", "several_components", "not_strongly_connected"}
-    kept = tuple(finding for finding in map_.findings if finding.kind not in measured)
+    kept = tuple(finding for finding in map_.findings if finding.kind not in FOUND_ON_GRAPHS)
     return replace(map_, nav=nav, findings=ordered(kept + found), changes=map_.changes + tuple(changes)), tuple(changes)
 
 

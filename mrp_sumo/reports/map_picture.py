@@ -4,8 +4,8 @@ One panel a level, all at one scale. Colours are those of Okabe and Ito, which p
 differ in shape as well. The same map gives the same bytes. Refuses other suffixes.
 """
 
+import itertools
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Rectangle
@@ -22,17 +23,18 @@ from matplotlib.transforms import Affine2D
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from mrp_sumo.core.graph import FloatArray, NavGraph
+from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Level
-from mrp_sumo.maps.finding import Finding
+from mrp_sumo.maps.check import FOUND_ON_GRAPHS
+from mrp_sumo.maps.facts import num_lift_lanes
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.labels import place_labels
 
 INK, MUTED, WALL, FLOOR, PAPER = "#1f2328", "#6b7280", "#3b4048", "#f4f1ea", "#ffffff"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442"
 COMPONENTS = (BLUE, ORANGE, GREEN, PURPLE, SKY, "#7f7f3f", "#8c564b")
-DOOR, FURNITURE = "#b5651d", "#8b8f97"
+DOOR, FURNITURE, BLOCKED = "#b5651d", "#8b8f97", "#c9ccd1"
 
 NARROW_M = 4.0
 MANY = 5000  # vertices or lanes beyond which only stations of a kind are drawn, and no names
@@ -78,29 +80,37 @@ class Panel:
         return self.high - self.low
 
 
-def draw_map(map_: Map, path: Path, *, findings: bool = True, dpi: float = 150) -> Path:
+def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: float = 150) -> Path:
     """Draw the map.
 
     Parameters
     ----------
     map_
-        Of any origin; walls, doors and lifts are drawn where there is a building.
+        Of any origin; walls, doors and lifts are drawn where there is a building, blocked cells where there is a grid.
     path
         Ends in .png or .svg.
+    others
+        Further files for the same picture.
     findings
         Whether to mark the findings that have a place.
     dpi
         Of the PNG.
+
+    Returns
+    -------
+    path
+        The same.
 
     Raises
     ------
     MapError
         For another suffix.
     """
-    if path.suffix not in (".png", ".svg"):
-        raise MapError(f"{path}: a picture ends in .png or .svg, not '{path.suffix}'")
+    for file in (path, *others):
+        if file.suffix not in (".png", ".svg"):
+            raise MapError(f"{file}: a picture ends in .png or .svg, not '{file.suffix}'")
     nav = map_.nav
-    panels = _panels(nav, map_.building)
+    panels = _panels(map_)
     figure, axes, inch_per_m = _page(panels)
     legend: dict[str, Artist] = {}
     colours = _component_colours(nav, legend)
@@ -108,20 +118,24 @@ def draw_map(map_: Map, path: Path, *, findings: bool = True, dpi: float = 150) 
     for ax, panel in zip(axes, panels):
         if map_.building is not None and panel.level is not None:
             _draw_building(ax, panel, map_.building, points_per_m, legend)
+        _draw_blocked(ax, map_, legend)
         _draw_lanes(ax, panel, nav, colours, points_per_m, legend)
         _draw_stations(ax, panel, nav, colours, points_per_m, legend)
         if findings:
-            _mark_findings(ax, panel, map_.findings, map_.building, legend)
+            _mark_findings(ax, panel, map_, legend)
         if len(panels) > 1:
             ax.set_title(panel.name, fontsize=11, color=INK, loc="left", pad=4)
     _draw_scale(axes[0], panels[0], points_per_m)
     _title(figure, map_, panels, findings)
     _draw_legend(figure, legend)
-    return _save(figure, path, dpi)
+    for file in (*others, path):
+        _save(figure, file, dpi)
+    return path
 
 
-def _panels(nav: NavGraph, building: Building | None) -> list[Panel]:
+def _panels(map_: Map) -> list[Panel]:
     """The levels that have something to see."""
+    nav, building = map_.nav, map_.building
     panels = []
     for i, name in enumerate(nav.level_names):
         level = building.levels.get(name) if building else None
@@ -130,12 +144,24 @@ def _panels(nav: NavGraph, building: Building | None) -> list[Panel]:
         seen = [nav.xy[vertices]]
         if level is not None:
             seen.append(level.wall_xy.reshape(-1, 2))
+        if (box := _grid_box(map_)) is not None:
+            seen.append(box)
         points = np.concatenate(seen)
         if len(points):
             low, high = points.min(0), points.max(0)
             pad = max(0.6, 0.02 * float((high - low).max()))
             panels.append(Panel(name, level, vertices, lanes, high - low, low - pad, high + pad))
     return panels
+
+
+def _grid_box(map_: Map) -> FloatArray | None:
+    """Lower left and upper right corner of the cells, where the map is a grid; its vertex 0 is the first free cell."""
+    if map_.free is None or not isinstance(map_.nav, PlanGraph):
+        return None
+    side = map_.nav.cell_m
+    row, column = np.argwhere(map_.free)[0]
+    low = map_.nav.xy[0] - (np.array([column, row]) + 0.5) * side
+    return np.array([low, low + np.array(map_.free.shape[::-1]) * side])
 
 
 def _page(panels: list[Panel]) -> tuple[Figure, list[Axes], float]:
@@ -207,6 +233,17 @@ def _draw_building(ax: Axes, panel: Panel, building: Building, points_per_m: flo
             cabin.set_transform(turn + ax.transData)
             ax.add_patch(cabin)
             legend.setdefault("lift cabin", Patch(**style))
+
+
+def _draw_blocked(ax: Axes, map_: Map, legend: dict[str, Artist]) -> None:
+    box = _grid_box(map_)
+    if box is None or map_.free is None or map_.free.all():
+        return
+    (left, bottom), (right, top) = box
+    paint = ListedColormap([(0, 0, 0, 0), to_rgba(BLOCKED)])
+    edges = (left, right, bottom, top)
+    ax.imshow(~map_.free, cmap=paint, vmin=0, vmax=1, extent=edges, origin="lower", interpolation="nearest", aspect="auto", zorder=1)
+    legend.setdefault("blocked", Patch(facecolor=BLOCKED, edgecolor="none"))
 
 
 def _draw_strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: float) -> None:
@@ -301,9 +338,14 @@ def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, p
         outline = BLUE if kind is JUNCTION else PAPER
         legend.setdefault(kind.name, Line2D([], [], marker=kind.marker, ls="", ms=kind.size_pt, mfc=kind.colour, mec=outline, mew=0.8))
     if len(panel.vertices) <= MANY:
-        ranked = [v for kind in (*KINDS[:-1], NAMED, KINDS[-1]) for v in groups.get(kind.name, (kind, []))[1] if nav.vertex_name[v]]
-        ranked = list({(nav.vertex_name[v], *nav.xy[v].round(2)): v for v in reversed(ranked)}.values())[::-1]  # once a place
+        ranked = [v for kind in (*KINDS[:-1], NAMED, KINDS[-1]) for v in groups.get(kind.name, (kind, []))[1] if _name(nav, v)]
+        ranked = list({(_name(nav, v), *nav.xy[v].round(2)): v for v in reversed(ranked)}.values())[::-1]  # once a place
         _write_names(ax, panel, nav, ranked, points_per_m, shrink)
+
+
+def _name(nav: NavGraph, v: int) -> str:
+    """What is written at a vertex: its name, or its lift's."""
+    return nav.vertex_name[v] or str(nav.vertex_options[v].get("lift", ""))
 
 
 def _kind(nav: NavGraph, v: int) -> Kind:
@@ -320,37 +362,41 @@ def _write_names(ax: Axes, panel: Panel, nav: NavGraph, ranked: list[int], point
     font_pt = float(np.clip(7.2 * shrink + 0.6, 4.6, 7.2))
     on_page = (nav.xy - panel.low) * points_per_m
     room = float(np.prod(panel.size)) * points_per_m**2 / (1.15 * font_pt) ** 2  # in characters, roughly two for each
-    if sum(len(nav.vertex_name[v]) for v in ranked) > room / 2:
+    if sum(len(_name(nav, v)) for v in ranked) > room / 2:
         ranked = [v for v in ranked if _kind(nav, v) is not NAMED]
-    names = [nav.vertex_name[v] for v in ranked]
+    names = [_name(nav, v) for v in ranked]
     size = np.array([(0.58 * font_pt * len(name) + 1, 1.15 * font_pt) for name in names])
     lines = np.stack([on_page[nav.tail[panel.lanes]], on_page[nav.head[panel.lanes]]], axis=1)
     walls = np.zeros((0, 2, 2)) if panel.level is None else (panel.level.wall_xy - panel.low) * points_per_m
     page = np.array([(0.0, 0.0), panel.size * points_per_m])
     corner = place_labels(on_page[ranked], size, lines, walls, page, 3.2 * shrink + 1.6)
-    ground = {"boxstyle": "square,pad=0.06", "facecolor": FLOOR, "edgecolor": "none", "alpha": 0.75}
-    for (x, y), (width, height), name in zip(corner, size, names):
-        if np.isfinite(x):
-            # centred in its box: the width is an estimate
-            at = panel.low + np.array([x + width / 2, y + height / 2]) / points_per_m
-            ax.text(*at, name, fontsize=font_pt, color=INK, ha="center", va="center", zorder=7, bbox=ground)
+    placed = np.isfinite(corner[:, 0])
+    low, high = (panel.low + c[placed] / points_per_m for c in (corner, corner + size))
+    ground = [((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in zip(low, high)]
+    ax.add_collection(PolyCollection(ground, facecolor=FLOOR, edgecolor="none", alpha=0.75, zorder=6.5), autolim=False)
+    for at, name in zip((low + high) / 2, itertools.compress(names, placed)):  # centred: the width is an estimate
+        ax.text(*at, name, fontsize=font_pt, color=INK, ha="center", va="center", zorder=7)
 
 
-def _mark_findings(ax: Axes, panel: Panel, findings: Iterable[Finding], building: Building | None, legend: dict[str, Artist]) -> None:
-    """Rings around the places that the findings name: file vertices, or coordinates of Open-RMF's nav graphs."""
-    if building is None or panel.level is None or not len(panel.level.xy):
-        return
-    level = panel.level
-    shift = level.xy[0] - level.world_xy[0]
+def _mark_findings(ax: Axes, panel: Panel, map_: Map, legend: dict[str, Artist]) -> None:
+    """Rings around the places that findings name: vertices and coordinates, of the file or of the graph."""
+    nav, level = map_.nav, panel.level
+    in_file = np.zeros((0, 2)) if level is None else level.xy
+    shift = in_file[0] - level.world_xy[0] if level is not None and len(in_file) else np.zeros(2)
+    labelled = {nav.label(v): nav.xy[v] for v in panel.vertices.tolist()} if map_.findings else {}
     places = []
-    for finding in findings:
+    for finding in map_.findings:
+        of_graph = map_.building is None or (bool(map_.changes) and finding.kind in FOUND_ON_GRAPHS)
         for detail in finding.details:
-            if f"level {level.name} " not in detail + " ":
+            if f"level {panel.name} " not in detail + " ":
                 continue
             if at := re.search(r"at \((-?[\d.]+), (-?[\d.]+)\)", detail):
-                places.append(np.array([float(at[1]), float(at[2])]) + shift)
-            elif (vertex := re.search(r"\bvertex (\d+)", detail)) and int(vertex[1]) < len(level.xy):
-                places.append(level.xy[int(vertex[1])])
+                places.append(np.array([float(at[1]), float(at[2])]) + (0.0 if of_graph else shift))
+            elif vertex := re.search(r"\bvertex (.+?)(?: near |[:,]| '|$)", detail):
+                if of_graph and vertex[1] in labelled:
+                    places.append(labelled[vertex[1]])
+                elif not of_graph and vertex[1].isdecimal() and int(vertex[1]) < len(in_file):
+                    places.append(in_file[int(vertex[1])])
     if places:
         ax.scatter(*np.array(places).T, s=90, facecolor="none", edgecolor=VERMILION, lw=1.6, zorder=6)
         legend.setdefault("finding", Line2D([], [], marker="o", ls="", ms=9, mfc="none", mec=VERMILION, mew=1.6))
@@ -377,10 +423,10 @@ def _title(figure: Figure, map_: Map, panels: list[Panel], findings: bool) -> No
     height = figure.get_figheight()
     on_lanes = np.unique(np.concatenate([nav.tail, nav.head]))
     num_components = len(np.unique(nav.component[on_lanes]))
-    facts = [_count(nav.num_vertices, "vertex", "vertices"), _count(nav.num_edges, "edge", "edges")]
+    facts = [_count(nav.num_vertices, "vertex", "vertices"), _count(nav.num_edges - num_lift_lanes(nav) // 2, "edge", "edges")]
     facts.append(_count(num_components, "component", "components"))
     facts.append("{:.1f} x {:.1f} m".format(*panels[0].extent) if len(panels) == 1 else _count(len(panels), "level", "levels"))
-    num_findings = sum(f.count for f in map_.findings if f.severity == "warn")
+    num_findings = sum(finding.severity == "warn" for finding in map_.findings)
     if findings and num_findings:
         facts.append(_count(num_findings, "warning", "warnings"))
     left = 0.35 / figure.get_figwidth()
@@ -414,6 +460,7 @@ def _save(figure: Figure, path: Path, dpi: float) -> Path:
     metadata = {"Software": None} if path.suffix == ".png" else {"Date": None, "Creator": None}
     part = path.with_name(path.name + ".part")
     with mpl.rc_context({"svg.hashsalt": "mrp_sumo", "svg.fonttype": "none"}):
-        figure.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata)
+        fast = {"pil_kwargs": {"compress_level": 2}} if path.suffix == ".png" else {}  # a tenth larger, in two thirds of the time
+        figure.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata, **fast)
     part.replace(path)
     return path

@@ -30,7 +30,7 @@ def square(tmp_path):
 def test_writes_network_nav_graph_picture_and_facts(square, tmp_path, capsys):
     out = tmp_path / "new" / "square"
     for _ in range(2):  # the second time over the first
-        assert main(["import", str(square), "--out", str(out), "--svg"]) == 0
+        assert main(["import", str(square), "--out", str(out)]) == 0
     assert sorted(f.name for f in out.iterdir()) == [
         "0.nav.yaml",
         "facts.json",

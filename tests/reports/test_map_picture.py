@@ -102,6 +102,38 @@ def test_map_without_building_is_drawn(tmp_path: Path) -> None:
     assert "depot" in words(replace(small_map(tmp_path), building=None), tmp_path)
 
 
+def test_findings_of_a_repaired_map_are_marked_by_label(tmp_path: Path) -> None:
+    near = Finding("t_junction_near_miss", "warn", 1, ("level L1 vertex depot near lane v1 - shelf: 0.088 m",))
+    map_ = replace(small_map(tmp_path), findings=(near,))
+    assert "finding" not in words(map_, tmp_path)
+    assert "finding" in words(replace(map_, changes=("something",)), tmp_path)
+    assert "finding" in words(replace(map_, building=None), tmp_path)
+
+
+def test_blocked_cells_of_a_grid_are_drawn(tmp_path: Path) -> None:
+    (tmp_path / "room.map").write_text("type octile\nheight 2\nwidth 3\nmap\n..@\n...\n")
+    text = words(load_map(tmp_path / "room.map", cell_m=1.0), tmp_path)
+    assert "blocked" in text
+    assert "5 vertices   ·   5 edges   ·   1 component   ·   3.0 x 2.0 m" in text
+
+
+def test_lifts_are_named_and_their_lanes_not_counted(tmp_path: Path) -> None:
+    map_ = small_map(tmp_path)
+    options = ({"lift": "goods_lift"}, *map_.nav.vertex_options[1:])
+    lanes = tuple({"lift": "goods_lift"} if 0 in (a, b) else {} for a, b in zip(map_.nav.tail, map_.nav.head))
+    nav = replace(map_.nav, vertex_name=("", *map_.nav.vertex_name[1:]), vertex_options=options, lane_options=lanes)
+    text = words(replace(map_, nav=nav), tmp_path)
+    assert "goods_lift" in text
+    assert any("1 edge " in word for word in text)
+
+
+def test_several_files_hold_the_same_picture(tmp_path: Path) -> None:
+    map_ = small_map(tmp_path)
+    assert draw_map(map_, tmp_path / "a.png", tmp_path / "a.svg") == tmp_path / "a.png"
+    draw_map(map_, tmp_path / "b.svg")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
 def test_other_suffixes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"ends in \.png or \.svg, not '\.bmp'"):
         draw_map(small_map(tmp_path), tmp_path / "map.bmp")
