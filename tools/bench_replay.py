@@ -136,9 +136,14 @@ def built(folder: Path) -> dict[str, float]:
     began = time.perf_counter()
     subprocess.run([sys.executable, "-c", COMMAND, "replay", str(folder)], check=True, stdout=subprocess.DEVNULL)
     spent = time.perf_counter() - began
-    peak = getrusage(RUSAGE_CHILDREN).ru_maxrss / 1024
+    used = getrusage(RUSAGE_CHILDREN)
     page = folder / "replay.html"
-    return {"build_time_s": round(spent, 2), "peak_memory_mb": round(peak), "page_mb": round(page.stat().st_size / 1e6, 2)}
+    return {
+        "build_time_s": round(spent, 2),
+        "build_cpu_s": round(used.ru_utime + used.ru_stime, 2),
+        "peak_memory_mb": round(used.ru_maxrss / 1024),
+        "page_mb": round(page.stat().st_size / 1e6, 2),
+    }
 
 
 def shown(page: Path) -> dict[str, object]:
@@ -150,7 +155,7 @@ def shown(page: Path) -> dict[str, object]:
         [node, BROWSER, chromium, page.resolve()], capture_output=True, text=True, env={"NODE_PATH": str(MODULES), **os.environ}
     )
     if told.returncode:
-        return {"browser": (told.stderr.strip().splitlines() or ["failed"])[-1]}
+        return {"browser": next((line for line in told.stderr.splitlines() if "Error" in line), "failed")}
     return dict(json.loads(told.stdout.splitlines()[-1]))
 
 
