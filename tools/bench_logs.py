@@ -3,7 +3,7 @@
     python tools/bench_logs.py [--robots 1000] [--seconds 600] [--out DIR]
 
 The robots are invented: each drives up and down its own corridor at changing speed. Prints a line a log,
-with seconds, megabytes and the peak of resident memory so far.
+with seconds, seconds of CPU, megabytes and the peak of resident memory so far.
 """
 
 import argparse
@@ -75,12 +75,12 @@ def main() -> None:
     print(f"{options.robots} robots, {len(execution.t_s)} samples; memory before: {_memory_mb():.0f} MB")
 
     def measure(name: str, work: Callable[[], object], path: Path | None = None) -> None:
-        began = time.perf_counter()
+        began, worked = time.perf_counter(), time.process_time()
         work()
-        spent = time.perf_counter() - began
+        spent, cpu = time.perf_counter() - began, time.process_time() - worked
         files = [path] if path and path.is_file() else path.rglob("*") if path else ()
         size = sum(f.stat().st_size for f in files if f.is_file()) / 1e6
-        print(f"{name:24} {spent:7.2f} s {size:8.1f} MB   peak {_memory_mb():6.0f} MB", flush=True)
+        print(f"{name:24} {spent:7.2f} s {cpu:7.2f} s CPU {size:8.1f} MB   peak {_memory_mb():6.0f} MB", flush=True)
 
     table, x, y = folder / "trajectory.parquet", execution.x_m[::5], execution.y_m[::5]
     t_ns = np.rint(execution.t_s[::5] * 1e9).astype(np.int64)
