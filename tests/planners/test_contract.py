@@ -158,7 +158,7 @@ def test_swap_in_a_dead_end_corridor_ends_in_time(name):
     problem = replace(corridor, goal=corridor.start[::-1].copy())
     began = perf_counter()
     result = made(name).plan(problem, 0.5)
-    assert result.status in (Status.INFEASIBLE, Status.TIMED_OUT)
+    assert result.status in (Status.INFEASIBLE, Status.TIMED_OUT, Status.GAVE_UP)
     assert result.plan is None
     assert result.message
     assert perf_counter() - began < 30  # compiling included
