@@ -7,7 +7,7 @@ arrive, are written like successes.
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import Verdict, judge
 from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError, nearest
 from mrp_sumo.experiments.workshop import Workshop
-from mrp_sumo.io.scenario import Scenario, ScenarioFile, robot_type
+from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning import distance
@@ -30,6 +30,7 @@ from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.sim.disturbances import Breakdown, Disturbances, Obstacle
 from mrp_sumo.sim.policy import needs_sound_plan, policy_of
 from mrp_sumo.sim.settings import ExecutionSettings
 
@@ -86,9 +87,10 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
         One line a fault, naming file and key.
     """
     scenario = file.scenario
-    map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder))
-    graph = workshop.graph(map_, scenario.discretisation)
     model, chosen_planner, chosen_assigner, settings = choices(file)
+    cell_m = scenario.discretisation.cell_m
+    map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder, cell_m, model.radius_m))
+    graph = workshop.graph(map_, scenario.discretisation)
     _require_fit(file, graph, model)
     start, goal = _places(file, map_.nav, graph)
     fleet = fleet_of(model, len(start))
@@ -326,9 +328,21 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             time_limit_s=execution.time_limit_s,
             record_period_s=file.scenario.record.period_s,
             seed=file.scenario.seed,
+            on_deadlock=execution.on_deadlock,
+            disturbances=_disturbances(execution.disturbances),
         ),
     )
     return settings
+
+
+def _disturbances(choice: DisturbanceChoice) -> Disturbances:
+    """A duration that is not given is for good."""
+
+    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
+        return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
+
+    scalars = choice.model_dump(exclude={"breakdowns", "obstacles"})
+    return Disturbances(**scalars, breakdowns=parts(choice.breakdowns, Breakdown), obstacles=parts(choice.obstacles, Obstacle))
 
 
 def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:

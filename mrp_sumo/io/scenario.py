@@ -18,6 +18,7 @@ from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.maps.catalogue import bundled_folder
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
 
 class _Strict(BaseModel):
@@ -29,10 +30,13 @@ class MapChoice(_Strict):
 
     file: str = Field(description="A map file, relative to the scenario, or the name of a bundled map.")
     level: str | None = Field(None, description="Only this level; all levels by default.")
-    graph: Annotated[int, Field(ge=0, le=9)] | Literal["all"] | None = Field(
-        None, description="Nav graph index; 'all' unites the graphs. The lowest with lanes by default."
+    graph: GraphIndex | tuple[GraphIndex, ...] | Literal["all"] | None = Field(
+        None, description="Nav graph index; several, or 'all', are united. The lowest with lanes by default."
     )
     meters_per_pixel: Positive | None = Field(None, description="Scale of a building without measurements.")
+    snap_m: Positive | None = Field(None, description="Repair: join lane ends that lie this close to a vertex or lane they are not on.")
+    split_crossings: bool = Field(False, description="Repair: put a vertex where lanes cross without one.")
+    largest_component: bool = Field(False, description="Repair: keep the largest connected piece only.")
 
 
 class Discretisation(_Strict):
@@ -42,6 +46,15 @@ class Discretisation(_Strict):
         "grid", description="'grid': the occupancy grid of the MRP-Bench paper, lanes two cells wide; 'roadmap': lanes cut into steps."
     )
     cell_m: Positive = Field(0.4, description="Length of a step.")
+    lanes: Literal["single_track", "two_way"] = Field(
+        "single_track", description="Of a roadmap: whether robots can meet on a bidirectional lane. On a grid they can, lanes are two cells wide."
+    )
+
+    @model_validator(mode="after")
+    def _lanes_of_a_roadmap(self) -> "Discretisation":
+        if self.kind == "grid" and self.lanes == "two_way":
+            raise ValueError("lanes: two_way is for kind roadmap; lanes of a grid are two cells wide already")
+        return self
 
 
 class RobotShape(_Strict):
@@ -101,6 +114,43 @@ class PlannerChoice(_Strict):
     )
 
 
+class BreakdownChoice(_Strict):
+    """A robot that stands still for a while."""
+
+    robot: Annotated[int, Field(ge=0)]
+    begin_s: float
+    duration_s: Positive | None = Field(None, description="For good by default.")
+
+
+class ObstacleChoice(_Strict):
+    """A pallet or a human on the floor."""
+
+    x_m: float
+    y_m: float
+    begin_s: float
+    duration_s: Positive | None = Field(None, description="For good by default.")
+    radius_m: Positive = 0.3
+
+
+class DisturbanceChoice(_Strict):
+    """What goes wrong, drawn with the scenario's seed. Nothing by default."""
+
+    speed_spread: float = Field(0.0, description="Standard deviation of the robots' factors on their speed.")
+    speed_noise: float = Field(0.0, description="Standard deviation of what every robot loses of its speed now and then.")
+    speed_noise_tau_s: float = 2.0
+    stops_per_s: float = Field(0.0, description="Random stops of a robot.")
+    stop_median_s: float = 3.0
+    stop_sigma: float = 0.6
+    start_delay_s: float = Field(0.0, description="Robots set out up to this late.")
+    delay_probability: float = Field(0.0, description="In each planned step, of being held for some steps.")
+    delay_steps_min: int = 1
+    delay_steps_max: int = 5
+    latency_s: float = Field(0.0, description="Before a robot hears what it may enter.")
+    message_loss: float = Field(0.0, description="Share of messages that are lost; they are repeated every step.")
+    breakdowns: list[BreakdownChoice] = []
+    obstacles: list[ObstacleChoice] = []
+
+
 class ExecutionChoice(_Strict):
     """How the plan is driven in SUMO."""
 
@@ -111,6 +161,8 @@ class ExecutionChoice(_Strict):
     step_length_s: Annotated[float, Field(gt=0, le=1)] = 0.1
     time_limit_s: Positive = Field(300.0, description="Simulated time.")
     goal_tolerance_m: Positive = Field(0.7, description="MRP-Bench's locationTolerance: a robot this near its goal has reached it.")
+    on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': plan anew from where the robots stand.")
+    disturbances: DisturbanceChoice = DisturbanceChoice()
 
 
 class Recording(_Strict):
