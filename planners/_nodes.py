@@ -8,7 +8,7 @@ from mrp_sumo.planning._space_time import MDD0, OK, ORIGIN, RECORDS, STORE_FULL,
 
 
 @njit(cache=True)
-def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, budget):
+def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, patience, budget):
     """Replan a robot of a node with constraints on top of those it has.
 
     Parameters
@@ -19,8 +19,8 @@ def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, ro
         [K, WIDTH] of the node.
     row0, row1
         The constraints to add.
-    w, lower, budget
-        See `find_path`.
+    w, lower, patience, budget
+        See `replan`.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, ro
         return STORE_FULL, record, conflicts
     code = install_all(world, store, occupancy, records, robot)
     if code == OK:
-        code = replan(world, store, occupancy, scratch, record, w, lower, True, budget)
+        code = replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
     if code != OK:
         store.used[RECORDS] -= 1
         return code, np.int64(-1), conflicts

@@ -23,6 +23,7 @@ from mrp_sumo.planning._space_time import (
 )
 from planners._symmetry import choose
 
+PAIR_PATIENCE = 20
 IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its constraints
 MOST_COVER_STEPS = 20_000
 
@@ -101,7 +102,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
             code = install_all(world, store, occupancy, records, robot)
             if code != OK:
                 break
-            code = replan(world, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], True, budget)
+            code = replan(world, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], PAIR_PATIENCE, budget)
             if code == NO_PATH:
                 code = OK
                 continue

@@ -24,6 +24,7 @@ from planners._symmetry import choose
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000
 PAIR_NODES = 64
+PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
 SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
 MOST_BYTES = 6 << 30
 NO_CONFLICTS = np.empty((0, WIDTH), np.int64)
@@ -213,7 +214,9 @@ class Tree:
         store = self._tables.store
         old = int(node.records[robot])
         lower = int(store.meta[old, st.BOUND]) if old >= 0 else 0
-        found = self._call(branch, node.records, node.conflicts, robot, row0, row1, w, lower, budget=True)
+        found = self._call(
+            branch, node.records, node.conflicts, robot, row0, row1, w, lower, min(PATIENCE + self._num_split, MOST_PATIENCE), budget=True
+        )
         self.generated += 1
         if found is None:
             return None

@@ -47,7 +47,12 @@ class CbsTa:
         deadline = began + time_limit_s
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0
-        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"))
+
+        def check_clock() -> None:
+            if perf_counter() > deadline:
+                raise OutOfTime
+
+        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), check_clock)
         first: Tree | None = None
         # (f, conflicts, serial, node, its tree, its assignment); a root to be made comes last among equals and has no node
         open_nodes: list[tuple[float, int, int, Node | None, Tree | None, Problem | None]] = []
@@ -66,8 +71,7 @@ class CbsTa:
                 f, _, _, node, tree, assigned = heappop(open_nodes)
                 lower = max(lower, f)
                 if node is None:
-                    if perf_counter() > deadline:
-                        raise OutOfTime
+                    check_clock()
                     await_next()
                     if impossible(assigned) is None:
                         tree = Tree(assigned, deadline, following=self.following, symmetries=self.symmetries, like=first)

@@ -50,7 +50,12 @@ class EcbsTa:
         deadline = began + time_limit_s
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0
-        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"))
+
+        def check_clock() -> None:
+            if perf_counter() > deadline:
+                raise OutOfTime
+
+        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), check_clock)
         waiting = next(ranked, None)  # the assignment whose root comes next
         first: Tree | None = None
         by_bound: list[tuple[int, int]] = []
@@ -66,8 +71,7 @@ class EcbsTa:
         status, message = Status.SOLVED, ""
         try:
             while True:
-                if perf_counter() > deadline:
-                    raise OutOfTime
+                check_clock()
                 while by_bound and by_bound[0][1] in closed:
                     heappop(by_bound)
                 if not by_bound and waiting is None:

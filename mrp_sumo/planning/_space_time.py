@@ -20,7 +20,7 @@ from mrp_sumo.planning._kernels import UNREACHABLE
 FOREVER = 1 << 30
 OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what kernels return
 
-POLITE, POLITE_PER_STEP = 1000, 20  # expansions spent on disturbing few robots, before the first path there is is taken
+PATIENCE = 500  # expansions that are always spent on disturbing few robots
 HURRY = 8  # steps that a robot goes out of its way then to disturb one robot less
 
 # columns of Store.meta
@@ -591,8 +591,21 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, soft, budge
 
 
 @njit(cache=True)
-def replan(world, store, occupancy, scratch, record, w, lower, soft, budget):
+def replan(world, store, occupancy, scratch, record, w, lower, patience, budget):
     """Find the path of a record under its constraints, and write it to the store.
+
+    Parameters
+    ----------
+    world, store, occupancy, scratch
+        As above.
+    record
+        With its constraints.
+    w, lower
+        The path costs at most w times the least cost, or w times `lower`, a known lower bound.
+    patience
+        Expansions a step of the least cost to spend on disturbing few robots, before the first path there is is taken.
+    budget
+        Expansions allowed for finding that.
 
     Returns
     -------
@@ -619,9 +632,9 @@ def replan(world, store, occupancy, scratch, record, w, lower, soft, budget):
             store.path[begin + t] = state[end, VERTEX]
         until = state[end, STEP] - 1
         end = state[end, BEFORE]
-    if soft:
+    if patience > 0:
         bound = np.int64(w * max(least, lower) + 1e-9)
-        polite = min(budget, POLITE + POLITE_PER_STEP * least)
+        polite = min(budget, PATIENCE + patience * least)
         code, end = find_path(world, store, occupancy, scratch, robot, least, bound, 1, polite)
         if code == OUT_OF_BUDGET:
             code, end = find_path(world, store, occupancy, scratch, robot, least, bound, 2, polite)

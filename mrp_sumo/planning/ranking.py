@@ -5,7 +5,7 @@ Source: Murty, "An algorithm for ranking all the assignments in order of increas
 the next candidate.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from heapq import heappop, heappush
 
 import numpy as np
@@ -14,13 +14,15 @@ from scipy.optimize import linear_sum_assignment
 from mrp_sumo.core.graph import FloatArray, IntArray
 
 
-def ranked_assignments(cost: FloatArray) -> Iterator[tuple[float, IntArray]]:
+def ranked_assignments(cost: FloatArray, check_clock: Callable[[], None] = lambda: None) -> Iterator[tuple[float, IntArray]]:
     """All assignments that serve min(R, G) goals, cheapest first.
 
     Parameters
     ----------
     cost
         [R, G], inf where a robot cannot reach a goal.
+    check_clock
+        Called now and then while looking for the next one; may raise to give up.
 
     Yields
     ------
@@ -55,6 +57,7 @@ def ranked_assignments(cost: FloatArray) -> Iterator[tuple[float, IntArray]]:
             yield total, goal_of
         rest = matrix
         for robot in range(fixed, num_robots):
+            check_clock()
             part = rest.copy()
             part[robot, choice[robot]] = never
             consider(part, robot)
