@@ -33,6 +33,11 @@ class RobotType:
         if not self.gap_m >= 0:
             raise ScenarioError(f"robot type '{self.name}': gap_m is {self.gap_m}, expected 0 or more")
 
+    @property
+    def radius_m(self) -> float:
+        """Of the circle around the footprint."""
+        return float(np.hypot(self.length_m, self.width_m)) / 2
+
 
 @dataclass(frozen=True, eq=False)
 class Fleet:

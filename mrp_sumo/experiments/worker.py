@@ -73,10 +73,12 @@ def machine() -> dict[str, str]:
 
 def _map_facts(file: Any, workshop: Workshop) -> dict[str, Any]:
     """What the paper's Table I counts."""
+    from mrp_sumo.experiments.run import choices
     from mrp_sumo.maps.facts import facts
 
     scenario = file.scenario
-    found = facts(workshop.map(scenario.map, file.folder), scenario.discretisation.cell_m)
+    cell_m = scenario.discretisation.cell_m
+    found = facts(workshop.map(scenario.map, file.folder, cell_m, choices(file)[0].radius_m), cell_m)
     grid = found["grid"] or {}
     return {
         **{f"num_{name}": found[name] for name in ("vertices", "edges", "components")},

@@ -31,15 +31,30 @@ class Workshop:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._scratch.cleanup()
 
-    def map(self, choice: "MapChoice", folder: Path) -> "Map":
-        """The map that a scenario in `folder` chooses. Raises MapError."""
+    def map(self, choice: "MapChoice", folder: Path, cell_m: float, robot_radius_m: float) -> "Map":
+        """The map that a scenario in `folder` chooses, repaired as it asks for. Raises MapError."""
         from mrp_sumo.maps.catalogue import find_map
         from mrp_sumo.maps.load import load_map
+        from mrp_sumo.maps.repair import repair
 
         path = find_map(choice.file, folder)
         state = path.stat()
-        key = (path.resolve(), state.st_mtime_ns, state.st_size, choice)
-        return self._once(key, lambda: load_map(path, graph=choice.graph, level=choice.level, meters_per_pixel=choice.meters_per_pixel))
+
+        def make() -> "Map":
+            map_ = load_map(
+                path,
+                graph=choice.graph,
+                level=choice.level,
+                meters_per_pixel=choice.meters_per_pixel,
+                cell_m=cell_m,
+                robot_radius_m=robot_radius_m,
+            )
+            repaired, _ = repair(
+                map_, snap_m=choice.snap_m, split_at_crossings=choice.split_crossings, only_largest=choice.largest_component
+            )
+            return repaired
+
+        return self._once((path.resolve(), state.st_mtime_ns, state.st_size, choice, cell_m, robot_radius_m), make)
 
     def graph(self, map_: "Map", choice: "Discretisation") -> "PlanGraph":
         """The nav graph of a map as it is planned on."""
@@ -50,8 +65,11 @@ class Workshop:
         nav = map_.nav
         if isinstance(nav, PlanGraph):  # a grid map is one already
             return nav
-        make = paper_grid if choice.kind == "grid" else cut_lanes
-        return self._once((id(nav), choice), lambda: make(nav, choice.cell_m), nav)
+
+        def make() -> PlanGraph:
+            return paper_grid(nav, choice.cell_m) if choice.kind == "grid" else cut_lanes(nav, choice.cell_m, choice.lanes == "two_way")
+
+        return self._once((id(nav), choice), make, nav)
 
     def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
         """The SUMO network of a plan graph, with a building drawn behind it for those who look."""

@@ -43,6 +43,8 @@ def repair(
     MapError
         For a grid, and a distance that is not above 0.
     """
+    if snap_m is None and not split_at_crossings and not only_largest:
+        return map_, ()
     if isinstance(map_.nav, PlanGraph):
         raise MapError(f"{map_.path.name} is a grid: there is nothing to snap or split")
     nav, changes = map_.nav, []

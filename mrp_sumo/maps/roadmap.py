@@ -13,18 +13,22 @@ from mrp_sumo.errors import MapError
 MAX_VERTICES = 2_000_000
 
 
-def cut_lanes(nav: NavGraph, cell_m: float) -> PlanGraph:
+def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
     """Cut every lane into `max(1, round(length / cell_m))` equal steps.
 
     The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between
-    them. A vertex without lanes stands for the one with lanes at the same place, where there is one.
+    them (a single track), or have their own beside each other, keeping right. A vertex without lanes stands
+    for the one with lanes at the same place, where there is one.
 
     Parameters
     ----------
     nav
         Any nav graph; one that is a plan graph already is returned as it is.
     cell_m
-        Length of a step, about.
+        Length of a step, about; and how far apart the two tracks of a two-way lane are.
+    two_way
+        Whether robots may meet on a lane: a lane and its reverse become two tracks. Lanes of one step, and
+        those through lifts, remain single tracks.
 
     Raises
     ------
@@ -37,7 +41,11 @@ def cut_lanes(nav: NavGraph, cell_m: float) -> PlanGraph:
     num_vertices, num_lanes = nav.num_vertices, nav.num_lanes
     steps = np.maximum(np.rint(nav.length_m / cell_m), 1)  # [L]
     lane = np.arange(num_lanes)
-    owner = np.where((nav.reverse >= 0) & (nav.reverse < lane), nav.reverse, lane)  # [L] the lane of a pair that cuts are counted along
+    apart = np.zeros(num_lanes, np.bool_)  # [L] has a track of its own beside its reverse
+    if two_way:
+        apart = (nav.reverse >= 0) & (steps > 1) & np.array(["lift" not in options for options in nav.lane_options], np.bool_)
+    shared = (nav.reverse >= 0) & (nav.reverse < lane) & ~apart
+    owner = np.where(shared, nav.reverse, lane)  # [L] the lane of a pair that cuts are counted along
     own = owner == lane
     if steps[own].sum() + num_vertices > MAX_VERTICES:
         raise MapError(f"cells of {cell_m:g} m would cut '{nav.name}' into more than {MAX_VERTICES:.0e} pieces")
@@ -49,12 +57,19 @@ def cut_lanes(nav: NavGraph, cell_m: float) -> PlanGraph:
     cut_lane = np.repeat(lane[own], steps[own] - 1)  # [C] the owner of each cut
     k = np.arange(len(cut_lane)) - (first_cut[cut_lane] - num_vertices) + 1  # [C] its step along it, from 1
     share = k / steps[cut_lane]
-    xy = nav.xy[nav.tail[cut_lane]] + share[:, None] * (nav.xy[nav.head[cut_lane]] - nav.xy[nav.tail[cut_lane]])
+    way = nav.xy[nav.head[cut_lane]] - nav.xy[nav.tail[cut_lane]]  # [C, 2]
+    xy = nav.xy[nav.tail[cut_lane]] + share[:, None] * way
+    right = way[:, ::-1] * [1, -1] / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    xy += np.where(apart[cut_lane], cell_m / 2, 0.0)[:, None] * right
 
     of = np.repeat(lane, steps)  # [S] the lane of each step
     i = np.arange(len(of)) - np.repeat(np.cumsum(steps) - steps, steps)  # [S] its number along the lane, from 0
     n = steps[of]
     along = own[of]  # counted along the owner, or against it
+
+    length_m = nav.length_m[of] / n
+    aslant = apart[of] & ((i == 0) | (i == n - 1))  # from a vertex to its own track, and back
+    length_m = np.where(aslant, np.hypot(length_m, cell_m / 2), length_m)
 
     def place(j: np.ndarray) -> np.ndarray:
         """[S] vertex after j steps of the lane."""
@@ -69,7 +84,7 @@ def cut_lanes(nav: NavGraph, cell_m: float) -> PlanGraph:
         level=np.concatenate([nav.level, nav.level[nav.tail[cut_lane]]]),
         vertex_name=nav.vertex_name + ("",) * len(cut_lane),
         vertex_options=nav.vertex_options + (NO_OPTIONS,) * len(cut_lane),
-        length_m=nav.length_m[of] / n,
+        length_m=length_m,
         speed_mps=nav.speed_mps[of],
         lane_options=[nav.lane_options[j] for j in of],
         source=nav.source,

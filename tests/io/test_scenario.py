@@ -34,6 +34,12 @@ def test_short_forms_and_defaults(tmp_path):
     assert (scenario.discretisation.kind, scenario.discretisation.cell_m) == ("grid", 0.4)
 
 
+def test_a_map_may_be_united_and_repaired(tmp_path):
+    text = "map: {file: site, graph: [0, 2], snap_m: 0.15, split_crossings: true, largest_component: true}\nrobots: {count: 2}\n"
+    chosen = read_scenario(written(tmp_path, text)).scenario.map
+    assert (chosen.graph, chosen.snap_m, chosen.split_crossings, chosen.largest_component) == ((0, 2), 0.15, True, True)
+
+
 def test_every_fault_is_one_line_with_its_line_number(tmp_path):
     assert lines_for(tmp_path, "map: {file: office, grph: 0}\nrobots:\n  count: 0\nplaner: cbs\nexecution: 3\n") == [
         "case.yaml:1: map.grph: unknown key (did you mean 'graph'?)",
@@ -52,6 +58,14 @@ def test_every_fault_is_one_line_with_its_line_number(tmp_path):
         ("map: [\n", "case.yaml:2: not YAML: did not find expected node content"),
         (GOOD + "  time_limit_s: 0\n", "case.yaml:6: planner.time_limit_s: found 0, expected greater than 0"),
         (GOOD + "  time_limit_s: .nan\n", "case.yaml:6: planner.time_limit_s: found nan, expected a finite number"),
+        (
+            "map: {file: office, graph: first}\nrobots: {count: 1}\n",
+            "case.yaml:1: map.graph: found 'first', expected a number from 0 to 9, a list of them, or 'all'",
+        ),
+        (
+            GOOD + "discretisation: {kind: grid, lanes: two_way}\n",
+            "case.yaml:6: discretisation: lanes: two_way is for kind roadmap; lanes of a grid are two cells wide already",
+        ),
         ("map: office\nrobots: {}\n", "case.yaml:2: robots: give count, or starts and goals"),
         ("map: office\nrobots: {starts: [a]}\n", "case.yaml:2: robots: starts and goals go together: give both or neither"),
         (

@@ -1,5 +1,6 @@
 """Lanes cut into steps."""
 
+import numpy as np
 import pytest
 
 from mrp_sumo.core.graph import nav_graph
@@ -17,6 +18,24 @@ def test_a_lane_and_its_reverse_share_their_cuts():
     assert graph.nav_lane.tolist() == [-1, -1, 0, 0]
     assert graph.offset_m.tolist() == pytest.approx([0, 0, 1.3 / 3, 2.6 / 3])
     assert graph.kind == "roadmap"
+
+
+def test_two_way_lanes_are_two_tracks_that_keep_right():
+    nav = nav_graph(name="line", xy=[[0, 0], [1.2, 0]], lanes=[[0, 1], [1, 0]])
+    graph = cut_lanes(nav, 0.4, two_way=True)
+    assert sorted(zip(graph.tail.tolist(), graph.head.tolist())) == [(0, 2), (1, 4), (2, 3), (3, 1), (4, 5), (5, 0)]
+    assert graph.xy[2:].ravel().tolist() == pytest.approx([0.4, -0.2, 0.8, -0.2, 0.8, 0.2, 0.4, 0.2])
+    assert (graph.reverse == -1).all()
+    straight = np.hypot(*(graph.xy[graph.head] - graph.xy[graph.tail]).T)
+    assert graph.length_m.tolist() == pytest.approx(straight.tolist())
+
+
+def test_two_way_leaves_one_way_lanes_lanes_of_one_step_and_lifts_as_they_are():
+    xy, lanes = [[0, 0], [2, 0], [2.4, 0], [9, 0]], [[0, 1], [1, 2], [2, 1], [2, 3], [3, 2]]
+    nav = nav_graph(name="mixed", xy=xy, lanes=lanes, lane_options=[{}] * 3 + [{"lift": "goods"}] * 2)
+    one, two = cut_lanes(nav, 0.4), cut_lanes(nav, 0.4, two_way=True)
+    assert one.xy.tolist() == two.xy.tolist()
+    assert one.tail.tolist() == two.tail.tolist()
 
 
 def test_one_way_lanes_stay_one_way_and_keep_speed_and_options():

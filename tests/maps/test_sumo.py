@@ -7,7 +7,7 @@ import pytest
 
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.sumo import build_network, edge_name, lane_ends
+from mrp_sumo.maps.sumo import NO_LIMIT_MPS, build_network, edge_name, lane_ends
 
 # a two-way corridor of 0-1-2 with a one-way lane 2 -> 3, and vertex 4 without lanes
 GRAPH = nav_graph(
@@ -35,7 +35,7 @@ def test_sumo_sees_every_lane_with_its_length_limit_and_straight_shape(network):
         assert edges == {"e0_1", "e1_0", "e1_2", "e2_1", "e2_3"}
         assert libsumo.lane.getLength("e2_3_0") == pytest.approx(1.5)
         assert libsumo.lane.getMaxSpeed("e2_3_0") == pytest.approx(0.5)
-        assert libsumo.lane.getMaxSpeed("e0_1_0") > 5
+        assert libsumo.lane.getMaxSpeed("e0_1_0") == pytest.approx(NO_LIMIT_MPS)  # faster fleets raise it when they are inserted
         assert libsumo.lane.getShape("e1_2_0") == ((0.4, 0.0), (0.8, 0.0))
         onward = {link[0] for link in libsumo.lane.getLinks("e1_2_0")}
         assert onward == {"e2_1_0", "e2_3_0"}  # turning back is possible
@@ -67,3 +67,10 @@ def test_junctions_are_drawn_smaller_than_the_lanes_between_them(network):
     for shape in shapes:
         x = [float(corner.split(",")[0]) for corner in shape.split()]
         assert max(x) - min(x) < 0.2
+
+
+def test_vertices_a_centimetre_apart_are_joined_by_the_shortest_edge_sumo_has(tmp_path):
+    near = nav_graph(name="near", xy=[(0, 0), (0.01, 0), (1, 0)], lanes=[(0, 1), (1, 0), (1, 2), (2, 1)])
+    text = build_network(near, tmp_path / "near.net.xml").read_text()
+    assert re.findall(r'<lane id="e0_1_0"[^>]* length="([^"]+)"', text) == ["0.100000"]
+    assert len(re.findall("<edge ", text)) == 4
