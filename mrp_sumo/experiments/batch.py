@@ -37,6 +37,7 @@ from mrp_sumo.io.results import (
 )
 
 BROKEN = (CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT)  # runs that say nothing about planner or policy
+OWN = ("batch.", "runs", "quarantine", "results.", ".")  # what a batch without its plan may have left
 GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
 
 
@@ -299,7 +300,7 @@ def _require_ours(batch: Batch) -> None:
     if not folder.is_dir():
         raise BatchError(f"{folder} is not a folder; give another --out")
     if not (folder / PLAN).exists():
-        if any(entry.name not in ("batch.lock", "batch.log") for entry in folder.iterdir()):
+        if any(not entry.name.startswith(OWN) for entry in folder.iterdir()):
             raise BatchError(f"{folder}: holds files, but is not the folder of a batch; give another --out")
         return
     plan = read_plan(folder)

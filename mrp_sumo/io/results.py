@@ -109,9 +109,10 @@ def standings_in(folder: Path, told: Callable[[str], None], *, quarantine: bool 
         path.replace(folder / "quarantine" / path.name)
         told(f"{reason}; moved to quarantine, the run is made again")
 
-    if quarantine and (folder / "runs").is_dir():
-        for left in (folder / "runs").glob("*/.*"):
-            left.unlink(missing_ok=True)
+    if quarantine:
+        for pattern in ("runs/*/.*.json.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV))):
+            for left in folder.glob(pattern):
+                left.unlink(missing_ok=True)
     for body in _bodies(folder, aside):
         begin = _BEGIN.match(body)
         assert begin  # it has its checksum

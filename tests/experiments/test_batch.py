@@ -216,6 +216,19 @@ def test_folder_with_other_files_is_refused(tmp_path):
         make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
 
 
+def test_files_half_written_by_a_killed_batch_are_removed(tmp_path):
+    file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
+    (tmp_path / "out" / "runs" / "ab").mkdir(parents=True)
+    (tmp_path / "out" / "runs" / "ab" / ".ab12.json.77").write_text("{")
+    (tmp_path / "out" / ".plan.json.77").write_text("{")
+    (tmp_path / "out" / "plan.json").write_text("{}")
+    with pytest.raises(BatchError, match=r"plan.json: not the plan of a batch; move it away and start the batch again, no result is lost"):
+        make(file, tmp_path / "out")
+    (tmp_path / "out" / "plan.json").unlink()
+    make(file, tmp_path / "out")
+    assert not list((tmp_path / "out").rglob(".*"))
+
+
 def test_refused_suite_leaves_no_folder(tmp_path):
     file = suite(tmp_path, "grid_search: {map: [ofice]}\n")
     with pytest.raises(Exception, match="no map 'ofice'"):
