@@ -135,6 +135,7 @@ def draw(
         figure = Figure(figsize=size, layout="constrained")
         paint(figure)
         figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None}, dpi=PNG_DPI)
+        figure.set_layout_engine("none")  # what it came to stays
         figure.savefig(png, format="png", metadata={"Software": None}, dpi=PNG_DPI)
     return Chart(name, title, caption, svg.getvalue(), png.getvalue(), wide)
 

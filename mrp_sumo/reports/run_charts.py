@@ -214,44 +214,59 @@ def _space_time(record: Record, tag: str) -> Chart | None:
 
 
 def _busiest_corridor(nav: NavGraph, x: FloatArray, y: FloatArray) -> IntArray:
-    """[N] vertices of the straight stretch of lanes around the edge that most robots passed, then the one most time was spent on."""
+    """[N] vertices of the straight stretch of lanes that most robots drove on, then the one most time was spent on."""
     once = np.flatnonzero((nav.tail < nav.head) | (nav.reverse < 0))
-    a, b = nav.xy[nav.tail[once]], nav.xy[nav.head[once]]
-    length = np.hypot(*(b - a).T)
-    pieces = np.maximum(2, np.ceil(length / 0.5).astype(np.int64) + 1)
+    tail, head = nav.tail[once], nav.head[once]
+    chains, chain_of = _straight_stretches(nav, tail, head)
+    there = np.isfinite(x)
+    if not there.any():
+        return chains[0]
+    a, b = nav.xy[tail], nav.xy[head]
+    pieces = np.maximum(2, np.ceil(np.hypot(*(b - a).T) / 0.5).astype(np.int64) + 1)
     edge = np.repeat(np.arange(len(once)), pieces)
     first = np.concatenate([[0], np.cumsum(pieces)[:-1]])
     u = (np.arange(len(edge)) - first[edge]) / (pieces[edge] - 1)
     tree = cKDTree(a[edge] + u[:, None] * (b - a)[edge])
-    robots = np.broadcast_to(np.arange(x.shape[1]), x.shape)
-    there = np.isfinite(x)
-    if not there.any():
-        return np.array([nav.tail[once[0]], nav.head[once[0]]], np.int64)
     few = max(1, int(there.sum() / 400_000))
-    points, robot = np.stack([x[there], y[there]], axis=1)[::few], robots[there][::few]
-    near = edge[tree.query(points)[1]]
-    passed = np.bincount(np.unique(near * x.shape[1] + robot) // x.shape[1], minlength=len(once))
-    best = int(np.lexsort((-np.bincount(near, minlength=len(once)), -passed))[0])
-    chain = [int(nav.tail[once[best]]), int(nav.head[once[best]])]
-    for end in (1, 0):
-        while len(chain) < 200:
-            here, before = (chain[-1], chain[-2]) if end else (chain[0], chain[1])
-            ahead = nav.xy[here] - nav.xy[before]
-            nearby = np.concatenate([nav.head[nav.tail == here], nav.tail[nav.head == here]])
-            following = None
-            for v in nearby.tolist():
-                step = nav.xy[v] - nav.xy[here]
-                size = float(np.hypot(*step) * np.hypot(*ahead))
-                if v not in chain and size > 0 and float(step @ ahead) / size > STRAIGHT:
-                    following = v
+    robots = np.broadcast_to(np.arange(x.shape[1]), x.shape)[there][::few]
+    near = chain_of[edge[tree.query(np.stack([x[there], y[there]], axis=1)[::few])[1]]]
+    passed = np.bincount(np.unique(near * x.shape[1] + robots) // x.shape[1], minlength=len(chains))
+    return chains[int(np.lexsort((-np.bincount(near, minlength=len(chains)), -passed))[0])]
+
+
+def _straight_stretches(nav: NavGraph, tail: IntArray, head: IntArray) -> tuple[list[IntArray], IntArray]:
+    """All straight stretches, as vertices, and [E] the one of each edge."""
+    beside: dict[int, list[tuple[int, int]]] = {}
+    for e, (a, b) in enumerate(zip(tail.tolist(), head.tolist())):
+        beside.setdefault(a, []).append((b, e))
+        beside.setdefault(b, []).append((a, e))
+    chain_of = np.full(len(tail), -1, np.int64)
+    chains: list[IntArray] = []
+    for e in range(len(tail)):
+        if chain_of[e] >= 0:
+            continue
+        chain_of[e] = len(chains)
+        ends = []
+        for before, here in ((int(tail[e]), int(head[e])), (int(head[e]), int(tail[e]))):
+            reached = [here]
+            while True:
+                ahead = nav.xy[reached[-1]] - nav.xy[before]
+                onward = [
+                    (v, f) for v, f in beside[reached[-1]] if chain_of[f] < 0 and _is_straight(ahead, nav.xy[v] - nav.xy[reached[-1]])
+                ]
+                if not onward:
                     break
-            if following is None:
-                break
-            if end:
-                chain.append(following)
-            else:
-                chain.insert(0, following)
-    return np.array(chain, np.int64)
+                before = reached[-1]
+                reached.append(onward[0][0])
+                chain_of[onward[0][1]] = len(chains)
+            ends.append(reached)
+        chains.append(np.array([*ends[1][::-1], *ends[0]], np.int64))
+    return chains, chain_of
+
+
+def _is_straight(ahead: FloatArray, step: FloatArray) -> bool:
+    size = float(np.hypot(*step) * np.hypot(*ahead))
+    return size > 0 and float(step @ ahead) / size > STRAIGHT
 
 
 def _along(line: FloatArray, along: FloatArray, points: FloatArray, reach: float) -> FloatArray:

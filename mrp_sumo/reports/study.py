@@ -237,10 +237,13 @@ def _map_names(frame: pd.DataFrame) -> list[str]:
     short = {file: re.sub(r"\.(building\.yaml|yaml|yml|map|json|geojson)$", "", file.rsplit("/", 1)[-1]) for file in files.unique()}
     if len(set(short.values())) < len(short):
         short = {file: file for file in short}
-    extra = [c for c in ("map.level", "map.graph") if c in frame and frame[c].nunique(dropna=False) > 1]
     names = [short[file] for file in files]
-    for column in extra:
-        names = [name if pd.isna(v) else f"{name}, {column.split('.')[1]} {_plain(v)}" for name, v in zip(names, frame[column])]
+    for column in ("map.level", "map.graph"):
+        if column in frame:
+            varies = frame[column].groupby(files).transform(lambda values: values.nunique(dropna=False) > 1)
+            word = column.split(".")[1]
+            chosen = zip(names, frame[column], varies)
+            names = [f"{name}, {word} {_plain(v)}" if several and not pd.isna(v) else name for name, v, several in chosen]
     return names
 
 
