@@ -16,6 +16,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
+from mrp_sumo.planning.kernel_cache import drop_stale_kernels
 from mrp_sumo.planning.protocol import Assigner, Planner
 
 GROUP = "mrp_sumo.planners"
@@ -37,6 +38,7 @@ def planner(name: str, parameters: Mapping[str, Any]) -> Planner:
     ScenarioError
         For an unknown name or parameter (with the nearest right one), or a value that does not fit.
     """
+    drop_stale_kernels()
     return cast(Planner, _made("planners", name, parameters))
 
 
