@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
@@ -38,6 +38,14 @@ class MapChoice(_Strict):
     split_crossings: bool = Field(False, description="Repair: put a vertex where lanes cross without one.")
     largest_component: bool = Field(False, description="Repair: keep the largest connected piece only.")
 
+    @field_validator("graph", mode="before")
+    @classmethod
+    def _one_or_several(cls, found: Any) -> Any:
+        several = found if isinstance(found, list | tuple) and found else [found]
+        if found not in (None, "all") and not all(type(number) is int and 0 <= number <= 9 for number in several):
+            raise ValueError(f"found {found!r}, expected a number from 0 to 9, a list of them, or 'all'")
+        return found
+
 
 class Discretisation(_Strict):
     """How the nav graph becomes a graph of unit steps."""
@@ -47,7 +55,7 @@ class Discretisation(_Strict):
     )
     cell_m: Positive = Field(0.4, description="Length of a step.")
     lanes: Literal["single_track", "two_way"] = Field(
-        "single_track", description="Of a roadmap: whether robots can meet on a bidirectional lane. On a grid they can, lanes are two cells wide."
+        "single_track", description="Of a roadmap: can robots meet on a bidirectional lane? On a grid they can, lanes are two cells wide."
     )
 
     @model_validator(mode="after")
