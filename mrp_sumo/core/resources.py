@@ -102,7 +102,9 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources) 
     )
 
 
-def left_after_m(graph: NavGraph, plan: Plan, lane: IntArray, cum_m: FloatArray, needs: Needs, resources: Resources) -> FloatArray:
+def left_after_m(
+    graph: NavGraph, plan: Plan, lane: IntArray, cum_m: FloatArray, stretch: FloatArray, needs: Needs, resources: Resources
+) -> FloatArray:
     """[M] how far along its path a robot has left what it needed, inf where it stays.
 
     Parameters
@@ -111,6 +113,8 @@ def left_after_m(graph: NavGraph, plan: Plan, lane: IntArray, cum_m: FloatArray,
         [N] by which a visit is reached, -1 for first visits.
     cum_m
         [N] distance of each visit along its robot's path.
+    stretch
+        [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer.
     """
     num_vertices = graph.num_vertices
     visit, resource = needs.visit, needs.resource
@@ -125,7 +129,7 @@ def left_after_m(graph: NavGraph, plan: Plan, lane: IntArray, cum_m: FloatArray,
     mine = np.where(needs.on_lane[part], num_vertices + resources.track[lane[visit[part]]], plan.vertex[visit[part]])
     after[part] = _last_within(graph, resources, used[part], np.where(pair[:, 0] == mine, pair[:, 1], pair[:, 0]))
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
-    return origin + np.minimum(after, limit)
+    return origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
 
 
 def segments(graph: NavGraph, ends: IntArray) -> FloatArray:

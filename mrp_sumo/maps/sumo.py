@@ -22,6 +22,8 @@ from mrp_sumo.maps.cache import remembered
 
 NO_LIMIT_MPS = 2.0  # of lanes without a limit; SUMO looks for followers by it, at 30 m/s an insertion takes 30 ms
 LANE_WIDTH_M = 0.3  # drawn only
+SHORTEST_M = 0.1  # SUMO makes shorter edges this long
+THINNEST_M = 0.01  # netconvert drops edges below
 LARGE = 20_000  # lanes; larger networks are remembered
 
 
@@ -110,7 +112,7 @@ def _nodes(graph: NavGraph) -> Iterator[str]:
 
 def _edges(graph: NavGraph, edges: list[str]) -> Iterator[str]:
     limit = np.where(np.isfinite(graph.speed_mps), graph.speed_mps, NO_LIMIT_MPS)
-    columns = (graph.tail, graph.head, limit, graph.length_m, graph.reverse)
+    columns = (graph.tail, graph.head, limit, np.maximum(graph.length_m, SHORTEST_M), graph.reverse)
     width = _width_m(graph)
     for edge, tail, head, speed, length, reverse in zip(edges, *(c.tolist() for c in columns)):
         bidi = f' bidi="{edges[reverse]}"' if reverse >= 0 else ""
@@ -146,7 +148,7 @@ def _netconvert(work: Path) -> None:
 
 def _width_m(graph: NavGraph) -> float:
     """How broad lanes are drawn: on a dense grid so that one still sees through."""
-    return min(LANE_WIDTH_M, float(graph.length_m.min()) / 3)
+    return min(LANE_WIDTH_M, max(float(graph.length_m.min()) / 3, THINNEST_M))
 
 
 def _straight(text: str, graph: NavGraph, edges: list[str]) -> str:

@@ -14,6 +14,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.resources import Resources, left_after_m, needs_of, resources_of
 from mrp_sumo.errors import ExecutionError
+from mrp_sumo.maps.sumo import SHORTEST_M
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.policy import Policy
 
@@ -53,7 +54,9 @@ def course_of(problem: Problem, plan: Plan, policy: Policy, step_length_s: float
     needs = needs_of(graph, plan, lane, resources)
     schedule = policy.order(problem, plan, needs)
     moved = lane >= 0
-    length = np.where(moved, np.round(graph.length_m, 6)[lane], 0.0)  # as the network has it
+    driven = np.round(np.maximum(graph.length_m, SHORTEST_M), 6)  # [L] as the network has it
+    stretch = driven / graph.length_m
+    length = np.where(moved, driven[lane], 0.0)
     at = _along(plan.first, length)
     along = graph.xy[graph.head] - graph.xy[graph.tail]
     heading = np.where(moved, np.arctan2(along[:, 1], along[:, 0])[lane], 0.0)
@@ -82,13 +85,13 @@ def course_of(problem: Problem, plan: Plan, policy: Policy, step_length_s: float
             turns=turns,
             earliest=policy.earliest_s(plan) + begin_s,
             due=plan.arrive_s + begin_s if policy.paced else np.zeros(plan.num_visits),
-            short_of=_short_of(resources, lane, at),
+            short_of=_short_of(resources, lane, at, stretch),
             reverse=graph.reverse,
         ),
         need=_control.Need(
             first=needs.first,
             resource=needs.resource,
-            left_at=left_after_m(graph, plan, lane, at, needs, resources),
+            left_at=left_after_m(graph, plan, lane, at, stretch, needs, resources),
             passage=schedule.passage_of_need if schedule is not None else nothing,
             closes=lasts_passage,
             passing=schedule.robot if schedule is not None else nothing,
@@ -165,14 +168,14 @@ def _along(first: IntArray, length: FloatArray) -> FloatArray:
     return total - np.repeat(total[first[:-1]], np.diff(first))
 
 
-def _short_of(resources: Resources, lane: IntArray, at: FloatArray) -> FloatArray:
+def _short_of(resources: Resources, lane: IntArray, at: FloatArray, stretch: FloatArray) -> FloatArray:
     """[N] how far a robot may drive towards a vertex that is not free: clear of it and of the vertex behind. inf where a
     lane has no such place, or is in a zone.
     """
     num_vertices = len(resources.zones_first) - 1 - len(resources.ends)
     in_zone = np.diff(resources.zones_first)[num_vertices + resources.track[lane]] > 0
-    stop = at - resources.enter_m[lane]
-    behind = np.append(0.0, at[:-1]) + resources.leave_m[lane]
+    stop = at - (resources.enter_m * stretch)[lane]
+    behind = np.append(0.0, at[:-1]) + (resources.leave_m * stretch)[lane]
     return np.where((lane >= 0) & ~in_zone & (stop > behind + 2 * _control.ARRIVED_M), stop, np.inf)
 
 

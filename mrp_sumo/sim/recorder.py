@@ -29,6 +29,15 @@ class Recorder:
         block[0], block[1], block[2] = s_m, yaw_rad, speed_mps
         self._count += 1
 
+    def place(self, s_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """x and y of robots that have driven `s_m` [..., R] along their paths."""
+        x, y = np.empty_like(s_m), np.empty_like(s_m)
+        for r in range(len(self.path.first) - 1):
+            points = slice(self.path.first[r], self.path.first[r + 1])
+            x[..., r] = np.interp(s_m[..., r], self.path.at[points], self.xy[points, 0])
+            y[..., r] = np.interp(s_m[..., r], self.path.at[points], self.xy[points, 1])
+        return x, y
+
     def turn_to(self, xy: FloatArray, path: _control.Path) -> None:
         """Robots go on along other paths."""
         self._done.append(self._samples())
@@ -44,9 +53,5 @@ class Recorder:
         num_robots = len(self.path.first) - 1
         parts = [block[: self._count - k * ROWS] for k, block in enumerate(self._blocks)] or [np.empty((0, 3, num_robots))]
         s, yaw, speed = (np.concatenate([part[:, k] for part in parts]) for k in range(3))
-        x, y = np.empty_like(s), np.empty_like(s)
-        for r in range(num_robots):
-            points = slice(self.path.first[r], self.path.first[r + 1])
-            x[:, r] = np.interp(s[:, r], self.path.at[points], self.xy[points, 0])
-            y[:, r] = np.interp(s[:, r], self.path.at[points], self.xy[points, 1])
+        x, y = self.place(s)
         return x, y, yaw, speed

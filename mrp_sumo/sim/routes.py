@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import ExecutionError
-from mrp_sumo.maps.sumo import NO_LIMIT_MPS, edge_name
+from mrp_sumo.maps.sumo import NO_LIMIT_MPS, SHORTEST_M, edge_name, lane_ends
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.sumo import Sumo
 
@@ -46,7 +46,7 @@ class Routes:
     def _check(self) -> None:
         """Refuse a network whose lanes on the robots' paths are not those of the graph."""
         for lane in np.unique(self.path.lane[self.path.lane >= 0]).tolist():
-            found, expected = self.sumo.lane_length_m(self.edge[lane]), self.graph.length_m[lane]
+            found, expected = self.sumo.lane_length_m(self.edge[lane]), max(float(self.graph.length_m[lane]), SHORTEST_M)
             if abs(found - expected) > 1e-5:
                 raise ExecutionError(
                     f"edge '{self.edge[lane]}' of the network is {found:g} m long, expected {expected:g} m: it was not made of this graph"
@@ -87,14 +87,13 @@ class Routes:
         """Lengthen the routes of robots that may soon drive on their last edge."""
         for robot in robots:
             here = self.sumo.edge(robot)
-            visit = int(self.state.nx[robot])  # within a millimetre of a vertex SUMO may have it before or behind
-            for k in (visit, visit - 1, visit + 1):
-                if self.path.first[robot] < k < self.path.first[robot + 1] and self.edge[self._lanes[k]] == here:
-                    visit = k
-                    break
-            else:
-                visit -= 1  # still on the edge it was inserted on
+            visit = int(self.state.nx[robot])
+            if visit == self.path.first[robot + 1] or self.edge[self._lanes[visit]] != here:
+                visit -= 1  # it has not left the edge to the vertex behind it, or the one it was inserted on
             ahead, stops = self._ahead(robot, visit)
+            if not ahead:  # a new plan in which it stays where it is
+                ahead = self._exit(self.graph.lane_between(*lane_ends(here)))
+                stops = not ahead
             self.sumo.set_route(robot, [here, *ahead], stops)
 
     def _ahead(self, robot: int, visit: int) -> tuple[list[str], bool]:

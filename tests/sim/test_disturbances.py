@@ -161,3 +161,12 @@ def test_robots_drive_around_one_that_broke_down_for_good(tmp_path):
 def test_unknown_wishes_about_deadlocks_are_refused(tmp_path):
     with pytest.raises(ExecutionError, match=r"on_deadlock is 'resolv' \(did you mean 'resolve'\?\)"):
         drive(tmp_path, line(3), [[0, 1]], on_deadlock="resolv")
+
+
+def test_a_new_plan_that_first_turns_back_is_the_one_that_is_driven(tmp_path):
+    # robot_0 has passed the siding when they meet: it has to drive back over the edge it came by, then forward on it again
+    graph = graph_of([(0.4 * k, 0) for k in range(6)] + [(0.4, 0.4)], [(k, k + 1) for k in range(5)] + [(1, 6)])
+    run = drive(tmp_path, graph, HEAD_ON, "open_loop", on_deadlock="resolve")
+    assert run.all_at_goal
+    assert least_distance_m(run) >= 0.325
+    assert (run.x_m[-1, 0], run.x_m[-1, 1]) == pytest.approx((2.0, 0.0), abs=0.002)
