@@ -106,8 +106,12 @@ def _kept_runs(study: Study) -> list[Section]:
     sections = []
     for key in chosen:
         run = study.folders[key]
-        parts: list[Table | Chart] = list(run_charts(run, tag_of(["", *chosen], key)))
         text = f"{run.result['status'].replace('_', ' ')}. {run.result.get('note', '')}".strip()
+        parts: list[Table | Chart] = []
+        try:
+            parts += run_charts(run, tag_of(["", *chosen], key))
+        except MrpSumoError as error:
+            text = f"{text} Cannot be drawn: {error}"
         sections.append(Section(tag_of(["", *chosen], key), f"Run {key}", text, parts))
     return sections
 

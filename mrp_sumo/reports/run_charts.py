@@ -18,6 +18,7 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from scipy.spatial import cKDTree
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, Record, robot_states
 from mrp_sumo.io.run_reader import Run
@@ -57,10 +58,12 @@ def run_charts(run: Run, tag: str = "run") -> list[Chart]:
     """
     if not run.executed:
         return []
-    record = run.record
+    try:
+        record, outline = run.record, read_outline(run.folder / "building.json")
+    except (OSError, ValueError, LookupError, TypeError) as error:  # of libraries, for files that are not what they should be
+        raise MrpSumoError(f"{run.folder}: not a whole run folder: {type(error).__name__}: {' '.join(str(error).split())}") from None
     if not len(record.execution.t_s) or not record.execution.num_robots:
         return []
-    outline = read_outline(run.folder / "building.json")
     times = _times(record)
     states = robot_states(record.execution, times)
     charts = [

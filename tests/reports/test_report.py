@@ -3,6 +3,8 @@
 import csv
 import json
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -277,9 +279,7 @@ def test_report_of_a_run_has_its_charts(run_folder):
 def test_report_of_run_folders_links_the_replay_of_the_worst(run_folder, tmp_path):
     for name in ("good", "bad"):
         (tmp_path / name).mkdir()
-        for file in run_folder.iterdir():
-            if file.is_file():
-                (tmp_path / name / file.name).write_bytes(file.read_bytes())
+        _copied(run_folder, tmp_path / name)
     document = json.loads((tmp_path / "bad" / "result.json").read_text())
     document["status"] = "time_limit"
     (tmp_path / "bad" / "result.json").write_text(json.dumps(document))
@@ -325,13 +325,28 @@ def test_bad_input_is_told_in_one_line(tmp_path, capsys, make, told):
     assert not (tmp_path / "report").exists()
 
 
-def test_a_run_with_damaged_files_is_told_in_one_line(run_folder, tmp_path, capsys):
-    for file in run_folder.iterdir():
-        if file.is_file():
-            (tmp_path / file.name).write_bytes(file.read_bytes())
-    (tmp_path / "trajectory.parquet").write_bytes(b"PAR1 and no more")
+@pytest.mark.parametrize("name", ["trajectory.parquet", "visits.parquet", "events.jsonl", "plan.json", "floor.json", "building.json"])
+@pytest.mark.parametrize("data", [b"PAR1 and no more", b"{}"], ids=["cut short", "empty"])
+def test_a_run_with_a_damaged_file_is_told_in_one_line(run_folder, tmp_path, capsys, name, data):
+    _copied(run_folder, tmp_path)
+    (tmp_path / name).write_bytes(data)
     assert main(["report", str(tmp_path)]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_damaged_run_beside_others_is_told_and_the_rest_is_reported(run_folder, tmp_path):
+    for name in ("good", "bad"):
+        (tmp_path / name).mkdir()
+        _copied(run_folder, tmp_path / name)
+    (tmp_path / "bad" / "trajectory.parquet").write_bytes(b"PAR1")
+    text = write_report(tmp_path).read_text()
+    assert "Cannot be drawn" in text and "What each robot did" in text
+
+
+def _copied(source, target):
+    for file in source.iterdir():
+        if file.is_file():
+            (target / file.name).write_bytes(file.read_bytes())
 
 
 def _written(path, data):
@@ -342,3 +357,32 @@ def _written(path, data):
 def _frame(path, frame):
     frame.to_parquet(path)
     return path
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+HEADLESS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--allow-file-access-from-files",
+    "--virtual-time-budget=5000",
+]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.parametrize("what", ["study", "run"])
+def test_nothing_on_the_page_is_wider_than_a_phone(study, run_folder, tmp_path, what):
+    page = study[0] if what == "study" else write_report(run_folder)
+    (tmp_path / "phone.html").write_text(
+        f"<iframe src='{page.as_uri()}' style='width:390px;height:844px'></iframe><script>onload = () => {{"
+        "const root = frames[0].document.documentElement; document.body.dataset.width = root.scrollWidth }</script>"
+    )
+    command = [CHROMIUM, *HEADLESS, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", (tmp_path / "phone.html").as_uri()]
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    assert int(re.search(r'data-width="(\d+)"', dom)[1]) <= 390
