@@ -19,6 +19,14 @@ def task_of(problem: Problem, table: np.ndarray) -> Task:
     return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table)
 
 
+def polishing_labels(a_robot: int, num_robots: int) -> int:
+    """How many labels may be made: so many a robot for 100 robots or fewer, more in proportion to the root of their number.
+
+    The work is bounded by labels and not by time so that the same seed gives the same plan.
+    """
+    return int(a_robot * num_robots * max(1.0, num_robots / 100) ** 0.5)
+
+
 class Refinement:
     """Paths without collisions that get shorter."""
 

@@ -20,7 +20,7 @@ from planners import _lacam, _lns
 from planners._lacam import Search
 from planners._lns import Task
 from planners._pibt import World
-from planners._refinement import Refinement, task_of
+from planners._refinement import Refinement, polishing_labels, task_of
 from planners._world import (
     SLICE_S,
     build_scratch,
@@ -55,8 +55,8 @@ class Lacam:
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
     scatter: int = 2  # rounds of planning ways that scatter robots, 0 for none
     scatter_margin: int = 2  # steps such a way may be longer than the shortest
-    polish: int = 2000  # labels a robot that may be spent on making the first solution better, 0 for none
-    neighbourhood: int = 8  # robots planned again at a time
+    polish: int = 2500  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
+    neighbourhood: int = 4  # robots planned again at a time
     memory_mb: int = 2000  # for the search; beyond it gives up, or improves only what it has
 
     def __post_init__(self) -> None:
@@ -108,7 +108,7 @@ class Lacam:
         stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": cost}
         if task and self.polish:
             polished = Refinement(task, path, self.neighbourhood, rng)
-            polished.until(deadline_s, most_labels=self.polish * problem.num_robots)
+            polished.until(deadline_s, most_labels=polishing_labels(self.polish, problem.num_robots))
             path, cost = polished.path(), polished.cost
             stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": cost}
         if self.anytime and cost > lower_bound:

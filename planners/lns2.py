@@ -16,7 +16,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.distance import UNREACHABLE
 from planners import _lns
-from planners._refinement import Refinement, task_of
+from planners._refinement import Refinement, polishing_labels, task_of
 from planners._world import (
     SLICE_S,
     checked_deadline,
@@ -40,9 +40,9 @@ class Lns2:
     guarantee: ClassVar[str] = "valid, not complete"
 
     anytime: bool = False
-    neighbourhood: int = 8  # robots planned again at a time
+    neighbourhood: int = 8  # robots planned again at a time while there are collisions, half of it afterwards
     horizon: int = 0  # steps to plan for; 0: twice the longest way, plus 128 and half a step a robot
-    polish: int = 2000  # labels a robot that may be spent on making the first solution better, 0 for none
+    polish: int = 2500  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
 
     def __post_init__(self) -> None:
         if self.neighbourhood < 1 or self.horizon < 0 or self.polish < 0:
@@ -99,8 +99,8 @@ class Lns2:
         stats |= {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
         del traffic, labels, hood
         if (self.polish or self.anytime) and cost > lower_bound:
-            refinement = Refinement(task, path, self.neighbourhood, rng)
-            refinement.until(deadline_s, most_labels=self.polish * problem.num_robots)
+            refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng)
+            refinement.until(deadline_s, most_labels=polishing_labels(self.polish, problem.num_robots))
             while self.anytime and refinement.cost > lower_bound and perf_counter() < deadline_s:
                 refinement.until(min(deadline_s - 0.02, perf_counter() + 0.5))
             path, cost = refinement.path(), refinement.cost
