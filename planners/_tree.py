@@ -340,6 +340,13 @@ class _Tables:
         self._number = np.zeros(8, np.int64)
         self._by_horizon()
 
+    @property
+    def pair(self) -> st.Occupancy:
+        """For two robots alone; not all problems need it."""
+        if self._pair is None:
+            self._pair = _nobody(self._num_vertices, self._num_robots, self._horizon)
+        return self._pair
+
     def grow_store(self) -> None:
         """Twice the room in every pool that is a quarter full."""
         *pools, used = self.store
@@ -361,7 +368,7 @@ class _Tables:
     def _by_horizon(self) -> None:
         num_vertices, num_robots, horizon = self._num_vertices, self._num_robots, self._horizon
         self.occupancy = _nobody(num_vertices, num_robots, horizon)
-        self.pair = _nobody(num_vertices, num_robots, horizon)
+        self._pair: st.Occupancy | None = None
         self._number[[st.STAMP, st.NUM_CLOSED, st.NUM_EDGES, st.MARK]] = 0
         self.scratch = st.Scratch(
             np.zeros(horizon * num_vertices, np.int32),

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -42,9 +42,8 @@ class Prioritised:
         intervals, scratch = new_intervals(2, 16)
         reset(2, intervals)
         path = np.zeros(8, np.int64)
-        distance = np.array([1, 0], np.int32)
-        distance.setflags(write=False)
-        find_path(*_read_only(np.array([0, 1, 1]), np.array([1])), distance, 0, 1, self.following, intervals, scratch, path)
+        lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
+        find_path(*lanes, distance, np.int64(0), np.int64(1), self.following, intervals, scratch, path)
         reserve(intervals, path, 2)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
@@ -111,13 +110,6 @@ class Prioritised:
             stats=stats,
             message=f"none of {int(stats['orders'])} orders of the robots gave a plan",
         )
-
-
-def _read_only(*arrays: IntArray) -> tuple[IntArray, ...]:
-    """Arrays of the type that a graph's have: a kernel is compiled anew for writable ones."""
-    for array in arrays:
-        array.setflags(write=False)
-    return arrays
 
 
 def _doubled(intervals, scratch, path):

@@ -8,6 +8,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.distance import UNREACHABLE, distances
 
 MOST_STATES = 2_000_000
 MOST_MOVES = 100_000_000
@@ -25,6 +26,9 @@ def order_broken(problem: Problem) -> tuple[int, int] | None:
     if problem.num_robots < 2 or not graph.num_lanes or (graph.reverse < 0).any():
         return None
     degree = np.diff(graph.first)
+    junctions = np.flatnonzero(degree > 2)
+    if len(junctions) and (distances(graph).to_all(target)[:, junctions[0]] < UNREACHABLE).all():
+        return None  # the common case, without looking for components
     narrow = np.ones(graph.num_components, np.bool_)
     narrow[graph.component[degree > 2]] = False
     for component in np.unique(graph.component[problem.start]):
