@@ -266,7 +266,7 @@ def carry_out(
         time_limit_s=scenario.execution.time_limit_s,
         tolerance_m=scenario.execution.goal_tolerance_m,
     )
-    status = _status(solution, execution, audited) if execute or solution.result.plan is None else "planned"
+    status = _status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned"
     return Outcome(setup, status, note, solution, execution, audited, metrics)
 
 
@@ -305,15 +305,15 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, 
     return drive(replace(settings, policy="open_loop")), note
 
 
-def _status(solution: Solution, execution: Execution | None, audited: dict[str, Any] | None) -> str:
-    """How the run ended, in one word for machines."""
+def _status(solution: Solution, execution: Execution | None, audited: dict[str, Any] | None, metrics: dict[str, Any]) -> str:
+    """How the run ended, in one word for machines. A robot within the goal tolerance has reached its goal."""
     if solution.result.plan is None:
         return f"planning_{solution.result.status}"
     if execution is None:
         return "refused"
     if audited is not None and not audited["passed"]:
         return "audit_failed"
-    return str(execution.outcome)
+    return "completed" if metrics["all_goals_reached"] else str(execution.outcome)
 
 
 def _settings(file: ScenarioFile) -> ExecutionSettings:
