@@ -108,7 +108,7 @@ class Lacam:
         stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": cost}
         if task and self.polish:
             polished = Refinement(task, path, self.neighbourhood, rng)
-            polished.until(deadline_s, most_labels=polishing_labels(self.polish, problem.num_robots))
+            polished.until(deadline_s - _to_write(path), most_labels=polishing_labels(self.polish, problem.num_robots))
             path, cost = polished.path(), polished.cost
             stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": cost}
         if self.anytime and cost > lower_bound:
@@ -124,10 +124,10 @@ class Lacam:
         for turn in range(self.scatter):
             order = rng.permutation(num_robots)
             most = len(labels.vertex) if turn == 0 else 20 * int(steps.mean() + 10)
-            for a in range(0, num_robots, 16):
+            for a in range(0, num_robots, 4):
                 if perf_counter() > deadline_s:
                     return world
-                _lns.scatter(task, traffic, labels, order, a, min(a + 16, num_robots), self.scatter_margin, most)
+                _lns.scatter(task, traffic, labels, order, a, min(a + 4, num_robots), self.scatter_margin, most)
         guide = np.empty((num_robots, num_vertices), np.int32)
         _lns.write_guide(traffic, guide)
         return world._replace(guided=True, guide=guide)
@@ -140,7 +140,7 @@ class Lacam:
         best = sum_of_costs(path, hunt.world.goal)
         told = 0
         searching = True
-        deadline_s -= 0.02 + 2e-8 * path.size  # to write the plan down
+        deadline_s -= _to_write(path)
         while perf_counter() < deadline_s and best > lower_bound and (searching or refinement):
             now_s = perf_counter()
             if searching and refinement and told != best and len(path) < 4000:
@@ -162,6 +162,11 @@ class Lacam:
                 if refinement.cost < best:
                     path, best = refinement.path(), refinement.cost
         return path
+
+
+def _to_write(path: np.ndarray) -> float:
+    """Seconds, about, that it takes to make a plan of a path."""
+    return 0.01 + 1e-7 * path.size
 
 
 class _Hunt:
