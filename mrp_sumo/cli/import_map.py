@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.finding import Finding
     from mrp_sumo.maps.map import Map
 
+NOTES = 4  # shown beside the findings
 FACTS = "facts.json"  # written last: a folder with it was made by this command
 
 
@@ -57,18 +58,27 @@ def run(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.catalogue import find_map
-    from mrp_sumo.maps.check import check_file
+    from mrp_sumo.maps.check import findings_of
+    from mrp_sumo.maps.load import load_map
+    from mrp_sumo.maps.oddities import oddities
 
     path = find_map(options.file, Path())
-    findings = check_file(path, options.meters_per_pixel)
+    try:
+        map_ = load_map(path, meters_per_pixel=options.meters_per_pixel)
+        findings, notes = map_.findings, oddities(map_.building) if map_.building else ()
+    except MapError as error:
+        findings, notes = findings_of(error), ()
     refused = any(finding.severity == "refuse" for finding in findings)
     if options.json:
-        print(json.dumps({"file": path.name, "refused": refused, "warnings": [finding.document() for finding in findings]}, indent=2))
-    elif not findings:
+        warnings = [finding.document() for finding in findings]
+        print(json.dumps({"file": path.name, "refused": refused, "warnings": warnings, "notes": notes}, indent=2))
+    elif not findings and not notes:
         print(f"{path.name}: nothing to report")
     else:
         for finding in findings:
             print(f"{path.name}: {finding.severity}: {finding.line}")
+        for note in notes:
+            print(f"{path.name}: note: {note}")
     return 2 if refused else 0
 
 
@@ -94,7 +104,7 @@ def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
                     write_nav_graph(document, work / f"{name}.nav.yaml")
                 draw_map(map_, work / f"{map_.name}.png", work / f"{map_.name}.svg")
                 network.result()
-            (work / FACTS).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+            (work / FACTS).write_text(json.dumps({**told, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
             if out.exists():
                 shutil.rmtree(out)
             work.replace(out)
@@ -111,11 +121,22 @@ def _nav_graphs(map_: "Map") -> dict[str, Any]:
     return {str(graph): document for graph, document in map_.documents.items()}
 
 
+def _frame(map_: "Map") -> dict[str, Any]:
+    """How coordinates of the network came from the file's, and what was repaired."""
+    return {
+        "origin_m": list(map_.origin_m),  # subtracted
+        "level_shift_m": {name: list(by) for name, by in map_.level_shift_m.items()},  # added, to lay levels side by side
+        "repairs": list(map_.changes),
+    }
+
+
 def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
     """A short table a person likes to read."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
+
+    from mrp_sumo.maps.oddities import oddities
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=f"[bold]{escape(map_.name)}[/]", title_justify="left")
@@ -127,10 +148,10 @@ def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
 
     row("file", str(map_.path))
     row("level", ", ".join(told["levels"]))
-    row(
-        "graph",
-        f"{', '.join(map(str, map_.chosen))} of {', '.join(map(str, map_.graphs))}" if len(map_.graphs) > 1 else str(map_.graphs[0]),
-    )
+    if map_.level_shift_m:
+        row("", "side by side: " + ", ".join(f"{name} at x + {x:g} m" for name, (x, _) in map_.level_shift_m.items()))
+    chosen, graphs = (", ".join(map(str, numbers)) for numbers in (map_.chosen, map_.graphs))
+    row("graph", chosen if chosen == graphs else f"{chosen} of {graphs}; --graph chooses")
     row("extent", "{:.2f} x {:.2f} m, lanes {:.2f} x {:.2f} m".format(*told["extent_m"], *told["lane_extent_m"]))
     row("vertices", str(told["vertices"]))
     row("edges", str(told["edges"]))
@@ -139,8 +160,14 @@ def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
         row("grid", "{width} x {height} cells of {cell_m:g} m, {free} of {total} free".format(**grid))
     for finding in map_.findings:
         table.add_row(*_told(finding))
+    for note in _shortened(oddities(map_.building) if map_.building else ()):
+        table.add_row("note", f"[dim]{escape(note)}[/]")
     row("files", str(out))
     console.print(table)
+
+
+def _shortened(notes: tuple[str, ...]) -> tuple[str, ...]:
+    return notes if len(notes) <= NOTES else (*notes[:NOTES], f"and {len(notes) - NOTES} more; --check lists them")
 
 
 def _told(finding: "Finding") -> tuple[str, str]:

@@ -92,10 +92,15 @@ def check_file(path: Path, meters_per_pixel: float | None = None) -> tuple[Findi
 
     try:
         return load_map(path, meters_per_pixel=meters_per_pixel).findings
-    except RefusedMap as refused:
-        return refused.findings
     except MapError as error:
-        return (Finding("unreadable", "refuse", 1, (str(error),)),)
+        return findings_of(error)
+
+
+def findings_of(error: MapError) -> tuple[Finding, ...]:
+    """The findings for which a map was refused."""
+    if isinstance(error, RefusedMap):
+        return error.findings
+    return (Finding("unreadable", "refuse", 1, (str(error),)),)
 
 
 def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:

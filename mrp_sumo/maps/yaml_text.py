@@ -22,6 +22,7 @@ MAX_DEPTH = 30
 MAX_ALIASED = 100_000  # values that aliases repeat, all together
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_CONFLICT = re.compile(r"^(?:<<<<<<<|>>>>>>>)(?: |\r?$)", re.MULTILINE)
 _INT = re.compile(r"[-+]?(?:0|[1-9][0-9]*)\Z")
 _FLOAT = re.compile(r"[-+]?[0-9]+\.[0-9]*\Z")
 _resolver = yaml.resolver.Resolver()
@@ -59,6 +60,8 @@ def read_text(path: Path) -> Text:
         raise MapError(f"{path}: {(error.strerror or str(error)).lower()}") from None
     except ValueError:  # a null byte in the path
         raise MapError(f"{str(path)!r} is not a path") from None
+    if not data.strip():
+        raise MapError(f"{path.name}: the file is empty")
     if b"\0" in data[:4096]:
         raise MapError(f"{path.name}: binary data, not a map file")
     try:
@@ -76,13 +79,15 @@ def parse(source: Text) -> Any:
     MapError
         As the module refuses; with the line.
     """
+    if conflict := _CONFLICT.search(source.text):  # within a long text it would go unnoticed
+        line = source.text.count("\n", 0, conflict.start()) + 1
+        raise _not_yaml(source, f":{line}: not YAML: git conflict marker '{conflict[0][:7]}'")
     was_collecting = gc.isenabled()
     gc.disable()  # nothing of a growing document is garbage yet
     try:
         return _build(source)
     except yaml.YAMLError as error:
-        complaint = _complaint(source.text, error)
-        raise RefusedMap(f"{source.path.name}{complaint}", (Finding("not_yaml", "refuse", 1, (f"line {complaint[1:]}",)),)) from None
+        raise _not_yaml(source, _complaint(source.text, error)) from None
     finally:
         if was_collecting:
             gc.enable()
@@ -222,10 +227,11 @@ def _at(source: Text, event: Any, message: str) -> MapError:
     return MapError(f"{source.path.name}:{event.start_mark.line + 1}: {message}")
 
 
+def _not_yaml(source: Text, complaint: str) -> RefusedMap:
+    return RefusedMap(f"{source.path.name}{complaint}", (Finding("not_yaml", "refuse", 1, (f"line {complaint[1:]}",)),))
+
+
 def _complaint(text: str, error: yaml.YAMLError) -> str:
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.startswith(("<<<<<<< ", ">>>>>>> ")) or line.rstrip() in ("<<<<<<<", ">>>>>>>"):
-            return f":{number}: not YAML: git conflict marker '{line[:7]}'"
     if looks_like_html(text):
         return ":1: not YAML: an HTML page"
     mark = getattr(error, "problem_mark", None)

@@ -65,6 +65,24 @@ def test_check_reports_and_tells_refusals_by_its_exit_code(square, tmp_path, cap
     assert told["warnings"][0]["kind"] == "not_yaml"
 
 
+def test_notes_are_told_apart_from_the_findings(square, capsys):
+    square.write_text(SQUARE.replace("walls: [[0, 1, {}]]", "walls: [[0, 2, {}]]") + "      - [1, 3, {graph_idx: [2, 0]}]\n")
+    assert main(["import", "--check", "--json", str(square)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert "lanes_cross_without_vertex" not in [finding["kind"] for finding in told["warnings"]]
+    assert told["notes"] == ["level L1: lane 3 goes through wall 0"]
+    assert main(["import", "--check", str(square)]) == 0
+    assert "square.building.yaml: note: level L1: lane 3 goes through wall 0" in capsys.readouterr().out
+
+
+def test_frame_and_repairs_are_recorded(square, tmp_path):
+    square.write_text(SQUARE + "      - [1, 3, {graph_idx: [2, 0]}]\n      - [0, 2, {graph_idx: [2, 0]}]\n")
+    assert main(["import", str(square), "--split-crossings", "--out", str(tmp_path / "out")]) == 0
+    facts = json.loads((tmp_path / "out" / "facts.json").read_text())
+    assert (facts["origin_m"], facts["level_shift_m"]) == ([0.0, 0.0], {})
+    assert facts["repairs"] == ["vertex 4 at (2.00, 2.00) joins lanes that cross there"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -62,6 +62,7 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(f"a{k + 1}: &a{k + 1
         ("? [1, 2]\n: 3", "a list or mapping as a key"),
         ("a: 1\n---\nb: 2", "map.yaml:2: a second YAML document"),
         ("a: [1, 2", "not YAML"),
+        ('a: "long\n<<<<<<< HEAD\ntext"', "map.yaml:2: not YAML: git conflict marker '<<<<<<<'"),
         ("a: 1\n<<<<<<< HEAD\nb: 2\n=======\nb: 3\n>>>>>>> other", "map.yaml:2: not YAML: git conflict marker '<<<<<<<'"),
         ("<!DOCTYPE html>\n<html><body>404: not found {</body></html>", "map.yaml:1: not YAML: an HTML page"),
     ],

@@ -1,0 +1,98 @@
+"""What a careful eye sees on a building's drawing beyond the findings of a check: notes, none of which changes the import.
+
+Lanes that lie on each other, go through a wall or through several doors; vertices almost at one place; doors and
+lifts that cannot be told apart. Kept apart from the findings, which are a fixed list that others compare with.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.building import Building, Level
+
+LEAST_ANGLE_RAD = np.radians(3)  # lanes that leave a vertex at less lie on each other
+SAME_PLACE_M = 0.05  # vertices closer than this were probably meant to be one
+DOORWAY_M = 0.3  # a lane may cross a wall this close to a door: walls are often drawn through
+
+
+def oddities(building: Building) -> tuple[str, ...]:
+    """The notes, one line each; numbers are those of the file."""
+    return (*(note for level in building.levels.values() for note in _of_level(level)), *_of_lifts(building))
+
+
+def _of_level(level: Level) -> Iterator[str]:
+    where = f"level {level.name}"
+    lanes = np.array([(lane.start, lane.end) for lane in level.lanes], np.int64).reshape(-1, 2)
+    graph = np.array([lane.graph for lane in level.lanes], np.int64)
+    for g in np.unique(graph).tolist():
+        which = np.flatnonzero(graph == g)
+        for i, j in _lying_on_each_other(level.xy, lanes[which]):
+            yield f"{where}: lanes {which[i]} and {which[j]} leave a vertex less than 3 degrees apart"
+        for a, b, apart in _almost_one(level.xy, lanes[which]):
+            yield f"{where}: vertices {a} and {b} are {apart:.3f} m apart and not connected; --snap joins them"
+    doors = np.array([(door.start, door.end) for door in level.doors], np.int64).reshape(-1, 2)
+    lane, door, _ = _crossings(level.xy, lanes, doors)
+    for i in np.flatnonzero(np.bincount(lane, minlength=len(lanes)) > 1).tolist():
+        through = [level.doors[d].name for d in door[lane == i].tolist()]
+        yield f"{where}: lane {i} goes through doors {', '.join(through)}; the nav graph knows the last one in the file"
+    middle = level.xy[doors].mean(axis=1)
+    for i, w, place in zip(*_crossings(level.xy, lanes, level.walls)):
+        reach = np.hypot(*(level.xy[doors[:, 0]] - level.xy[doors[:, 1]]).T) / 2 + DOORWAY_M
+        if not (np.hypot(*(middle - place).T) <= reach).any():
+            yield f"{where}: lane {i} goes through wall {w}"
+    names = [door.name for door in level.doors]
+    if unnamed := sum(name in ("", "null", "None") for name in names):
+        yield f"{where}: {unnamed} of {len(names)} doors without a name"
+    for name in sorted({name for name in names if names.count(name) > 1} - {"", "null", "None"}):
+        yield f"{where}: {names.count(name)} doors are named '{name}'; the nav graph knows the last one"
+
+
+def _of_lifts(building: Building) -> Iterator[str]:
+    lifts = [lift for lift in building.lifts.values() if lift.level_doors]
+    for k, one in enumerate(lifts):
+        for other in lifts[k + 1 :]:
+            if np.hypot(one.x_m - other.x_m, one.y_m - other.y_m) < min(one.width_m, one.depth_m, other.width_m, other.depth_m) / 2:
+                yield f"lifts '{one.name}' and '{other.name}' are at one place; '{one.name}' serves its vertices"
+
+
+def _lying_on_each_other(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int]]:
+    """Pairs of lanes that leave a common vertex in almost the same direction; repeated lanes are another matter."""
+    start, end = np.concatenate([lanes, lanes[:, ::-1]]).T
+    lane = np.tile(np.arange(len(lanes)), 2)
+    way = xy[end] - xy[start]
+    long = np.hypot(*way.T) > 1e-3
+    start, end, lane, way = start[long], end[long], lane[long], way[long]
+    bearing = np.arctan2(way[:, 1], way[:, 0])
+    order = np.lexsort((bearing, start))
+    found = set()
+    for star in np.split(order, np.flatnonzero(np.diff(start[order])) + 1):  # the lanes at one vertex, by bearing
+        for a, b in zip(star.tolist(), np.roll(star, -1).tolist()):
+            turn = abs((bearing[b] - bearing[a] + np.pi) % (2 * np.pi) - np.pi)
+            if lane[a] != lane[b] and end[a] != end[b] and turn < LEAST_ANGLE_RAD:
+                found.add((int(min(lane[a], lane[b])), int(max(lane[a], lane[b]))))
+    return sorted(found)
+
+
+def _almost_one(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int, float]]:
+    from scipy.spatial import cKDTree
+
+    on_lanes = np.unique(lanes)
+    if len(on_lanes) < 2:
+        return []
+    joined = {tuple(sorted(pair)) for pair in lanes.tolist()}
+    close = np.sort(on_lanes[cKDTree(xy[on_lanes]).query_pairs(SAME_PLACE_M, output_type="ndarray")], axis=1)
+    return [(a, b, float(np.hypot(*(xy[a] - xy[b])))) for a, b in sorted(close.tolist()) if (a, b) not in joined]
+
+
+def _crossings(xy: FloatArray, lanes: IntArray, strokes: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Lanes that cross a stroke (a wall or a door) within both: lane, stroke, place."""
+    (a, b), (c, d) = ((xy[ends[:, 0]], xy[ends[:, 1]]) for ends in (lanes, strokes))
+    i, j = overlapping(*(np.concatenate([np.minimum(p, q), np.maximum(p, q)], axis=1) for p, q in ((a, b), (c, d))))
+    r, s, q = b[i] - a[i], d[j] - c[j], c[j] - a[i]
+    det = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
+    safe = np.where(det == 0, 1.0, det)
+    t, u = (q[:, 0] * s[:, 1] - q[:, 1] * s[:, 0]) / safe, (q[:, 0] * r[:, 1] - q[:, 1] * r[:, 0]) / safe
+    hit = (det != 0) & (t > 0) & (t < 1) & (u > 0) & (u < 1)
+    return i[hit], j[hit], a[i[hit]] + t[hit, None] * r[hit]
