@@ -305,6 +305,7 @@ def _gantt(record: Record, times: FloatArray, states: np.ndarray, tag: str) -> C
     there = np.isfinite(_at(record, times)[0])
     goal = np.where(np.isfinite(record.execution.goal_s), record.execution.goal_s, np.inf)
     order = np.lexsort((np.arange(num), goal))
+    alpha = {state: 0.3 if state == AT_GOAL and num > MANY_ROBOTS else 1.0 for state, *_ in STATES}
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
@@ -317,13 +318,14 @@ def _gantt(record: Record, times: FloatArray, states: np.ndarray, tag: str) -> C
             ax.set_yticks(range(num), [shown(names[r], 18) for r in order])
             ax.tick_params(axis="y", length=0, labelsize=8.5 if num <= 25 else 6)
         else:
-            palette = np.array([to_rgba(colour) for _, _, colour, _ in sorted(STATES)] + [(0, 0, 0, 0)])
+            palette = np.array([to_rgba(colour, alpha[state]) for state, _, colour, _ in sorted(STATES)] + [(0, 0, 0, 0)])
             pixels = palette[np.where(there, states, len(STATES))[:, order].T]
             ax.imshow(pixels, aspect="auto", extent=(times[0], times[-1], num - 0.5, -0.5), interpolation="nearest")
             ax.set_ylabel("robots, by arrival")
+            ax.grid(visible=False)
         ax.grid(axis="y", visible=False)
         ax.set(xlim=(0, times[-1]), ylim=(num - 0.4, -0.6), xlabel="time (s)")
-        handles = [Patch(facecolor=colour, label=name) for _, name, colour, _ in STATES]
+        handles = [Patch(facecolor=colour, alpha=alpha[state], label=name) for state, name, colour, _ in STATES]
         figure.legend(handles=handles, loc="outside lower left", ncols=4)
 
     tall = float(np.clip(0.9 + 0.24 * num, 2.2, 8.0)) if num <= MANY_ROBOTS else 6.0
@@ -376,13 +378,20 @@ def _waits(record: Record, tag: str) -> Chart | None:
         ax.scatter(place[:, 0], place[:, 1], s=70, facecolor=INK, edgecolor="none", zorder=3)
         caused = within.sum(0)
         for (x, y), name, s in zip(place, names, caused):
-            label = shown(name, 16) + (f"\n{s:.0f} s caused" if s >= 0.5 else "")
-            ha = "center" if abs(x) < 0.2 else "left" if x > 0 else "right"
-            ax.text(1.13 * x, 1.13 * y, label, ha=ha, va="center" if abs(y) < 0.9 else "bottom" if y > 0 else "top", fontsize=8)
+            label = shown(name, 16) + (f" ({s:.0f} s)" if s >= 0.5 else "")
+            is_end = abs(x) < 0.1  # on top or below, where names of neighbours come close
+            ha = "center" if is_end else "left" if x > 0 else "right"
+            va = "center" if not is_end else "bottom" if y > 0 else "top"
+            ax.text(1.13 * x, (1.17 if is_end else 1.13) * y, label, ha=ha, va=va, fontsize=8)
         ax.set(xlim=(-1.75, 1.75), ylim=(-1.35, 1.35), aspect="equal")
         ax.axis("off")
 
-    caption = f"An arrow leads from the robot that waited to the one it waited for; the thickest is {within.max():.1f} s."
+    caption = (
+        f"An arrow leads from the robot that waited to the one it waited for; the thickest is {within.max():.1f} s. In brackets: how long "
+        "others waited for a robot."
+    )
+    if np.count_nonzero(involved) > len(chosen):
+        caption += f" The {len(chosen)} robots with the longest waits of {np.count_nonzero(involved)}."
     return draw(f"{tag}_waits", "Who waited for whom", caption, paint, size=(NARROW[0], 4.1))
 
 
