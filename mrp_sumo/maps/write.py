@@ -47,7 +47,7 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     partial = path.with_name(f".{path.name.removesuffix(suffix)}.partial{suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        losses = _WRITE[suffix](map_, partial, cell_m)
+        losses = _graphs_left_out(map_) + _WRITE[suffix](map_, partial, cell_m)
         partial.replace(path)
     except OSError as error:
         raise MapError(f"{path}: {(error.strerror or str(error)).lower()}") from None
@@ -58,10 +58,7 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
 
 def _write_nav_graph(map_: Map, path: Path, cell_m: float) -> list[str]:
     write_nav_graph(document_of_map(map_), path)
-    losses = []
-    if map_.building is not None:
-        losses.append(_count(sum(len(level.walls) for level in map_.building.levels.values()), "wall"))
-        losses.append(_count(sum(len(level.floors) for level in map_.building.levels.values()), "floor"))
+    losses = _drawing_losses(map_, "walls", "floors")
     if isinstance(map_.nav, PlanGraph):
         losses.append(f"that it is a grid of {map_.nav.cell_m:g} m cells")
     return [loss for loss in losses if loss]
@@ -78,13 +75,13 @@ def _write_grid(map_: Map, path: Path, cell_m: float) -> list[str]:
     losses += ["where exactly vertices and lanes are", _count(sum(bool(name) for name in nav.vertex_name), "name")]
     losses.append(_count(sum(bool(options) for options in nav.vertex_options), "vertex with properties", "vertices with properties"))
     losses.append(_count(int(np.count_nonzero(nav.reverse < 0)), "one-way lane", "one-way lanes: cells have no direction"))
-    losses += _lane_losses(nav)
+    losses += _lane_losses(nav) + _drawing_losses(map_, "walls", "floors")
     return [loss for loss in losses if loss]
 
 
 def _write_geojson(map_: Map, path: Path, cell_m: float) -> list[str]:
     write_geojson(map_, path)
-    return []
+    return [loss for loss in _drawing_losses(map_, "floors", "doors", "lifts") if loss]
 
 
 def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
@@ -98,10 +95,29 @@ def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
     losses = [_count(sum(bool(name) for name in nav.vertex_name), "name")]
     losses.append(_count(sum(bool(options) for options in nav.vertex_options), "vertex with properties", "vertices with properties"))
     losses.append(_count(sum("door_name" in o for o in nav.lane_options), "lane with a door", "lanes with a door"))
+    losses += _drawing_losses(map_, "walls", "floors", "lifts")
+    if len(map_.level_shift_m) > 1:
+        losses.append(f"which of the {len(map_.level_shift_m)} levels an edge is on; they are laid side by side")
     return [loss for loss in losses if loss]
 
 
 _WRITE = {".nav.yaml": _write_nav_graph, ".map": _write_grid, ".geojson": _write_geojson, ".net.xml": _write_network}
+
+
+def _graphs_left_out(map_: Map) -> list[str]:
+    left = [str(graph) for graph in map_.graphs if graph not in map_.chosen]
+    return [f"graph{'s' if len(left) > 1 else ''} {', '.join(left)}; --graph chooses"] if left else []
+
+
+def _drawing_losses(map_: Map, *kinds: str) -> list[str]:
+    """How many walls, floors, doors, lifts of the building are lost."""
+    if map_.building is None:
+        return []
+    levels = [map_.building.levels[name] for name in map_.nav.level_names if name in map_.building.levels]
+    num = {"lifts": len(map_.building.lifts)} | {
+        kind: sum(len(getattr(lv, kind)) for lv in levels) for kind in ("walls", "floors", "doors")
+    }
+    return [_count(num[kind], kind.removesuffix("s")) for kind in kinds]
 
 
 def _lane_losses(nav: NavGraph) -> list[str]:

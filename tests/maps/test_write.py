@@ -92,7 +92,7 @@ def test_a_nav_graph_becomes_the_papers_grid(tmp_path):
 @needs_corpus
 def test_geojson_holds_vertices_lanes_and_walls(tmp_path):
     found = load_map(CORPUS / "open-rmf+rmf_demos/office.building.yaml")
-    assert write_map(found, tmp_path / "office.geojson") == []
+    assert write_map(found, tmp_path / "office.geojson") == ["4 floors", "3 doors"]
     document = json.loads((tmp_path / "office.geojson").read_text())
     kinds = [feature["properties"]["kind"] for feature in document["features"]]
     assert (kinds.count("vertex"), kinds.count("lane")) == (29, 30)
@@ -119,3 +119,11 @@ def test_unknown_suffixes_and_several_levels_on_a_grid_are_refused_with_nothing_
     with pytest.raises(MapError, match="a grid holds one level"):
         write_map(found, tmp_path / "hotel.map")
     assert not list(tmp_path.iterdir())
+
+
+@needs_corpus
+def test_graphs_that_were_not_chosen_and_levels_are_told_as_lost(tmp_path):
+    found = load_map(CORPUS / "open-rmf+rmf_demos/hotel.building.yaml")
+    losses = write_map(found, tmp_path / "hotel.net.xml")
+    assert losses[0] == "graphs 1, 2; --graph chooses"
+    assert losses[-2:] == ["2 lifts", "which of the 3 levels an edge is on; they are laid side by side"]
