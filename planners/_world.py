@@ -15,6 +15,7 @@ from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import goals_clash
 from mrp_sumo.planning.distance import UNREACHABLE, distances
 from planners._compass import extend_all
 from planners._pibt import Scratch, World
@@ -158,7 +159,9 @@ def gave_up(begin_s: float, lower_bound: float, message: str, **stats: float) ->
 
 
 def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanResult | None:
-    """The result where none has to be searched for: a goal out of reach, or everybody at home already."""
+    """The result where none has to be searched for: goals that clash or are out of reach, or everybody at home already."""
+    if clash := goals_clash(problem):
+        return clash
     if (steps < 0).any():
         robot = int(np.flatnonzero(steps < 0)[0])
         graph = problem.graph

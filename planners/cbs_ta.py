@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import goals_clash, impossible, require_limit
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.ranking import ranked_assignments
 
@@ -44,6 +44,8 @@ class CbsTa:
 
         require_limit(time_limit_s)
         began = perf_counter()
+        if clash := goals_clash(problem):
+            return clash
         deadline = began + time_limit_s
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0

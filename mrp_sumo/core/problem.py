@@ -1,6 +1,7 @@
 """A planning problem: who stands where and who has to go where, on which graph.
 
-Refuses starts and goals off the graph, two robots on one start, and two robots sent to one goal.
+Refuses starts and goals off the graph, two robots on one start, and one goal assigned twice. Goals that are
+the same vertex are a problem without a solution, and that is for planners to say.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ class Problem:
     graph: PlanGraph
     fleet: Fleet
     start: IntArray  # [R] vertices, distinct
-    goal: IntArray  # [G] vertices, distinct
+    goal: IntArray  # [G] vertices
     goal_of: IntArray  # [R] which goal a robot has, -1 for none yet; no goal twice
     step_s: float  # planned time for a lane
     seed: int = 0
@@ -27,17 +28,14 @@ class Problem:
     def __post_init__(self) -> None:
         names, num_vertices = self.fleet.robot_name, self.graph.num_vertices
         for what, at in (("start", self.start), ("goal", self.goal)):
-            if ((at < 0) | (at >= num_vertices)).any():
-                raise PlanError(f"{what} {int(at[(at < 0) | (at >= num_vertices)][0])} is not a vertex of '{self.graph.name}'")
-            values, count = np.unique(at, return_counts=True)
-            if (count > 1).any():
-                v = int(values[count > 1][0])
-                i, j = np.flatnonzero(at == v)[:2]
-                raise PlanError(
-                    f"{names[i]} and {names[j]} both start at '{self.graph.label(v)}'"
-                    if what == "start"
-                    else f"goals {i} and {j} are both '{self.graph.label(v)}'"
-                )
+            outside = (at < 0) | (at >= num_vertices)
+            if outside.any():
+                raise PlanError(f"{what} {int(at[outside][0])} is not a vertex of '{self.graph.name}'")
+        values, count = np.unique(self.start, return_counts=True)
+        if (count > 1).any():
+            v = int(values[count > 1][0])
+            i, j = np.flatnonzero(self.start == v)[:2]
+            raise PlanError(f"{names[i]} and {names[j]} both start at '{self.graph.label(v)}'")
         if len(self.start) != len(names) or len(self.goal_of) != len(names):
             raise PlanError(f"{len(names)} robots have {len(self.start)} starts and {len(self.goal_of)} assignments")
         given = self.goal_of[self.goal_of >= 0]

@@ -362,6 +362,12 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArr
         count = len(robots.starts) if robots.count is None else robots.count
         start = _looked_up(file, nav, graph, "starts", robots.starts[:count])
         goal = _looked_up(file, nav, graph, "goals", robots.goals[:count])
+        values, count = np.unique(goal, return_counts=True)
+        if (count > 1).any():
+            i, j = np.flatnonzero(goal == values[count > 1][0])[:2]
+            raise ScenarioError(
+                f"{file.at('robots', 'goals', int(j))}: '{robots.goals[j]}' is the goal of two robots, as '{robots.goals[i]}' is"
+            )
         if file.scenario.assignment.mode == "fixed" and len(goal) < len(start):
             raise ScenarioError(f"{file.at('robots', 'goals')}: {len(goal)} goals for {len(start)} robots with a fixed assignment")
         return start, goal

@@ -21,12 +21,9 @@ def impossible(problem: Problem) -> PlanResult | None:
     problem
         With an assignment, or robots that stay where they are.
     """
+    if clash := goals_clash(problem):
+        return clash
     label, name, target = problem.graph.label, problem.fleet.robot_name, problem.target
-    values, count = np.unique(target, return_counts=True)
-    if (count > 1).any():
-        vertex = int(values[count > 1][0])
-        a, b = np.flatnonzero(target == vertex)[:2]
-        return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} both have to end at '{label(vertex)}'")
     steps = distances(problem.graph).to_all(target)[np.arange(len(target)), problem.start]
     if (steps >= UNREACHABLE).any():
         robot = int(np.flatnonzero(steps >= UNREACHABLE)[0])
@@ -38,6 +35,23 @@ def impossible(problem: Problem) -> PlanResult | None:
         a, b = broken
         return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} would have to pass each other where there is no room")
     return None
+
+
+def goals_clash(problem: Problem) -> PlanResult | None:
+    """INFEASIBLE where two robots have to end at one vertex, whoever is assigned what; None otherwise."""
+    label, name = problem.graph.label, problem.fleet.robot_name
+    if not problem.is_assigned:
+        values, count = np.unique(problem.goal, return_counts=True)
+        if len(values) >= min(problem.num_robots, len(problem.goal)):
+            return None
+        a, b = np.flatnonzero(problem.goal == values[count > 1][0])[:2]
+        return PlanResult(Status.INFEASIBLE, message=f"goals {a} and {b} are both '{label(int(problem.goal[a]))}'")
+    values, count = np.unique(problem.target, return_counts=True)
+    if not (count > 1).any():
+        return None
+    vertex = int(values[count > 1][0])
+    a, b = np.flatnonzero(problem.target == vertex)[:2]
+    return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} both have to end at '{label(vertex)}'")
 
 
 def require_limit(time_limit_s: float) -> None:

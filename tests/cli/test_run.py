@@ -125,6 +125,7 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ("map: office\nrobots: {count: 30, draw: mrp_bench}", "case.yaml:2: robots.count: cannot draw 30 robots: there are 29 vertices"),
         ("map: office\nrobots: {starts: [nowhere], goals: [v3]}", "case.yaml:2: robots.starts[0]: 'nowhere' is not a vertex of 'office'"),
         ("map: office\nrobots: {starts: [v1, v1], goals: [v3, v4]}", "robot_0 and robot_1 both start at"),
+        ("map: office\nrobots: {starts: [v1, v2], goals: [v3, v3]}", "robots.goals[1]: 'v3' is the goal of two robots"),
         (
             "map: office\nrobots: {count: 3}\nexecution: {policy: agd}",
             "case.yaml:3: execution.policy: unknown execution policy 'agd' (did you mean 'adg'?)",

@@ -43,7 +43,6 @@ def test_plan_of_no_robots_is_empty():
     ("start", "goal", "goal_of", "words"),
     [
         ([0, 0], [1, 2], [0, 1], "robot_0 and robot_1 both start at 'dock'"),
-        ([0, 1], [2, 2], [0, 1], "goals 0 and 1 are both 'v2'"),
         ([0, 7], [1, 2], [0, 1], "start 7 is not a vertex of 't'"),
         ([0, 1], [1, 2], [1, 1], "two robots are assigned the same goal"),
         ([0], [1], [0], "2 robots have 1 starts"),

@@ -71,7 +71,6 @@ def test_starts_and_goals_are_drawn_without_a_scen(write):
     ("name", "text", "scen", "robots", "says"),
     [
         ("u.map", MAP, SCEN.replace("0\t1\t2\t1", "1\t1\t2\t1"), None, r"u.scen: robot_0 starts at cell \(1, 1\), which is blocked"),
-        ("u.map", MAP, SCEN.replace("0\t0\t2\n", "2\t1\t2\n"), None, "goals 0 and 1 are both"),
         ("u.map", MAP, SCEN.replace("2\t0\t0\t0\t2\n", "0\t1\t0\t0\t2\n"), None, "robot_0 and robot_1 both start"),
         ("u.map", MAP, SCEN, 3, "u.scen has 2 robots, 3 are wanted"),
         ("u.map", MAP, SCEN, -1, "-1 robots"),

@@ -175,3 +175,12 @@ def test_same_seed_gives_the_same_plan(name):
     problem = world("0..1 .... b..a")
     first, second = (paths_of_plan(solved(name, problem).plan, 1.0) for _ in range(2))
     assert [p.tolist() for p in first] == [p.tolist() for p in second]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_two_robots_sent_to_one_vertex_are_infeasible(name):
+    problem = world("0.1 ...")
+    problem = replace(problem, goal=np.array([4, 4]), goal_of=np.full(2, -1) if planner_class(name).assigns else np.arange(2))
+    result = made(name).plan(problem, 5.0)
+    assert result.status is Status.INFEASIBLE
+    assert "v4" in result.message
