@@ -87,11 +87,12 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources) 
     visit = np.arange(num_visits)
     moved = visit[lane >= 0]
     parts = [(visit, plan.vertex, np.zeros(num_visits, np.bool_))]
-    for some, place, on_lane in ((visit, plan.vertex, False), (moved, num_vertices + resources.track[lane[moved]], True)):
+    for some, place, only_lane in ((visit, plan.vertex, False), (moved, num_vertices + resources.track[lane[moved]], True)):
         count = np.diff(resources.zones_first)[place]
         zones = resources.zones_of[_ranges(resources.zones_first[place], count)]
-        parts.append((np.repeat(some, count), num_vertices + zones, np.full(len(zones), on_lane)))
-    of_visit, resource, on_lane = (np.concatenate(column) for column in zip(*parts))
+        parts.append((np.repeat(some, count), num_vertices + zones, np.full(len(zones), only_lane)))
+    of_visit, resource = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+    on_lane = np.concatenate([part[2] for part in parts])
     order = np.lexsort((on_lane, resource, of_visit))
     of_visit, resource, on_lane = of_visit[order], resource[order], on_lane[order]
     return Needs(
@@ -129,7 +130,8 @@ def left_after_m(
     mine = np.where(needs.on_lane[part], num_vertices + resources.track[lane[visit[part]]], plan.vertex[visit[part]])
     after[part] = _last_within(graph, resources, used[part], np.where(pair[:, 0] == mine, pair[:, 1], pair[:, 0]))
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
-    return origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
+    left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
+    return left
 
 
 def segments(graph: NavGraph, ends: IntArray) -> FloatArray:
