@@ -104,14 +104,9 @@ def main() -> None:
             if options.json:
                 print(json.dumps({**told, "targets": TARGETS.get(path.name, {}), "missed": missed(told)}), flush=True)
             else:
-                print(
-                    "{map}: {vertices} vertices, {lanes} lanes: "
-                    "import {import_s:.2f} s ({import_cpu_s:.2f} s CPU), again {import_again_s:.2f} s, "
-                    "load {load_s:.2f} s, again {load_again_s:.2f} s, {vertices_per_s} vertices/s, {peak_mb} MB, load {machine_load}".format(
-                        **told
-                    ),
-                    flush=True,
-                )
+                print("{map}: {vertices} vertices, {lanes} lanes, {vertices_per_s} vertices/s, {peak_mb} MB".format(**told))
+                print("  import {import_s:.2f} s ({import_cpu_s:.2f} s CPU), again {import_again_s:.2f} s".format(**told), end=", ")
+                print("load {load_s:.2f} s, again {load_again_s:.2f} s; machine load {machine_load}".format(**told), flush=True)
                 if path.name in TARGETS:
                     print("  targets: " + ("; ".join(missed(told)) or "all reached"), flush=True)
 
