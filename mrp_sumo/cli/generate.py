@@ -44,7 +44,6 @@ def run(options: argparse.Namespace) -> int:
     drawing = draw(num_vertices, **given)
     drawing.name = path.name.removesuffix(SUFFIX)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         drawing.write(path)
     except OSError as error:
         raise MapError(f"--out {path}: {(error.strerror or str(error)).lower()}") from None
