@@ -2,7 +2,8 @@
 
 __version__ = "0.1.0"
 
-LAZY = {"load_results": "mrp_sumo.io.results", "load_run": "mrp_sumo.io.run_reader"}  # name -> module: `import mrp_sumo` loads nothing heavy
+# name -> module: `import mrp_sumo` loads nothing heavy
+LAZY = {"load_results": "mrp_sumo.io.results", "load_run": "mrp_sumo.io.run_reader"}
 
 
 def __getattr__(name: str) -> object:

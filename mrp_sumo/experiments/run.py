@@ -94,6 +94,9 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     _require_fit(file, graph, model)
     start, goal = _places(file, map_.nav, graph)
     fleet = fleet_of(model, len(start))
+    for i, name in enumerate(scenario.record.robots):
+        if name not in fleet.robot_name:
+            raise ScenarioError(f"{file.at('record', 'robots', i)}: '{name}' is not a robot{nearest(name, fleet.robot_name)}")
     problem = _located(
         file,
         ("robots",),
@@ -359,16 +362,16 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArr
     """Plan vertices of starts and goals, not assigned yet."""
     robots = file.scenario.robots
     if robots.starts is not None and robots.goals is not None:
-        count = len(robots.starts) if robots.count is None else robots.count
-        start = _looked_up(file, nav, graph, "starts", robots.starts[:count])
-        goal = _looked_up(file, nav, graph, "goals", robots.goals[:count])
-        values, count = np.unique(goal, return_counts=True)
-        if (count > 1).any():
-            i, j = np.flatnonzero(goal == values[count > 1][0])[:2]
+        start = _looked_up(file, nav, graph, "starts", robots.starts[: robots.count])
+        fixed = file.scenario.assignment.mode == "fixed"
+        goal = _looked_up(file, nav, graph, "goals", robots.goals[: len(start)] if fixed else robots.goals)
+        values, times = np.unique(goal, return_counts=True)
+        if (times > 1).any():
+            i, j = np.flatnonzero(goal == values[times > 1][0])[:2]
             raise ScenarioError(
                 f"{file.at('robots', 'goals', int(j))}: '{robots.goals[j]}' is the goal of two robots, as '{robots.goals[i]}' is"
             )
-        if file.scenario.assignment.mode == "fixed" and len(goal) < len(start):
+        if fixed and len(goal) < len(start):
             raise ScenarioError(f"{file.at('robots', 'goals')}: {len(goal)} goals for {len(start)} robots with a fixed assignment")
         return start, goal
     assert robots.count is not None

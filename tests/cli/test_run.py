@@ -186,3 +186,20 @@ def test_schema_is_json(capsys):
 def test_unknown_command_names_the_nearest(capsys):
     assert main(["imprt"]) == 2
     assert capsys.readouterr().err == "mrp-sumo: unknown command 'imprt' (did you mean 'import'?)\n"
+
+
+def test_robots_choose_among_more_goals_than_there_are_robots(tmp_path):
+    scenario = tmp_path / "choice.yaml"
+    scenario.write_text("map: office\nrobots: {starts: [v1], goals: [v20, v2, v3]}\nplanner: astar\nassignment: {cost: path}\n")
+    code, result = run(tmp_path / "out", str(scenario))
+    assert code == 0
+    assert result["robots"][0]["goal"] != ""
+    assert result["metrics"]["soc_steps"] == min(
+        run(tmp_path / f"out{goal}", str(_fixed(tmp_path, goal)))[1]["metrics"]["soc_steps"] for goal in ("v20", "v2", "v3")
+    )
+
+
+def _fixed(folder, goal):
+    path = folder / f"{goal}.yaml"
+    path.write_text(f"map: office\nrobots: {{starts: [v1], goals: [{goal}]}}\nplanner: astar\nassignment: {{mode: fixed}}\n")
+    return path
