@@ -35,6 +35,7 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
     corner = np.full((len(anchor), 2), np.nan)
     reach = np.concatenate([DIRECTIONS, 2 * DIRECTIONS])
     placed_low, placed_high = np.zeros((0, 2)), np.zeros((0, 2))
+    lane_box, wall_box = ((line.min(1), line.max(1)) for line in (lane, wall))
     for i, (point, extent) in enumerate(zip(anchor, size)):
         # the label's near side stays the gap away from the point, whatever the direction
         low = point + reach * gap + (np.sign(np.round(reach)) - 1) / 2 * extent
@@ -45,7 +46,7 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
         cost = cost + 10.0 * ((low < page[0]) | (high > page[1])).any(1)
         cost += 10.0 * _overlap(low, high, placed_low, placed_high)
         cost += 1.5 * _overlap(low - 1, high + 1, anchor, anchor)
-        cost += 0.5 * _covered(low, high, lane) + np.minimum(0.4 * _covered(low, high, wall), 0.7)
+        cost += 0.5 * _covered(low, high, lane, *lane_box) + np.minimum(0.4 * _covered(low, high, wall, *wall_box), 0.7)
         best = int(np.argmin(cost))
         if cost[best] < 3:
             corner[i] = low[best]
@@ -56,15 +57,20 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
 
 def _overlap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
     """[C] how many of the other boxes each box meets."""
-    return ((low[:, None] < other_high) & (high[:, None] > other_low)).all(2).sum(1).astype(np.float64)
+    (left, bottom), (right, top) = low.T[:, :, None], high.T[:, :, None]
+    meets = (left < other_high[:, 0]) & (right > other_low[:, 0]) & (bottom < other_high[:, 1]) & (top > other_low[:, 1])
+    return meets.sum(1).astype(np.float64)
 
 
-def _covered(low: Array, high: Array, line: Array) -> Array:
-    """[C] how many strokes each box covers some of (clipping after Liang and Barsky)."""
-    near = ((line.min(1) < high.max(0)) & (line.max(1) > low.min(0))).all(1)
+def _covered(low: Array, high: Array, line: Array, line_low: Array, line_high: Array) -> Array:
+    """[C] how many strokes, with their boxes, each box covers some of (clipping after Liang and Barsky)."""
+    (left, bottom), (right, top) = low.min(0), high.max(0)
+    near = (line_low[:, 0] < right) & (line_low[:, 1] < top) & (line_high[:, 0] > left) & (line_high[:, 1] > bottom)
+    if not near.any():
+        return np.zeros(len(low))
     start, step = line[near, 0], line[near, 1] - line[near, 0]
     step = np.where(np.abs(step) < 1e-12, 1e-12, step)
     t0, t1 = (low[:, None] - start) / step, (high[:, None] - start) / step
-    enter = np.minimum(t0, t1).max(2)
-    leave = np.maximum(t0, t1).min(2)
+    first, last = np.minimum(t0, t1), np.maximum(t0, t1)
+    enter, leave = np.maximum(first[..., 0], first[..., 1]), np.minimum(last[..., 0], last[..., 1])
     return (np.maximum(enter, 0) < np.minimum(leave, 1)).sum(1).astype(np.float64)
