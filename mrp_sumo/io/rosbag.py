@@ -6,6 +6,7 @@ are equal byte for byte. An interrupted write leaves complete chunks in the mcap
 """
 
 import json
+import sqlite3
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io import rosbag_streams as say
 from mrp_sumo.io.record import Record
 from mrp_sumo.io.rosbag_messages import EPOCH_NS, Messages
+from mrp_sumo.io.rosbag_path import ODD, plain_path
 
 VERSION: Literal[8] = 8
 FLEET_STATES_NS = 500_000_000  # 2 Hz, as MRP-Bench
@@ -70,6 +72,8 @@ def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), 
     ------
     MrpSumoError
         For options that are not known, a folder that exists, or a record without samples.
+    OSError
+        When the disk refuses.
     """
     if options.storage not in STORAGES:
         raise MrpSumoError(f"unknown storage '{options.storage}'{nearest(options.storage, STORAGES)}")
@@ -77,22 +81,27 @@ def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), 
         raise MrpSumoError(f"'{record.name}' has no samples to make a bag of")
     if folder.exists():
         raise MrpSumoError(f"{folder}: exists already, a bag needs a new folder")
-    if options.storage == "sqlite3" and (bad := [c for c in str(folder) if c in "#?%"]):
-        raise MrpSumoError(f"{folder}: sqlite3 bags cannot be written to a path with '{bad[0]}'; use mcap or another folder")
+    if options.storage == "sqlite3" and (bad := [c for c in folder.name if c in ODD]):
+        raise MrpSumoError(f"'{folder.name}': the name of a sqlite3 bag cannot have a '{bad[0]}'; use mcap or another name")
     messages = Messages(record, options.rmf)
     chosen = _chosen(record, options.robots)
-    writer = FastWriter(folder, version=VERSION, storage_plugin=STORAGES[options.storage])
-    if options.storage == "mcap":
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     renamed = {token: name for token, name in zip(messages.robots, record.fleet.robot_name) if token != name}
     custom = {"scenario": record.name, "seed": str(record.seed), "epoch_ns": str(EPOCH_NS), "rmf_generation": options.rmf}
     custom |= {name: repr(float(value)) for name, value in record.constants.items()}
     if renamed:
         custom["robot_names"] = json.dumps(renamed, ensure_ascii=False)
-    for key, value in {**custom, **(about or {})}.items():
-        writer.set_custom_data(key, value)
-    with writer:
-        _write(writer, messages, record, options, chosen)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with plain_path(folder) as place:
+        writer = FastWriter(place, version=VERSION, storage_plugin=STORAGES[options.storage])
+        if options.storage == "mcap":
+            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        for key, value in {**custom, **(about or {})}.items():
+            writer.set_custom_data(key, value)
+        try:
+            with writer:
+                _write(writer, messages, record, options, chosen)
+        except sqlite3.Error as error:  # a full disk, above all
+            raise OSError(str(error)) from error
 
 
 def _write(writer: FastWriter, messages: Messages, record: Record, options: BagOptions, chosen: list[int]) -> None:

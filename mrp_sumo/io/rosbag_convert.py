@@ -27,6 +27,8 @@ def convert_to_ros1(bag: Path, out: Path, without: Sequence[str]) -> None:
     ------
     MrpSumoError
         When the bag cannot be converted.
+    OSError
+        When the disk refuses.
     """
     try:
         with redirect_stdout(StringIO()):  # it tells of every type it copies or migrates
@@ -45,4 +47,6 @@ def convert_to_ros1(bag: Path, out: Path, without: Sequence[str]) -> None:
                 include_msgtypes=(),
             )
     except ConverterError as error:
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from None
         raise MrpSumoError(f"{bag}: cannot be converted to ROS 1: {error}") from None

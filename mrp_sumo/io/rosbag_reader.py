@@ -17,6 +17,7 @@ from rosbags.highlevel import AnyReader
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.rosbag_messages import GENERATIONS, typestore
+from mrp_sumo.io.rosbag_path import plain_path
 
 FLEET_STATES = "/fleet_states"
 PATH_REQUESTS = "/robot_path_requests"
@@ -84,7 +85,7 @@ def _messages(path: Path, generation: str) -> Iterator[tuple[str, int, Any]]:
         raise MrpSumoError(f"{bag}: no metadata.yaml: not a bag, or its writer was interrupted (`ros2 bag reindex` may help)")
     if bag.is_file() and bag.suffix != ".bag":
         raise MrpSumoError(f"{bag}: expected the bag's folder, with its metadata.yaml")
-    with AnyReader([bag], default_typestore=store) as reader:
+    with plain_path(bag) as place, AnyReader([place], default_typestore=store) as reader:
         _require_topic(path, [c.topic for c in reader.connections])
         decoded = _decoder(reader.typestore)
         wanted = [c for c in reader.connections if c.topic in (FLEET_STATES, PATH_REQUESTS)]

@@ -219,7 +219,8 @@ def _write_logs(
             costmap=costmap,
             constants=constants_of(scenario.model_dump(mode="json")),
         )
-        write_bag(folder / "bag", record, BagOptions(rmf=scenario.record.rmf_messages))
+        choice = scenario.record
+        write_bag(folder / "bag", record, BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots))
 
 
 def _told(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:

@@ -178,7 +178,11 @@ class Recording(_Strict):
 
     period_s: Positive = Field(0.1, description="Between samples of the trajectory; a multiple of the step length.")
     bag: bool = True
+    storage: Literal["mcap", "sqlite3"] = Field(
+        "mcap", description="Of the bag: 'mcap' with zstd, or 'sqlite3' as MRP-Bench's analyser reads it."
+    )
     rmf_messages: Literal["galactic", "jazzy", "kilted"] = Field("jazzy", description="Generation of rmf_fleet_msgs in the bag.")
+    robots: tuple[str, ...] = Field((), description="Robots that get topics of their own in the bag, /<robot>/odom and /<robot>/plan.")
 
 
 class Scenario(_Strict):

@@ -17,6 +17,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, robot_states
 from mrp_sumo.io.rosbag import BagOptions, write_bag
 from mrp_sumo.io.rosbag_messages import EPOCH_NS, GENERATIONS, Messages, ros_names, typestore
+from mrp_sumo.io.rosbag_reader import read_fleet_log
 from mrp_sumo.io.rosbag_streams import Samples, transforms
 
 VERIFY = Path(__file__).resolve().parents[2] / "../shared/rosbag/verify"
@@ -170,11 +171,18 @@ def test_names_become_tokens_of_ros_and_stay_apart():
     assert ros_names(["robot.1", "robot:1", "9", "", "Bär"]) == ["robot_1", "robot_1_2", "r_9", "_", "B_r"]
 
 
-def test_paths_with_odd_characters_are_fine_for_mcap_and_refused_for_sqlite(tmp_path):
-    write_bag(tmp_path / "a #1 ü%20?" / "bag", record_of_four(seconds=1.0))
-    assert (tmp_path / "a #1 ü%20?" / "bag" / "metadata.yaml").is_file()
-    with pytest.raises(MrpSumoError, match="sqlite3 bags cannot be written to a path with '#'"):
-        write_bag(tmp_path / "a #1" / "bag", record_of_four(seconds=1.0), BagOptions(storage="sqlite3"))
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_paths_with_odd_characters_are_fine(tmp_path, storage):
+    bag = tmp_path / "a #1 ü%20?" / "bag"
+    write_bag(bag, record_of_four(seconds=1.0), BagOptions(storage=storage))
+    assert [p.stem for p in sorted(bag.iterdir())] == ["bag", "metadata"]
+    assert read_fleet_log(bag).robot_name == ("robot_0", "robot_1", "robot_2", "robot_3")
+
+
+def test_a_sqlite_bag_cannot_have_odd_characters_in_its_own_name(tmp_path):
+    with pytest.raises(MrpSumoError, match="'a #1': the name of a sqlite3 bag cannot have a '#'"):
+        write_bag(tmp_path / "a #1", record_of_four(seconds=1.0), BagOptions(storage="sqlite3"))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

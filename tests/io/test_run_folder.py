@@ -76,6 +76,16 @@ def test_everything_is_there_and_listed(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "x.net.xml", out] or {p.name for p in tmp_path.iterdir()} == {"x.net.xml", "run"}
 
 
+def test_bag_is_as_the_scenario_says(tmp_path):
+    choice = {"storage": "sqlite3", "rmf_messages": "galactic", "robots": ["robot_2"]}
+    scenario = Scenario.model_validate({"name": "four", "map": "four", "robots": {"count": 4}, "record": choice})
+    run_of_four(tmp_path / "run #1", tmp_path / "x.net.xml", scenario=scenario)
+    assert (tmp_path / "run #1" / "bag" / "bag.db3").is_file()
+    (tmp_path / "run #1").rename(tmp_path / "run")  # the library reads no sqlite3 bag below a '#'
+    with AnyReader([tmp_path / "run" / "bag"]) as reader:
+        assert "/robot_2/odom" in reader.topics
+
+
 def test_plan_floor_and_walls_come_back(tmp_path):
     run_of_four(tmp_path / "run", tmp_path / "x.net.xml")
     record = record_of_four()
