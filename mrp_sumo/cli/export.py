@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if options.format in ("bag", "ros1"):
         from mrp_sumo.io.rosbag import BagOptions, write_bag
 
-        robots = tuple(name for name in options.robots.split(",") if name)
+        robots = tuple(name.strip() for name in options.robots.split(",") if name.strip())
         choice = BagOptions(storage=options.storage, rmf=options.rmf, robots=robots, repeat_latched_s=options.repeat_latched)
         if options.format == "ros1":
             exports.write_ros1(out, record, lambda folder: write_bag(folder, record, choice))

@@ -5,6 +5,7 @@ A subcommand is a module of this folder with `HELP`, `arguments(parser)` and `ru
 """
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -33,6 +34,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "report": ("mrp_sumo.cli.report", "write a page of tables and charts about a batch or a run"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
+DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
 class Parser(argparse.ArgumentParser):
@@ -50,6 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MrpSumoError as error:
         for line in str(error).splitlines():
             print(f"mrp-sumo: {line}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        if error.errno not in DISK_TROUBLE:
+            raise
+        print(f"mrp-sumo: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("mrp-sumo: interrupted", file=sys.stderr)

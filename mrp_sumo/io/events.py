@@ -60,14 +60,15 @@ def read_events(path: Path) -> list[dict[str, Any]]:
 
 
 def events_of_documents(documents: list[dict[str, Any]], fleet: Fleet, graph: NavGraph) -> tuple[Event, ...]:
-    """Events with indices again. A name that is not known becomes -1."""
+    """Events with indices again. A name that is not known becomes -1; vertices of one name are told apart by their places."""
     robot = {name: i for i, name in enumerate(fleet.robot_name)}
+    vertex = {(graph.label(v), x, y): v for v, (x, y) in enumerate(graph.xy.tolist())} if documents else {}
     return tuple(
         Event(
             t_s=float(d["t_s"]),
             kind=str(d["kind"]),
             robot=robot.get(d.get("robot", ""), -1),
-            vertex=graph.vertex_of_name.get(d.get("vertex", ""), -1),
+            vertex=vertex.get((d.get("vertex", ""), d.get("x_m"), d.get("y_m")), graph.vertex_of_name.get(d.get("vertex", ""), -1)),
             other=robot.get(d.get("other", ""), -1),
             duration_s=float(d.get("duration_s", 0.0)),
             text=str(d.get("text", "")),

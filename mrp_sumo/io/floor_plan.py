@@ -82,17 +82,21 @@ def write_walls(folder: Path, costmap: "Costmap") -> None:
 
 
 def read_walls(folder: Path) -> "Costmap | None":
-    """The walls of a run folder; None where it has none."""
+    """The walls of a run folder; None where it has none. Raises MrpSumoError where they are damaged."""
     from PIL import Image
 
     from mrp_sumo.maps.costmap import Costmap
 
-    if not (folder / "map.yaml").is_file():
+    path = folder / "map.yaml"
+    if not path.is_file():
         return None
-    about = yaml.safe_load((folder / "map.yaml").read_text(encoding="utf-8"))
-    with Image.open(folder / about["image"]) as image:
-        occupied = np.asarray(image.convert("L"))[::-1] < 128
-    return Costmap((about["origin"][0], about["origin"][1]), about["resolution"], frozen(occupied))
+    try:
+        about = yaml.safe_load(path.read_text(encoding="utf-8"))
+        with Image.open(folder / about["image"]) as image:
+            occupied = np.asarray(image.convert("L"))[::-1] < 128
+        return Costmap((about["origin"][0], about["origin"][1]), about["resolution"], frozen(occupied))
+    except (yaml.YAMLError, OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise MrpSumoError(f"{path}: no map of walls: {str(error).splitlines()[0]}") from None
 
 
 def _graph_document(graph: NavGraph) -> dict[str, Any]:

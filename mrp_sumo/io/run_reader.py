@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen
+from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.events import events_of_documents, read_events
@@ -77,8 +77,8 @@ class Run:
 
     @property
     def executed(self) -> bool:
-        """Whether there is a trajectory."""
-        return (self.folder / "trajectory.parquet").is_file()
+        """Whether there is a trajectory. Raises MrpSumoError where it is lost."""
+        return self._has("trajectory.parquet")
 
     @cached_property
     def _floor(self) -> tuple[PlanGraph, Fleet, NavGraph | None]:
@@ -106,8 +106,7 @@ class Run:
     @cached_property
     def plan(self) -> Plan | None:
         """Visits as arrays; None when there is no plan."""
-        path = self.folder / "plan.json"
-        return read_plan(path, self.fleet.robot_name) if path.is_file() else None
+        return read_plan(self.folder / "plan.json", self.fleet.robot_name) if self._has("plan.json") else None
 
     @cached_property
     def samples(self) -> "Trajectory":
@@ -144,20 +143,23 @@ class Run:
 
     @property
     def record(self) -> Record:
-        """Everything logs are made of."""
-        goals = [self.graph.vertex_of_name[robot["goal"]] for robot in self.result["robots"]]
-        return Record(
-            name=self.result["scenario"]["name"],
-            seed=self.result["seed"],
-            fleet=self.fleet,
-            graph=self.graph,
-            target=frozen(np.array(goals, np.int64)),
-            plan=self.plan,
-            execution=self.execution,
-            nav=self.nav,
-            costmap=self.costmap,
-            constants=constants_of(self.result["scenario"]),
-        )
+        """Everything logs are made of. Raises MrpSumoError where a file is missing or damaged."""
+        try:
+            return Record(
+                name=self.result["scenario"]["name"],
+                seed=self.result["seed"],
+                fleet=self.fleet,
+                graph=self.graph,
+                target=self._target(),
+                plan=self.plan,
+                execution=self.execution,
+                nav=self.nav,
+                costmap=self.costmap,
+                constants=constants_of(self.result["scenario"]),
+            )
+        except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
+            told = str(error).splitlines() or [""]
+            raise MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {told[0]}") from None
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
@@ -186,6 +188,21 @@ class Run:
         self._require_trajectory()
         frame: pandas.DataFrame = pq.read_table(self.folder / "visits.parquet").to_pandas()
         return frame
+
+    def _has(self, name: str) -> bool:
+        """Whether a file is there; one that the run wrote and that is gone is a fault."""
+        there = (self.folder / name).is_file()
+        if not there and name in self.result.get("files", ()):
+            raise MrpSumoError(f"{self.folder / name}: lost, the run wrote it")
+        return there
+
+    def _target(self) -> IntArray:
+        """[R] goal vertices: where the plan ends, by index, since vertices may share a name; by name where it ends elsewhere."""
+        graph = self.graph
+        ends = self.plan.last_vertex.tolist() if self.plan is not None else [-1] * self.fleet.num_robots
+        goals = [robot["goal"] for robot in self.result["robots"]]
+        found = [v if v >= 0 and graph.label(v) == goal else graph.vertex_of_name[goal] for v, goal in zip(ends, goals)]
+        return frozen(np.array(found, np.int64))
 
     def _require_trajectory(self) -> None:
         if not self.executed:

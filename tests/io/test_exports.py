@@ -3,6 +3,8 @@
 import csv
 import json
 import math
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -79,6 +81,26 @@ def test_a_place_that_is_taken_is_refused_and_a_full_disk_leaves_nothing(tmp_pat
     with pytest.raises(MrpSumoError, match="cannot be written: No space left on device"):
         write_geojson(tmp_path / "run.geojson", record_of_four(seconds=1.0))
     assert [p.name for p in tmp_path.iterdir()] == ["t.csv"]
+
+
+def test_a_place_below_a_file_is_refused(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for place in (tmp_path / "file" / "t.csv", tmp_path / "file" / "more" / "t.csv"):
+        with pytest.raises(MrpSumoError, match=r"t\.csv: cannot be written"):
+            write_csv(place, record_of_four(seconds=1.0))
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_bag_that_the_disk_refuses_leaves_nothing(folder, tmp_path, storage):
+    """In a process of its own, which may write 5 kB a file."""
+    code = (
+        "import resource, sys\nfrom mrp_sumo.cli.main import main\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (5_000, 5_000))\nsys.exit(main(sys.argv[1:]))\n"
+    )
+    command = [sys.executable, "-c", code, "export", str(folder), "--bag", "--storage", storage, "--repeat-latched", "0.1"]
+    told = subprocess.run([*command, "--out", str(tmp_path / "bag")], capture_output=True, text=True, check=False)
+    assert told.returncode == 2 and f"{tmp_path / 'bag'}: cannot be written: " in told.stderr and told.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """What was written comes back, as arrays and as DataFrames."""
 
+import json
 import shutil
 
 import numpy as np
@@ -27,6 +28,25 @@ def test_record_is_the_one_that_was_written(run):
     assert found.execution.events == wanted.execution.events
     assert np.array_equal(found.target, wanted.target) and np.array_equal(found.plan.depart_s, wanted.plan.depart_s)
     assert (found.name, found.seed, found.execution.outcome) == ("four", 7, wanted.execution.outcome)
+
+
+def test_vertices_of_one_name_are_told_apart(run, tmp_path):
+    """The goals of robot_0 and robot_1 have one name, and an event happens at the second."""
+    shutil.copytree(run.folder, tmp_path / "run")
+    wanted = record_of_four(seconds=3.0)
+    result, floor, plan = (json.loads((tmp_path / "run" / name).read_text()) for name in ("result.json", "floor.json", "plan.json"))
+    second = int(wanted.target[1])
+    for r in (0, 1):
+        floor["plan_graph"]["vertex_name"][str(wanted.target[r])] = "goal"
+        result["robots"][r]["goal"] = plan["robots"][r]["goal"] = "goal"
+    for name, document in (("result.json", result), ("floor.json", floor), ("plan.json", plan)):
+        (tmp_path / "run" / name).write_text(json.dumps(document))
+    x, y = wanted.graph.xy[second].tolist()
+    event = {"t_s": 3.0, "kind": "goal", "robot": "robot_1", "vertex": "goal", "x_m": x, "y_m": y}
+    (tmp_path / "run" / "events.jsonl").write_text(json.dumps(event) + "\n")
+    found = mrp_sumo.load_run(tmp_path / "run").record
+    assert found.target.tolist() == wanted.target.tolist()
+    assert [e.vertex for e in found.execution.events] == [second]
 
 
 def test_frames_have_a_row_a_sample_an_event_a_visit(run):
@@ -76,6 +96,10 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         ("events.jsonl", '{"t_s": 1}\nnonsense\n', "events", r"events\.jsonl:2: not JSON"),
         ("events.jsonl", "[1]\n", "execution", r"events\.jsonl:1: found '\[1\]', expected an object"),
         ("trajectory.parquet", "nonsense", "samples", r"trajectory\.parquet: not a readable Parquet file"),
+        ("trajectory.parquet", None, "record", r"trajectory\.parquet: lost, the run wrote it"),
+        ("plan.json", None, "plan", r"plan\.json: lost, the run wrote it"),
+        ("visits.parquet", None, "record", r"run: damaged, or of another version: FileNotFoundError"),
+        ("map.yaml", "]", "record", r"map\.yaml: no map of walls"),
     ],
 )
 def test_damaged_files_are_named(run, tmp_path, name, content, reading, line):

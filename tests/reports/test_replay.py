@@ -236,10 +236,18 @@ def test_real_run_gives_one_page_and_the_same_again(folder, tmp_path, capsys):
     assert {"charger", "parking"} <= {s["kind"] for s in head["map"]["stations"]}
 
 
+def never_written(run, *names):
+    """Take files out of a run folder as if the run had not made them."""
+    result = json.loads((run / "result.json").read_text(encoding="utf-8"))
+    for name in names:
+        (run / name).unlink()
+        del result["files"][name]
+    (run / "result.json").write_text(json.dumps(result), encoding="utf-8")
+
+
 def test_run_that_was_not_executed_shows_its_plan(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "run")
-    for name in ("trajectory.parquet", "events.jsonl", "visits.parquet"):
-        (tmp_path / "run" / name).unlink()
+    never_written(tmp_path / "run", "trajectory.parquet", "events.jsonl", "visits.parquet")
     head, columns = read_back(write_replay(tmp_path / "run").read_text(encoding="utf-8"))
     assert head["plan_only"]
     assert "plan only" in head["status_text"]
@@ -284,7 +292,9 @@ def test_serve_answers_until_interrupted(folder):
         (lambda run: (run / "trajectory.parquet").write_bytes(b"PAR1"), "Parquet"),
         (lambda run: (run / "events.jsonl").write_text("not json\n"), "not JSON"),
         (lambda run: (run / "events.jsonl").unlink(), "damaged"),
-        (lambda run: [(run / n).unlink() for n in ("trajectory.parquet", "plan.json")], "nothing to replay"),
+        (lambda run: (run / "trajectory.parquet").unlink(), "trajectory.parquet: lost, the run wrote it"),
+        (lambda run: (run / "plan.json").unlink(), "plan.json: lost, the run wrote it"),
+        (lambda run: never_written(run, "trajectory.parquet", "plan.json"), "nothing to replay"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
