@@ -16,6 +16,8 @@ from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.planning.registry import planner, planner_class, planner_names
 
+pytestmark = pytest.mark.kernel
+
 ROBOT = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 ALL = tuple(name for name in planner_names() if name != "external")  # which is nothing without a program
 COORDINATED = [name for name in ALL if planner_class(name).guarantee != "no coordination"]

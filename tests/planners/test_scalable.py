@@ -331,6 +331,8 @@ from tests.planners.test_scalable import random_problem
 from planners.lacam import Lacam
 from planners.lns2 import Lns2
 from planners.pibt import Pibt
+
+pytestmark = pytest.mark.kernel
 problem = random_problem(7, 12, 4)
 for planner in (Pibt(), Lacam(polish=300), Lns2(polish=300)):
     planner.prepare()

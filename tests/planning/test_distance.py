@@ -8,6 +8,8 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.distance import UNREACHABLE, Distances, distances
 
+pytestmark = pytest.mark.kernel
+
 
 def one_way_ring():
     return nav_graph(name="ring", xy=[(0, 0), (1, 0), (1, 1), (0, 1), (5, 5)], lanes=[(0, 1), (1, 2), (2, 3), (3, 0)])

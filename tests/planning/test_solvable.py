@@ -9,6 +9,8 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.planning.solvable import order_broken, unsolvable
 
+pytestmark = pytest.mark.kernel
+
 LINE = [(0, 1), (1, 2), (2, 3), (3, 4)]
 RING = [*LINE, (4, 0)]
 STAR = [(0, 1), (0, 2), (0, 3)]

@@ -10,6 +10,8 @@ from mrp_sumo.maps.sumo import build_network
 from mrp_sumo.sim.loop import simulate
 from mrp_sumo.sim.settings import ExecutionSettings
 
+pytestmark = pytest.mark.kernel
+
 SEPARATION_M = 0.325  # of two Burgers: hypot(0.138, 0.178) + 0.1, rounded down
 
 
