@@ -53,17 +53,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for line in str(error).splitlines():
             print(f"mrp-sumo: {line}", file=sys.stderr)
         return 2
-    except OSError as error:
-        if error.errno not in DISK_TROUBLE:
-            raise
-        print(f"mrp-sumo: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
-        return 2
     except KeyboardInterrupt:
         print("mrp-sumo: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:  # `mrp-sumo ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except OSError as error:
+        if error.errno not in DISK_TROUBLE:
+            raise
+        print(f"mrp-sumo: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
+        return 2
 
 
 def _dispatch(arguments: list[str]) -> int:

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -20,7 +22,9 @@ from mrp_sumo.io.rosbag_messages import EPOCH_NS, GENERATIONS, Messages, ros_nam
 from mrp_sumo.io.rosbag_reader import read_fleet_log
 from mrp_sumo.io.rosbag_streams import Samples, transforms
 
-VERIFY = Path(__file__).resolve().parents[2] / "../shared/rosbag/verify"
+PROJECT = Path(__file__).resolve().parents[2]
+VERIFY = PROJECT / "../shared/rosbag/verify"
+MODULES = PROJECT / ".venv" / "node" / "node_modules"
 TOPICS = {
     "/tf", "/tf_static", "/map", "/map_markers", "/robot_markers", "/plan_markers", "/robot_cloud", "/fleet_states",
     "/robot_path_requests", "/rosout", "/diagnostics",
@@ -53,9 +57,33 @@ def test_foxgloves_reader_accepts_the_bag(tmp_path, absent):
 
 
 @pytest.mark.skipif(not VERIFY.is_dir(), reason="the independent checkers are not beside the project")
+def test_foxgloves_reader_for_browsers_accepts_the_bag(bag, tmp_path):
+    if not shutil.which("node") or not (MODULES / "@mcap" / "core").is_dir():
+        pytest.skip("no node, or no mcap readers from npm (tools/ci_tools.sh installs them)")
+    (tmp_path / "node_modules").symlink_to(MODULES)  # modules are looked for beside the script
+    script = shutil.copy(VERIFY / "check.mjs", tmp_path)
+    latched = "--latched=/map,/tf_static,/map_markers,/robot_markers,/plan_markers,/robot_1/plan"
+    told = subprocess.run(["node", script, str(bag), latched, "--min-moving=3"], capture_output=True, text=True, check=False)
+    assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
+
+
+@pytest.mark.skipif(not VERIFY.is_dir(), reason="the independent checkers are not beside the project")
+def test_the_rosbag_of_ros_1_accepts_the_converted_bag(bag):
+    converter = Path(sys.executable).with_name("rosbags-convert")
+    if (
+        not shutil.which("rosbag")
+        or subprocess.run(["/usr/bin/python3", "-c", "import rosbag"], capture_output=True, check=False).returncode
+    ):
+        pytest.skip("no ROS 1 rosbag (Debian's python3-rosbag; tools/ci_tools.sh installs it)")
+    command = [VERIFY / "ros1.sh", bag, "/map", "/tf_static", "/map_markers", "/robot_markers", "/plan_markers", "/robot_1/plan"]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "ROSBAGS_CONVERT": str(converter)})
+    assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
+
+
+@pytest.mark.skipif(not VERIFY.is_dir(), reason="the independent checkers are not beside the project")
 @pytest.mark.parametrize("generation", GENERATIONS)
 def test_cyclone_dds_accepts_sqlite_bags_of_every_generation(tmp_path, generation):
-    pytest.importorskip("cyclonedds")
+    pytest.importorskip("cyclonedds", reason="no cyclonedds for this machine")
     write_bag(tmp_path / "bag", record_of_four(seconds=3.0), BagOptions(storage="sqlite3", rmf=generation, robots=("robot_0",)))
     command = [sys.executable, "-W", "ignore", str(VERIFY / "verify_cyclone.py"), str(tmp_path / "bag"), "--rmf", generation]
     told = subprocess.run(command, capture_output=True, text=True, check=False)
