@@ -70,16 +70,16 @@ class Scene {
     overlay.height = Math.round(this.height * ratio);
   }
 
-  /* The whole map, with room for the counts above it. */
+  /* The whole map, with room for the counts above it and the buttons at its right. */
   fit() {
     const [w, h] = this.map.size_m;
     const narrow = this.width < 600 || this.height < 420;
-    const side = narrow ? 14 : 36, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
-    const scale = Math.min((this.width - 2 * side) / w, (this.height - top - bottom) / h);
+    const left = narrow ? 14 : 36, right = narrow ? 14 : 76, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
+    const scale = Math.min((this.width - left - right) / w, (this.height - top - bottom) / h);
     this.minScale = scale / 4;
     this.maxScale = Math.max(600, 4 * scale);
     this.camera.scale = scale;
-    this.camera.x = this.width / 2 - (w / 2) * scale;
+    this.camera.x = left + (this.width - left - right) / 2 - (w / 2) * scale;
     this.camera.y = top + (this.height - top - bottom) / 2 + (h / 2) * scale;
   }
 
