@@ -29,8 +29,8 @@ class Ecbs:
     guarantee: ClassVar[str] = "w-bounded"
 
     def __post_init__(self) -> None:
-        if not self.w >= 1:
-            raise PlanError(f"w is {self.w}, expected 1 or more")
+        if not 1 <= self.w < float("inf"):
+            raise PlanError(f"w is {self.w}, expected a finite number of 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""

@@ -32,8 +32,8 @@ class EcbsTa:
     guarantee: ClassVar[str] = "w-bounded with assignment"
 
     def __post_init__(self) -> None:
-        if not self.w >= 1:
-            raise PlanError(f"w is {self.w}, expected 1 or more")
+        if not 1 <= self.w < float("inf"):
+            raise PlanError(f"w is {self.w}, expected a finite number of 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""

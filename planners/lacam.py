@@ -16,6 +16,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import order_clash
 from planners import _lacam, _lns
 from planners._lacam import Search
 from planners._lns import Task
@@ -87,7 +88,7 @@ class Lacam:
         if built is None:
             return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
         world, steps = built
-        known = without_search(given, steps, begin_s)
+        known = without_search(given, steps, begin_s) or (None if packed else order_clash(given))
         if known:
             return known
         lower_bound = float(steps.sum())

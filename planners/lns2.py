@@ -14,6 +14,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import order_clash
 from mrp_sumo.planning.distance import UNREACHABLE
 from planners import _lns
 from planners._refinement import Refinement, polishing_labels, task_of
@@ -60,7 +61,7 @@ class Lns2:
         Refinement(task, detour, 2, rng).until(np.inf, most_labels=20)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE for goals out of reach only."""
+        """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
         begin_s = perf_counter()
         deadline_s = checked_deadline(time_limit_s)
         table = steps_table(problem, deadline_s)
@@ -68,7 +69,7 @@ class Lns2:
             return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
         steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
         steps[steps >= UNREACHABLE] = -1
-        known = without_search(problem, steps, begin_s)
+        known = without_search(problem, steps, begin_s) or order_clash(problem)
         if known:
             return known
         lower_bound = float(steps.sum())

@@ -15,6 +15,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import order_clash
 from planners import _pibt
 from planners._world import (
     SLICE_S,
@@ -97,5 +98,7 @@ class Pibt:
                     path = path if original is None else original[path]
                     return solved(given, path, begin_s, lower_bound, attempts=attempt, cost=cost)
                 at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
+        if not packed and (clash := order_clash(given)):
+            return clash
         message = f"no solution in {self.num_attempts} attempts of {max_steps} steps each"
         return gave_up(begin_s, lower_bound, message, attempts=self.num_attempts)

@@ -47,7 +47,7 @@ class Prioritised:
         reserve(intervals, path, 2)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """See `Planner`. TIMED_OUT also when all restarts are used up."""
+        """See `Planner`. GAVE_UP when all restarts are used up."""
         from mrp_sumo.planning._sipp import FOUND, FULL, find_path, new_intervals, reserve, reset
 
         require_limit(time_limit_s)
@@ -65,6 +65,7 @@ class Prioritised:
         intervals, scratch = new_intervals(num_vertices, room)
         path = np.empty(2 * num_vertices + int(alone.max(initial=0)) + 64, np.int64)
         stats = {"orders": 0.0, "lower_bound_steps": float(alone.sum())}
+        status = Status.GAVE_UP
         for attempt in range(self.restarts + 1):
             stats["orders"] = attempt + 1.0
             reset(num_vertices, intervals)
@@ -100,11 +101,12 @@ class Prioritised:
                     stats=stats,
                 )
             if perf_counter() - began > time_limit_s:
+                status = Status.TIMED_OUT
                 break
             failed_first = np.concatenate(([robot], order[order != robot]))
             order = chance.permutation(num_robots) if attempt % 4 == 3 else failed_first
         return PlanResult(
-            Status.TIMED_OUT,
+            status,
             planning_time_s=perf_counter() - began,
             lower_bound_steps=float(alone.sum()),
             stats=stats,

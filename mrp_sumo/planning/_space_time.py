@@ -633,7 +633,7 @@ def replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
         until = state[end, STEP] - 1
         end = state[end, BEFORE]
     if patience > 0:
-        bound = np.int64(w * max(least, lower) + 1e-9)
+        bound = np.int64(min(w * max(least, lower) + 1e-9, FOREVER // 4))
         polite = min(budget, PATIENCE + patience * least)
         code, end = find_path(world, store, occupancy, scratch, robot, least, bound, 1, polite)
         if code == OUT_OF_BUDGET:

@@ -31,10 +31,16 @@ def impossible(problem: Problem) -> PlanResult | None:
             Status.INFEASIBLE,
             message=f"{name[robot]} cannot reach its goal '{label(target[robot])}' from '{label(problem.start[robot])}'",
         )
-    if broken := order_broken(problem):
-        a, b = broken
-        return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} would have to pass each other where there is no room")
-    return None
+    return order_clash(problem)
+
+
+def order_clash(problem: Problem) -> PlanResult | None:
+    """INFEASIBLE where two robots of an assigned problem would have to pass each other on a line or ring; None otherwise."""
+    broken = order_broken(problem)
+    if broken is None:
+        return None
+    a, b = (problem.fleet.robot_name[robot] for robot in broken)
+    return PlanResult(Status.INFEASIBLE, message=f"{a} and {b} would have to pass each other where there is no room")
 
 
 def goals_clash(problem: Problem) -> PlanResult | None:

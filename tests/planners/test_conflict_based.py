@@ -105,9 +105,17 @@ def test_fewer_goals_than_robots_leave_some_without():
 
 
 @pytest.mark.parametrize("name", ["ecbs", "eecbs", "ecbs_ta"])
-def test_factor_below_one_is_refused(name):
-    with pytest.raises(ScenarioError, match=r"w is 0.9, expected 1 or more"):
-        planner(name, {"w": 0.9})
+@pytest.mark.parametrize("w", [0.9, float("inf"), float("nan")])
+def test_factor_that_is_no_bound_is_refused(name, w):
+    with pytest.raises(ScenarioError, match=rf"w is {w}, expected a finite number of 1 or more"):
+        planner(name, {"w": w})
+
+
+@pytest.mark.parametrize("name", ["ecbs", "eecbs", "ecbs_ta"])
+def test_huge_factor_bounds_nothing_and_breaks_nothing(name):
+    problem = random_problem(3, directed=False)
+    result, truth = planner(name, {"w": 1e300}).plan(problem, 10.0), planner("lacam", {}).plan(problem, 10.0)
+    assert result.status is truth.status
 
 
 def test_plans_without_following_conflicts_can_be_had():

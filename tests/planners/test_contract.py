@@ -153,14 +153,14 @@ def test_no_assignment_in_reach_is_infeasible(name):
 
 
 @pytest.mark.parametrize("name", COORDINATED)
-def test_swap_in_a_dead_end_corridor_ends_in_time(name):
+def test_swap_in_a_dead_end_corridor_is_infeasible(name):
     if planner_class(name).assigns:
         pytest.skip("need not swap")
     corridor = world("0.1")
     problem = replace(corridor, goal=corridor.start[::-1].copy())
     began = perf_counter()
     result = made(name).plan(problem, 0.5)
-    assert result.status in (Status.INFEASIBLE, Status.TIMED_OUT, Status.GAVE_UP)
+    assert result.status is Status.INFEASIBLE
     assert result.plan is None
     assert result.message
     assert perf_counter() - began < 30  # compiling included
