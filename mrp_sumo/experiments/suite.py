@@ -385,17 +385,21 @@ class _Inputs:
 
     def _read(self, scenario: Scenario) -> str:
         from mrp_sumo.experiments.run import choices
+        from mrp_sumo.maps.load import files_of
 
         whole = ScenarioFile(scenario, self._file.document, self._file.places)
         choices(whole)
         try:
-            paths = [find_map(scenario.map.file, self._file.folder)]
+            paths = list(files_of(find_map(scenario.map.file, self._file.folder)))
         except MrpSumoError as error:
             raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
         if isinstance(name := scenario.robots.type, str):
             bundled = bundled_folder("robots") / f"{name}.yaml"
             paths.append(bundled if bundled.is_file() else self._file.folder / name)
-        return input_hash(paths)
+        try:
+            return input_hash(paths)
+        except OSError as error:
+            raise ScenarioError(f"{error.filename}: cannot be read: {error.strerror}") from None
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:

@@ -22,10 +22,10 @@ from mrp_sumo.maps.movingai import is_grid, is_problem_set, map_of_problem_set, 
 from mrp_sumo.maps.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
 from mrp_sumo.maps.rmf import building_of, is_building
 from mrp_sumo.maps.rmf_nav_graph import nav_graph_documents
-from mrp_sumo.maps.ros_map import ROBOT_RADIUS_M, is_ros_map, read_ros_map
+from mrp_sumo.maps.ros_map import ROBOT_RADIUS_M, image_of, is_ros_map, read_ros_map
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
-__all__ = ["Finding", "Map", "load_map"]
+__all__ = ["Finding", "Map", "files_of", "load_map"]
 
 GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
@@ -83,6 +83,23 @@ def load_map(
     found = remembered("map", content, lambda: _from_yaml(source, graph, level, meters_per_pixel, cell_m, robot_radius_m))
     _read_only(found.nav)
     return found
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """The files that a map is read from: itself, the `.map` of a problem set, the image of an occupancy map.
+
+    Raises
+    ------
+    MapError
+        When one is missing, or the map is neither text nor YAML.
+    """
+    source = read_text(path)
+    if is_problem_set(source.text):
+        return path, map_of_problem_set(source)
+    if is_grid(source.text) or len(source.text) >= LARGE or "image:" not in source.text:
+        return (path,)
+    document = parse(source)
+    return (path, image_of(document, source)) if is_ros_map(document) else (path,)
 
 
 def _from_yaml(

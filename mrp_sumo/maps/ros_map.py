@@ -6,7 +6,9 @@ mode `raw`, and maps without any place to stand.
 """
 
 import math
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,6 +62,17 @@ def read_ros_map(
     return graph, free
 
 
+def image_of(document: Mapping[str, Any], source: Text) -> Path:
+    """The image of an occupancy map, beside its YAML. Raises MapError where there is none."""
+    name = document["image"]
+    if not isinstance(name, str) or not name or "\0" in name:
+        raise source.fault(f"image is '{name}', expected the name of a PGM or PNG file", "image")
+    path = source.path.parent / name
+    if not os.path.isfile(path):  # noqa: PTH113  False for names that no system takes, too
+        raise source.fault(f"image '{name}' is not there", "image")
+    return path
+
+
 def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     """[h, w] pixels that are surely free; row 0 is the lowest."""
     from PIL import Image
@@ -68,18 +81,14 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     if mode not in MODES:
         raise source.fault(f"mode is '{mode}', expected {' or '.join(MODES)}", "mode")
     free_below = _number(document, "free_thresh", source, 0.25)
+    path = image_of(document, source)
     name = document["image"]
-    if not isinstance(name, str) or not name or "\0" in name:
-        raise source.fault(f"image is '{name}', expected the name of a PGM or PNG file", "image")
-    path = source.path.parent / name
     try:
         with Image.open(path) as image:
             if image.width * image.height > MAX_PIXELS:
                 raise source.fault(f"image '{name}' has {image.width} x {image.height} pixels, too many", "image")
             with_alpha = "A" in image.getbands()
             pixels = np.asarray(image.convert("LA" if with_alpha else "L"), np.float64)
-    except FileNotFoundError:
-        raise source.fault(f"image '{name}' is not there", "image") from None
     except MapError:
         raise
     except Exception as error:  # Pillow's decoders raise anything on damaged files

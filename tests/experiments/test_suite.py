@@ -103,6 +103,29 @@ def test_key_depends_on_code_and_map_content_and_scenario_key_on_neither(tmp_pat
     assert one.scenario_key == other_code.scenario_key == other_map.scenario_key
 
 
+def test_key_depends_on_what_a_map_file_refers_to(tmp_path):
+    (tmp_path / "ros.yaml").write_text("image: room.pgm\nresolution: 0.4\norigin: [0, 0, 0]\n")
+    (tmp_path / "tasks.scen").write_text("version 1\n0\troom.map\t2\t1\t0\t0\t1\t0\t1\n")
+    keys = []
+    for shade, cell in ((254, "."), (0, "@")):
+        (tmp_path / "room.pgm").write_bytes(b"P5 2 1 255 " + bytes([254, shade]))
+        (tmp_path / "room.map").write_text(f"type octile\nheight 1\nwidth 2\nmap\n.{cell}\n")
+        file = suite(tmp_path, "base: {map: ros.yaml, robots: {count: 1}}\ngrid_search: {map: [ros.yaml, tasks.scen]}\n")
+        keys += [run.key for run in runs_of(file, "1")]
+    assert len(set(keys)) == 4
+    (tmp_path / "room.pgm").unlink()
+    with pytest.raises(ScenarioError, match=r"^study.yaml:2: grid_search.map: ros.yaml:1: image 'room.pgm' is not there$"):
+        runs_of(file, "1")
+
+
+def test_map_as_a_mapping_replaces_that_of_the_base(tmp_path):
+    (tmp_path / "base.yaml").write_text("map: {file: office, graph: 0, level: L1, snap_m: 0.2}\nrobots: {count: 2}\n")
+    file = suite(tmp_path, "base: base.yaml\ngrid_search:\n  map:\n  - {file: warehouse, meters_per_pixel: 0.05}\n  - office\n")
+    own, named = columns(runs_of(file, "1"))
+    assert [own[f"map{key}"] for key in ("", ".meters_per_pixel", ".graph", ".level", ".snap_m")] == ["warehouse", 0.05, None, None, None]
+    assert [named[f"map{key}"] for key in ("", ".meters_per_pixel", ".graph", ".level", ".snap_m")] == ["office", None, None, None, None]
+
+
 def test_path_in_a_base_file_is_relative_to_that_file(tmp_path):
     (tmp_path / "scenarios").mkdir()
     (tmp_path / "scenarios" / "mine.building.yaml").write_text((bundled_folder("networks") / "office" / "office.building.yaml").read_text())
