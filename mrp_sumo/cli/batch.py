@@ -34,16 +34,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--retries", type=int, default=1, metavar="N", help="how often a run that crashed is tried again (default: 1)")
     parser.add_argument("--time-limit", type=float, metavar="S", help="wall time of a run, instead of the suite's limit")
     parser.add_argument("--memory-limit", type=float, metavar="MB", help="memory of a run, instead of the suite's limit")
+    parser.add_argument(
+        "--keep-worst", type=int, default=0, metavar="N", help="make the N worst runs again with run folder and replay page, for the report"
+    )
     parser.add_argument("-v", "--verbose", action="store_true", help="with --dry-run: list every run")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the batch, or say what it would do."""
     from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
+    from mrp_sumo.experiments.keep import KEPT, keep_worst
     from mrp_sumo.experiments.suite import find_suite, read_suite
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
-    for name, value, least in (("--workers", workers, 1), ("--retries", options.retries, 0)):
+    for name, value, least in (("--workers", workers, 1), ("--retries", options.retries, 0), ("--keep-worst", options.keep_worst, 0)):
         if value < least:
             raise BatchError(f"{name}: found {value}, expected {least} or more")
     for name, limit in (("--time-limit", options.time_limit), ("--memory-limit", options.memory_limit)):
@@ -66,6 +70,9 @@ def run(options: argparse.Namespace) -> int:
             memory_mb=options.memory_limit,
             stop=stop,
         )
+        if options.keep_worst and len(batch.status) == len(batch.runs):
+            num_kept = keep_worst(batch, options.keep_worst, watcher.told, workers=workers, stop=stop)
+            watcher.told(f"{num_kept} of the worst runs are kept in {folder / KEPT}")
     if len(batch.status) < len(batch.runs):
         again = f"mrp-sumo batch {options.suite} --out {folder}"
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.cluster import Cluster
@@ -37,7 +37,7 @@ from mrp_sumo.io.results import (
 )
 
 BROKEN = (CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT)  # runs that say nothing about planner or policy
-OWN = ("batch.", "runs", "quarantine", "results.", ".")  # what a batch without its plan may have left
+OWN = ("batch.", "runs", "quarantine", "results.", "kept", "report", ".")  # what a batch without its plan may have left
 GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
 
 
@@ -154,7 +154,7 @@ def run_batch(
                 drop_tables(folder)
                 makers: Makers = Cluster(scheduler, function) if scheduler else Processes(min(workers, len(todo)), function)
                 try:
-                    _make(batch, todo, makers, watcher, log, retries, _limits(file, wall_s, memory_mb), stop)
+                    _make(batch, todo, makers, watcher, log, retries, wall_s, memory_mb, stop)
                 finally:
                     makers.close()
             if len(batch.status) == len(batch.runs) and not (folder / TABLE).is_file():
@@ -196,7 +196,8 @@ def _make(
     watcher: Watcher,
     log: "_Log",
     retries: int,
-    limits: Callable[[dict[str, Any]], dict[str, float | None]],
+    wall_s: float | None,
+    memory_mb: float | None,
     stop: Callable[[], int],
 ) -> None:
     """The loop: hand out runs, keep what comes back."""
@@ -207,7 +208,7 @@ def _make(
             if todo:
                 run = todo.popleft()
                 under_way[run.key] = run
-                makers.submit(_job(batch, run, limits))
+                makers.submit(job_of(batch, run, wall_s, memory_mb))
 
     hand_out()
     while (under_way or todo) and stop() != NOW:
@@ -230,26 +231,19 @@ def _make(
             hand_out()
 
 
-def _job(batch: Batch, run: Run, limits: Callable[[dict[str, Any]], dict[str, float | None]]) -> Job:
+def job_of(batch: Batch, run: Run, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
+    """A run as it is handed out, with what it may take: `wall_s` and `memory_mb` instead of the suite's limits."""
+    scenario, limits = json.loads(run.scenario), batch.file.suite.limits
+    generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * scenario["execution"]["time_limit_s"]
     return {
         "key": run.key,
         "scenario": run.scenario,
         "repeat": run.repeat,
         "until": batch.file.suite.until,
         "folder": str(batch.file.folder),
-        **limits(json.loads(run.scenario)),
+        "wall_s": wall_s or limits.wall_s or generous,
+        "memory_mb": memory_mb or limits.memory_mb,
     }
-
-
-def _limits(file: SuiteFile, wall_s: float | None, memory_mb: float | None) -> Callable[[dict[str, Any]], dict[str, float | None]]:
-    """What each run may take."""
-    limits = file.suite.limits
-
-    def of(scenario: dict[str, Any]) -> dict[str, float | None]:
-        generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * scenario["execution"]["time_limit_s"]
-        return {"wall_s": wall_s or limits.wall_s or generous, "memory_mb": memory_mb or limits.memory_mb}
-
-    return of
 
 
 def _record(batch: Batch, run: Run, answer: Answer, attempts: int) -> Record:

@@ -21,10 +21,13 @@ from contextlib import suppress
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.workshop import Workshop
+
+if TYPE_CHECKING:
+    from mrp_sumo.io.scenario import ScenarioFile
 
 Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
 Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, and what the run took
@@ -37,11 +40,8 @@ CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_
 def measure(job: Job, workshop: Workshop) -> Answer:
     """Make a run as far as its suite says, and measure it."""
     from mrp_sumo.experiments.run import carry_out
-    from mrp_sumo.io.documents import Document
-    from mrp_sumo.io.scenario import Scenario, ScenarioFile
 
-    scenario = Scenario.model_validate_json(job["scenario"])
-    file = ScenarioFile(scenario, Document(Path(job["folder"], "suite"), {}, {}), {})
+    file = scenario_of(job)
     try:
         if job["until"] == "map":
             return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, workshop)}
@@ -52,6 +52,14 @@ def measure(job: Job, workshop: Workshop) -> Answer:
     metrics = outcome.metrics
     success = outcome.status == "planned" or (outcome.status == "completed" and metrics["all_goals_reached"])
     return {"status": outcome.status, "success": bool(success), "reason": outcome.note, "metrics": metrics}
+
+
+def scenario_of(job: Job) -> "ScenarioFile":
+    """The scenario of a run, as if it were a file in the suite's folder."""
+    from mrp_sumo.io.documents import Document
+    from mrp_sumo.io.scenario import Scenario, ScenarioFile
+
+    return ScenarioFile(Scenario.model_validate_json(job["scenario"]), Document(Path(job["folder"], "suite"), {}, {}), {})
 
 
 def failure(status: str, reason: str) -> Answer:

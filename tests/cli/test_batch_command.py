@@ -120,6 +120,21 @@ def test_compare_passes_a_folder_against_itself_and_fails_a_costlier_one(study, 
     assert json.loads(capsys.readouterr().out)["differences"][0]["num_worse"] == 6
 
 
+def test_worst_runs_are_kept_and_linked_in_the_report(study, capsys):
+    suite, out = study / "study.yaml", study / "out"
+    results = mrp_sumo.load_results(out)
+    worst = results.sort_values(["success", "time_blocked_total_s"], ascending=[True, False])["key"].iloc[0]
+    assert main(["batch", str(suite), "--out", str(out), "--keep-worst", "1"]) == 0
+    assert f"1 of the worst runs are kept in {out}/kept" in capsys.readouterr().err
+    assert [folder.name for folder in (out / "kept").iterdir()] == [worst]
+    kept = json.loads((out / "kept" / worst / "result.json").read_text())
+    recorded = results.set_index("key").loc[worst]
+    assert kept["status"] == recorded["status"]
+    assert kept["metrics"]["time_blocked_total_s"] == recorded["time_blocked_total_s"]
+    assert main(["report", str(out)]) == 0
+    assert f'<a href="../kept/{worst}/replay.html">replay</a>' in (out / "report" / "index.html").read_text()
+
+
 def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_path):
     (tmp_path / "long.yaml").write_text(SUITE.replace("name: study", "name: long").replace("3000..3002", "3000..3400"))
     command = [
