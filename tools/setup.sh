@@ -16,5 +16,7 @@ python=${PYTHON:-python3}
 echo "setting up .venv (once; some minutes) ..." >&2
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".$extra" 2> >(grep -v '^WARNING' >&2)
-.venv/bin/mrp-sumo warmup --quiet
+# compile ahead what the bundled scenarios use; for the tests, which run in several processes, everything
+[ -n "$extra" ] && planners=() || planners=(execution cbs)
+.venv/bin/mrp-sumo warmup --quiet ${planners[@]+"${planners[@]}"}
 cat pyproject.toml constraints.txt > ".venv/installed$extra"
