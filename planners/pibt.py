@@ -70,7 +70,7 @@ class Pibt:
         if built is None:
             return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
         world, steps = built
-        known = without_search(given, steps, begin_s)
+        known = without_search(given, steps, begin_s) or (None if packed else order_clash(given))
         if known:
             return known
         lower_bound = float(steps.sum())
@@ -98,7 +98,5 @@ class Pibt:
                     path = path if original is None else original[path]
                     return solved(given, path, begin_s, lower_bound, attempts=attempt, cost=cost)
                 at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
-        if not packed and (clash := order_clash(given)):
-            return clash
         message = f"no solution in {self.num_attempts} attempts of {max_steps} steps each"
         return gave_up(begin_s, lower_bound, message, attempts=self.num_attempts)
