@@ -68,15 +68,15 @@ def test_cluster_gives_the_results_of_one_worker_and_survives_crashes(tmp_path, 
     assert len(told_by(tmp_path / "there")) == 9
     assert told_by(tmp_path / "there") == told_by(tmp_path / "here")
 
-    suite(tmp_path, "grid_search: {seed: 10..99}\n")  # then the scheduler goes away
+    suite(tmp_path, "grid_search: {seed: 10..49}\n")  # then the scheduler goes away
     process = drive(tmp_path, tmp_path / "there", address, FAKE_SLEEP="0.1")
     deadline = time.monotonic() + 30
-    while len(list((tmp_path / "there").glob("runs/*/*.json"))) < 15 and time.monotonic() < deadline:
+    while len(list((tmp_path / "there").glob("runs/*/*.json"))) < 11 and time.monotonic() < deadline:
         time.sleep(0.05)
     scheduler.terminate()
     assert process.communicate(timeout=60)[1] == f"the Dask scheduler at '{address}' is gone; start again to go on\n"
     assert process.returncode == 2
-    assert len(told_by(tmp_path / "there")) >= 15
+    assert len(told_by(tmp_path / "there")) >= 11
 
 
 def test_worker_with_another_version_makes_no_run():

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -205,7 +206,7 @@ def test_worst_runs_begin_with_those_that_failed(study):
 
 
 def test_the_same_results_give_the_same_bytes(tmp_path):
-    frame = results(maps=("office",), planners=("cbs", "ecbs"), seeds=3)
+    frame = results(maps=("office",), planners=("cbs", "ecbs"), robots=(5,), seeds=3)
     frame.to_parquet(tmp_path / "results.parquet")
     pages = [write_report(tmp_path / "results.parquet", tmp_path / name) for name in ("a", "b")]
     files = [sorted(p.relative_to(page.parent) for p in page.parent.rglob("*") if p.is_file()) for page in pages]
@@ -215,7 +216,7 @@ def test_the_same_results_give_the_same_bytes(tmp_path):
 
 
 def test_names_are_text_never_markup(tmp_path):
-    frame = results(maps=(NASTY, "名前 \u0007"), planners=(NASTY, "_hidden"), seeds=2, reason=NASTY)
+    frame = results(maps=(NASTY, "名前 \u0007"), planners=(NASTY, "_hidden"), robots=(5,), seeds=2, reason=NASTY)
     page, text = reported(tmp_path, frame)
     assert "script" not in checked(text).tags
     assert "<script>alert" not in text
@@ -243,7 +244,8 @@ def test_results_with_little_in_them_are_reported(tmp_path, frame):
 
 def test_a_factor_that_varies_gets_a_chart(tmp_path):
     frame = pd.concat(
-        [results(maps=("office",), planners=("cbs",), **{"planner.step_s": s, "key": f"{s}"}) for s in (1.6, 2.0)], ignore_index=True
+        [results(maps=("office",), planners=("cbs",), robots=(5,), seeds=3, **{"planner.step_s": s, "key": f"{s}"}) for s in (1.6, 2.0)],
+        ignore_index=True,
     )
     page, text = reported(tmp_path, frame)
     assert "Success against step (s)" in text
@@ -252,7 +254,11 @@ def test_a_factor_that_varies_gets_a_chart(tmp_path):
 
 def test_variants_of_a_planner_are_series_of_their_own(tmp_path):
     frame = pd.concat(
-        [results(maps=("office",), planners=("ecbs",), **{"planner.parameters.suboptimality": w}) for w in (1.05, 1.2)], ignore_index=True
+        [
+            results(maps=("office",), planners=("ecbs",), robots=(5,), seeds=3, **{"planner.parameters.suboptimality": w})
+            for w in (1.05, 1.2)
+        ],
+        ignore_index=True,
     )
     page, _ = reported(tmp_path, frame)
     assert {r["planner"] for r in table(page, "table_2_planning")} == {"ECBS, suboptimality 1.05", "ECBS, suboptimality 1.2"}
@@ -378,11 +384,18 @@ HEADLESS = [
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 @pytest.mark.parametrize("what", ["study", "run"])
 def test_nothing_on_the_page_is_wider_than_a_phone(study, run_folder, tmp_path, what):
+    """With MRP_SUMO_SCREENSHOTS=DIR, what the page looks like on a phone and a desk is left in DIR for people to look at."""
     page = study[0] if what == "study" else write_report(run_folder)
     (tmp_path / "phone.html").write_text(
         f"<iframe src='{page.as_uri()}' style='width:390px;height:844px'></iframe><script>onload = () => {{"
         "const root = frames[0].document.documentElement; document.body.dataset.width = root.scrollWidth }</script>"
     )
-    command = [CHROMIUM, *HEADLESS, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", (tmp_path / "phone.html").as_uri()]
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+    command = [CHROMIUM, *HEADLESS, f"--user-data-dir={tmp_path / 'profile'}"]
+    dom = subprocess.run([*command, "--dump-dom", (tmp_path / "phone.html").as_uri()], capture_output=True, text=True, timeout=120).stdout
     assert int(re.search(r'data-width="(\d+)"', dom)[1]) <= 390
+    if folder := os.environ.get("MRP_SUMO_SCREENSHOTS"):
+        for name, shown, size in (("phone", tmp_path / "phone.html", "406,860"), ("desk", page, "1280,2400")):
+            picture = Path(folder).resolve() / f"report_{what}_{name}.png"
+            picture.parent.mkdir(parents=True, exist_ok=True)
+            subprocess.run([*command, f"--screenshot={picture}", f"--window-size={size}", shown.as_uri()], capture_output=True, timeout=120)
+            assert picture.read_bytes().startswith(b"\x89PNG")
