@@ -245,14 +245,19 @@ def test_robots_swap_in_a_corridor_with_one_siding():
     assert judge(problem, result.plan).valid
 
 
-def test_lacam_proves_that_a_corridor_cannot_be_swapped_in():
-    result = Lacam().plan(problem_on(corridor(5), [0, 4], [4, 0]), 20.0)
+def full_star():
+    """Three robots on the three leaves of a star; whoever comes to the middle can only go back."""
+    return problem_on(roadmap([lane for i in (1, 2, 3) for lane in ((0, i), (i, 0))], 4), [1, 2, 3], [2, 1, 3])
+
+
+def test_lacam_proves_that_a_star_is_too_full_to_swap_in():
+    result = Lacam().plan(full_star(), 20.0)
     assert result.status is Status.INFEASIBLE
     assert "every configuration" in result.message
 
 
-def test_incomplete_planners_give_up_in_the_same_corridor():
-    problem = problem_on(corridor(5), [0, 4], [4, 0])
+def test_incomplete_planners_give_up_on_the_same_star():
+    problem = full_star()
     result = Pibt(max_steps=100, num_attempts=2).plan(problem, 20.0)
     assert result.status is Status.GAVE_UP
     assert "2 attempts of 100 steps" in result.message
@@ -332,7 +337,6 @@ from planners.lacam import Lacam
 from planners.lns2 import Lns2
 from planners.pibt import Pibt
 
-pytestmark = pytest.mark.kernel
 problem = random_problem(7, 12, 4)
 for planner in (Pibt(), Lacam(polish=300), Lns2(polish=300)):
     planner.prepare()
