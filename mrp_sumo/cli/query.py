@@ -48,8 +48,13 @@ def run(options: argparse.Namespace) -> int:
     for name, kind in frame.dtypes.items():
         table.add_column(str(name), justify="right" if kind.kind in "iuf" else "left")
     for row in frame.itertuples(index=False):
-        table.add_row(
-            *("" if value is None or value != value else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row)
-        )
+        table.add_row(*map(_cell, row))
     Console(highlight=False, width=None if sys.stdout.isatty() else 200).print(table)
     return 0
+
+
+def _cell(value: object) -> str:
+    """A value as the table shows it; nothing for what is missing."""
+    if isinstance(value, float):
+        return "" if value != value else f"{value:.4g}"
+    return "" if value is None or str(value) in ("<NA>", "NaT") else str(value)

@@ -81,6 +81,8 @@ def test_status_counts_what_ended_how(study, capsys):
 def test_query_answers_sql_and_views(study, capsys):
     assert main(["query", str(study / "out"), "select planner, count(*) as n from results group by planner order by 1", "--csv"]) == 0
     assert capsys.readouterr().out == "planner,n\nastar,3\ncbs,3\n"
+    assert main(["query", str(study / "out"), "select quantile_cont(soc_steps, [0.1, 0.9]) as q, null as n from results"]) == 0
+    assert "[" in capsys.readouterr().out
     assert main(["query", str(study / "out"), "cost"]) == 0
     assert capsys.readouterr().out.split()[:2] == ["planner", "cost"]
     assert main(["query", str(study / "out")]) == 0
