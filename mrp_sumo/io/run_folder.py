@@ -141,7 +141,7 @@ def write_run(
         document["files"] = _files(new)
         told: dict[str, Any] = plain(document)
         (new / RESULT).write_text(laid_out(told) + "\n", encoding="utf-8")
-        _put_in_place(new, out)
+        put_in_place(new, out)
     except OSError as error:
         raise MrpSumoError(f"{out}: cannot be written: {error.strerror or error}") from None
     finally:
@@ -289,7 +289,7 @@ def _is_alive(process: int) -> bool:
     return True
 
 
-def _put_in_place(new: Path, out: Path) -> None:
+def put_in_place(new: Path, out: Path) -> None:
     """Rename `new` to `out`; what was there goes once the new one stands."""
     old = out.parent / f".{out.name}.old-{os.getpid()}"
     if out.exists():

@@ -18,6 +18,7 @@ import pandas as pd
 
 from mrp_sumo import __version__
 from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.reports import paper, study_tables
 from mrp_sumo.reports.chart import Chart
 from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
@@ -66,7 +67,7 @@ def write_report(source: Path, out: Path | None = None) -> Path:
             for part in section.parts:
                 _write_part(new, part)
         (new / INDEX).write_text(text, encoding="utf-8")
-        _put_in_place(new, out)
+        put_in_place(new, out)
     except OSError as error:
         raise BatchError(f"{out}: cannot be written: {error.strerror or error}") from None
     finally:
@@ -239,17 +240,3 @@ def _check_replaceable(out: Path) -> None:
             ours = False
         if not ours:
             raise MrpSumoError(f"{out}: is not empty and not a report, so it is not replaced; choose another --out")
-
-
-def _put_in_place(new: Path, out: Path) -> None:
-    """Rename `new` to `out`; what was there goes once the new one stands."""
-    old = out.parent / f".{out.name}.old-{os.getpid()}"
-    if out.exists():
-        out.rename(old)
-    try:
-        new.rename(out)
-    except OSError:
-        if old.exists():
-            old.rename(out)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
