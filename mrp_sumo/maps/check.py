@@ -4,7 +4,6 @@ Everything is measured graph by graph on the graphs as drawn, levels joined by l
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -84,16 +83,6 @@ def check_graph(nav: NavGraph) -> tuple[Finding, ...]:
     if strong > weak:
         notes.add("not_strongly_connected", f"{strong} strong, {weak} weak components")
     return notes.findings()
-
-
-def check_file(path: Path, meters_per_pixel: float | None = None) -> tuple[Finding, ...]:
-    """All findings of a map file, refusals too; what cannot be read at all is the finding `unreadable`."""
-    from mrp_sumo.maps.load import load_map
-
-    try:
-        return load_map(path, meters_per_pixel=meters_per_pixel).findings
-    except MapError as error:
-        return findings_of(error)
 
 
 def findings_of(error: MapError) -> tuple[Finding, ...]:
