@@ -67,7 +67,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _scenario(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Plan | None, Cells | None]":
-    from mrp_sumo.experiments.run import set_up, solve
+    from mrp_sumo.experiments.run import solve
+    from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.experiments.workshop import Workshop
     from mrp_sumo.io.scenario import find_scenario, read_scenario
     from mrp_sumo.planning.peers import cells_of

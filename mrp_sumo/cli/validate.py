@@ -91,7 +91,7 @@ def _num_robots(path: Path) -> int:
 
 
 def _of_scenario(options: argparse.Namespace) -> "Problem":
-    from mrp_sumo.experiments.run import set_up
+    from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.experiments.workshop import Workshop
     from mrp_sumo.io.scenario import find_scenario, read_scenario
 

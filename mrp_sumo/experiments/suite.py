@@ -384,7 +384,7 @@ class _Inputs:
         return self._of_scenario[rest]
 
     def _read(self, scenario: Scenario) -> str:
-        from mrp_sumo.experiments.run import choices
+        from mrp_sumo.experiments.set_up import choices
         from mrp_sumo.maps.load import files_of
 
         whole = ScenarioFile(scenario, self._file.document, self._file.places)

@@ -1,0 +1,210 @@
+"""From a scenario file to a problem that can be planned: map, robots, starts and goals, chosen planner and policy.
+
+Refuses names the map does not have, robots that do not fit, goals that cannot be reached.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
+from mrp_sumo.experiments.workshop import Workshop
+from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, robot_type
+from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.maps.load import Map
+from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
+from mrp_sumo.planning.protocol import Assigner, Planner
+from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.sim.disturbances import Breakdown, Disturbances, Obstacle
+from mrp_sumo.sim.policy import policy_of
+from mrp_sumo.sim.settings import ExecutionSettings
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """A scenario with its map loaded and its problem drawn. Nothing is planned yet."""
+
+    file: ScenarioFile
+    map: Map
+    problem: Problem
+    assigner: Assigner
+    planner: Planner
+    settings: ExecutionSettings
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.file.scenario
+
+
+def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
+    """Load the map, fit the robots, draw or look up starts and goals.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, naming file and key.
+    """
+    scenario = file.scenario
+    model, chosen_planner, chosen_assigner, settings = choices(file)
+    cell_m = scenario.discretisation.cell_m
+    map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder, cell_m, model.radius_m))
+    graph = workshop.graph(map_, scenario.discretisation)
+    _require_fit(file, graph, model)
+    start, goal = _places(file, map_.nav, graph)
+    fleet = fleet_of(model, len(start))
+    for i, name in enumerate(scenario.record.robots):
+        if name not in fleet.robot_name:
+            raise ScenarioError(f"{file.at('record', 'robots', i)}: '{name}' is not a robot{nearest(name, fleet.robot_name)}")
+    problem = _located(
+        file,
+        ("robots",),
+        lambda: Problem(
+            graph=graph,
+            fleet=fleet,
+            start=start,
+            goal=goal,
+            goal_of=np.full(len(start), -1),
+            step_s=scenario.planner.step_s or planned_step_s(graph, fleet, scenario.execution.step_length_s),
+            seed=scenario.seed,
+        ),
+    )
+    if scenario.robots.starts is not None:
+        _require_reachable(file, problem)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings)
+
+
+def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
+    """What a scenario chooses by name, apart from its map.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, naming file and key.
+    """
+    scenario = file.scenario
+    return (
+        _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
+        _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters)),
+        _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters)),
+        _settings(file),
+    )
+
+
+def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
+    """The time planned for a lane: the slowest robot drives the longest lane and turns by a right angle.
+
+    Every step of a plan can then be kept, at rest or in motion. Rounded up to whole simulation steps.
+    """
+    speed = np.minimum(graph.speed_mps, fleet.max_speed_mps.min())
+    drive = float((graph.length_m / speed).max()) if graph.num_lanes else 0.0
+    turn = math.pi / 2 / float(fleet.turn_rate_rad_s.min())
+    return round(math.ceil((drive + turn) / step_length_s - 1e-9) * step_length_s, 9)
+
+
+def _settings(file: ScenarioFile) -> ExecutionSettings:
+    execution = file.scenario.execution
+    _located(file, ("execution", "policy"), lambda: policy_of(execution.policy))
+    settings: ExecutionSettings = _located(
+        file,
+        ("execution",),
+        lambda: ExecutionSettings(
+            policy=execution.policy,
+            step_length_s=execution.step_length_s,
+            time_limit_s=execution.time_limit_s,
+            record_period_s=file.scenario.record.period_s,
+            seed=file.scenario.seed,
+            on_deadlock=execution.on_deadlock,
+            disturbances=_disturbances(execution.disturbances),
+        ),
+    )
+    return settings
+
+
+def _disturbances(choice: DisturbanceChoice) -> Disturbances:
+    """A duration that is not given is for good."""
+
+    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
+        return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
+
+    scalars = choice.model_dump(exclude={"breakdowns", "obstacles"})
+    return Disturbances(**scalars, breakdowns=parts(choice.breakdowns, Breakdown), obstacles=parts(choice.obstacles, Obstacle))
+
+
+def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
+    fleet = fleet_of(model, 1)
+    shortest = float(graph.length_m.min(initial=np.inf))
+    if fleet.separation_m > shortest + 1e-9:
+        raise ScenarioError(
+            f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {fleet.separation_m:.3f} m between centres, "
+            f"the shortest step of '{graph.name}' is {shortest:.3f} m (raise discretisation.cell_m)"
+        )
+
+
+def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArray, IntArray]:
+    """Plan vertices of starts and goals, not assigned yet."""
+    robots = file.scenario.robots
+    if robots.starts is not None and robots.goals is not None:
+        start = _looked_up(file, nav, graph, "starts", robots.starts[: robots.count])
+        fixed = file.scenario.assignment.mode == "fixed"
+        goal = _looked_up(file, nav, graph, "goals", robots.goals[: len(start)] if fixed else robots.goals)
+        values, times = np.unique(goal, return_counts=True)
+        if (times > 1).any():
+            i, j = np.flatnonzero(goal == values[times > 1][0])[:2]
+            raise ScenarioError(
+                f"{file.at('robots', 'goals', int(j))}: '{robots.goals[j]}' is the goal of two robots, as '{robots.goals[i]}' is"
+            )
+        if fixed and len(goal) < len(start):
+            raise ScenarioError(f"{file.at('robots', 'goals')}: {len(goal)} goals for {len(start)} robots with a fixed assignment")
+        return start, goal
+    assert robots.count is not None
+    where = ("robots", "count")
+    if robots.draw == "uniform":
+        start, goal = _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed))
+        return start, goal
+    start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
+    return graph.vertex_of_station[start], graph.vertex_of_station[goal]
+
+
+def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: str, names: list[str]) -> IntArray:
+    faults, found = [], []
+    for i, name in enumerate(names):
+        vertex = nav.vertex_of_name.get(name)
+        if vertex is None:
+            known = [n for n in nav.vertex_name if n]
+            faults.append(f"{file.at('robots', key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
+        else:
+            found.append(int(graph.vertex_of_station[vertex]))
+    if faults:
+        raise ScenarioError(*faults)
+    return np.array(found, np.int64)
+
+
+def _require_reachable(file: ScenarioFile, problem: Problem) -> None:
+    """Named starts and goals that can never meet are a mistake in the file, not a hard problem."""
+    reach = np.isfinite(cost_matrix(problem.graph, problem.start, problem.goal, "path"))
+    label, name = problem.graph.label, problem.fleet.robot_name
+    if file.scenario.assignment.mode == "fixed":
+        reach = reach[:, : problem.num_robots] & np.eye(problem.num_robots, dtype=bool)
+    for robot in np.flatnonzero(~reach.any(1)) if len(problem.goal) >= problem.num_robots else ():
+        raise ScenarioError(
+            f"{file.at('robots', 'starts', int(robot))}: {name[robot]} cannot reach "
+            + (f"its goal '{label(problem.goal[robot])}'" if file.scenario.assignment.mode == "fixed" else "any goal")
+            + f" from '{label(problem.start[robot])}'"
+        )
+    for goal in np.flatnonzero(~reach.any(0)) if len(problem.goal) <= problem.num_robots else ():
+        raise ScenarioError(f"{file.at('robots', 'goals', int(goal))}: no robot can reach '{label(problem.goal[goal])}'")
+
+
+def _located(file: ScenarioFile, place: tuple[str, ...], make: Callable[[], Any]) -> Any:
+    """What `make` makes; its refusal is told with file, line and key."""
+    try:
+        return make()
+    except MrpSumoError as error:
+        raise type(error)(*(f"{file.at(*place)}: {line}" for line in str(error).splitlines())) from None
