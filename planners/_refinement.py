@@ -11,6 +11,7 @@ from planners._world import SLICE_S
 
 SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
+MOST_AT_ONCE = 1 << 20  # neighbourhoods until the clock is read
 
 
 def task_of(problem: Problem, table: np.ndarray) -> Task:
@@ -47,7 +48,7 @@ class Refinement:
         while self.cost > self._least and self._labels.stamp[1] < most_labels and (slice_s := perf_counter()) < deadline_s:
             _lns.improve(self._task, self._traffic, self._labels, self._hood, self._size, self._at_once, most_labels, self._rng)
             pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
-            self._at_once = max(1, int(self._at_once * min(pace, 2.0)))
+            self._at_once = max(1, min(MOST_AT_ONCE, int(self._at_once * min(pace, 2.0))))
 
     def path(self) -> np.ndarray:
         """[T, R], up to the last arrival."""

@@ -24,6 +24,7 @@ from planners._symmetry import choose
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000
 PAIR_NODES = 64
+NODE_WORK = 300  # expansions that take as long as a node does besides its search, about
 PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
 SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
 MOST_BYTES = 6 << 30
@@ -92,6 +93,11 @@ class Tree:
     def expansions(self) -> int:
         """Low-level expansions so far."""
         return int(self._tables.scratch.number[st.EXPANSIONS])
+
+    @property
+    def work(self) -> int:
+        """Work done, counted in low-level expansions, or about as much work of other kinds."""
+        return self.expansions + NODE_WORK * self._tables.generated
 
     def root(self, w: float = 1.0) -> Node | None:
         """The node without constraints: each robot's path, disturbing those before it least. None when there is none."""
@@ -218,6 +224,7 @@ class Tree:
             branch, node.records, node.conflicts, robot, row0, row1, w, lower, min(PATIENCE + self._num_split, MOST_PATIENCE), budget=True
         )
         self.generated += 1
+        self._tables.generated += 1
         if found is None:
             return None
         record, conflicts = found
@@ -335,6 +342,7 @@ class _Tables:
             np.empty(1 << 18, np.int32),
             np.zeros(5, np.int64),
         )
+        self.generated = 0  # nodes, of all trees
         self._states = 1 << 16
         self._members = 1 << 16
         self._number = np.zeros(8, np.int64)

@@ -5,6 +5,10 @@ chosen by an estimate of the cost of a solution below them, learned while search
 how many conflicts it ends (section 4); bypass, prioritised conflicts and symmetries on top (section 5). The WDG
 heuristic, which needs shortest paths, serves the lower bound in a tree of its own: when nothing is cheap enough
 to be chosen, a step of optimal CBS alternates with the paper's expansion of the node of least bound.
+
+An addition to the paper, `incumbent`: when the tree has not answered within a few times the work of its root, a
+plan is looked for by MAPF-LNS2 and large neighbourhood search too, in turns of equal work. The tree's lower bound
+tells whether it is good enough: a plan of at most w times the bound is an answer, wherever it comes from.
 """
 
 from dataclasses import dataclass
@@ -18,6 +22,8 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit
 
+ROOTS = 3  # the incumbent's first turn comes when the tree has done this many times the work of its root
+
 
 @dataclass(frozen=True)
 class Eecbs:
@@ -26,7 +32,8 @@ class Eecbs:
     w: float = 1.2
     symmetries: bool = True  # rectangles, corridors, targets
     bypass: bool = True
-    following: bool = False  # following conflicts count too
+    following: bool = False  # following conflicts count too; there is no incumbent then
+    incumbent: bool = True  # look for a plan by large neighbourhood search too; without, the search is the paper's alone
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "w-bounded"
@@ -37,12 +44,15 @@ class Eecbs:
 
     def prepare(self) -> None:
         """See `Planner`."""
+        from planners import _incumbent
         from planners._warm import warm
 
         warm(self)
+        _incumbent.prepare()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
+        from planners._incumbent import Incumbent
         from planners._tree import OutOfTime, Tree
 
         require_limit(time_limit_s)
@@ -51,19 +61,28 @@ class Eecbs:
             return refusal
         tree = Tree(problem, began + time_limit_s, following=self.following, symmetries=self.symmetries)
         nodes = _Open(self.w, _Bound(tree))
-        best, expanded = None, 0
+        paths, from_incumbent, expanded = None, False, 0
+        other = Incumbent(problem, tree.world.distance, tree.deadline) if self.incumbent and not self.following else None
+        turn = 0  # work of the tree at which the incumbent's turn comes
         status, message = Status.SOLVED, ""
         try:
             if root := tree.root(self.w):
                 nodes.insert(root)
+            turn = ROOTS * tree.work
             while True:
                 tree.check_clock()
+                if other and tree.work >= turn:
+                    turn = 2 * tree.work
+                    other.work(tree.work, self.w * nodes.lower)
                 node = nodes.select()
+                if other and other.cost is not None and other.cost <= self.w * nodes.lower + 1e-9:
+                    paths, from_incumbent = other.paths(), True
+                    break
                 if node is None:
                     status, message = Status.INFEASIBLE, "no plan exists: every way to end the conflicts fails"
                     break
                 if not len(node.conflicts) and node.cost <= self.w * nodes.lower + 1e-9:
-                    best = node
+                    paths = tree.paths(node)
                     break
                 expanded += 1
                 children = tree.children(node, self.w, nodes.lower, bypass=self.bypass)
@@ -74,7 +93,7 @@ class Eecbs:
             status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
         return PlanResult(
             status,
-            plan=plan_of_paths(tree.paths(best), problem.step_s) if best else None,
+            plan=plan_of_paths(paths, problem.step_s) if paths is not None else None,
             planning_time_s=perf_counter() - began,
             lower_bound_steps=float(nodes.lower),
             stats={
@@ -82,6 +101,8 @@ class Eecbs:
                 "generated": tree.generated,
                 "low_level_expansions": tree.expansions,
                 "chosen_for_bound": nodes.chosen_for_bound,
+                "from_incumbent": float(from_incumbent),
+                **(other.counters() if other else {}),
             },
             message=message,
         )

@@ -39,7 +39,7 @@ PAPER = {
 BENCHMARK = {
     "random-32-32-20": (50, 100, 150, 200),
     "random-32-32-10": (100, 200, 300),
-    "warehouse-10-20-10-2-1": (50, 100, 200, 300, 500),
+    "warehouse-10-20-10-2-1": (50, 100, 200, 300, 500, 750),
 }
 PLANNERS = ("cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta", "lacam")
 SMALL_ONLY = {"cbs", "cbs_ta", "ecbs_ta", "prioritised", "astar"}  # not asked the benchmark maps unless named

@@ -4,13 +4,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from truth import least_cost, random_problem
+from truth import ROBOT, least_cost, random_problem
 
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status, paths_of_plan
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import ScenarioError
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.planning.draw import uniform_draw
 from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.planning.registry import planner
+from planners._incumbent import Incumbent
+from planners._world import steps_table
 
 OPTIMAL = [
     ("cbs", {}),
@@ -125,3 +131,49 @@ def test_plans_without_following_conflicts_can_be_had():
         if result.plan:
             assert not judge(problem, result.plan).following
             assert all(len(path) for path in paths_of_plan(result.plan, 1.0))
+
+
+def crowd(seed):
+    """Twenty robots on a 9 x 9 grid with a few obstacles."""
+    free = np.random.default_rng(seed).random((9, 9)) > 0.1
+    graph = grid_graph(free, 1.0, (0.0, 0.0))
+    start, goal = uniform_draw(graph, 20, seed)
+    return Problem(graph, fleet_of(ROBOT, len(start)), start, goal, np.arange(len(start)), 1.0, seed)
+
+
+def test_answer_from_the_incumbent_is_valid_and_within_the_bound_of_the_tree():
+    told = [(crowd(seed), planner("eecbs", {"w": 1.2}).plan(crowd(seed), 20.0)) for seed in range(4)]
+    assert any(result.stats["from_incumbent"] for _, result in told)
+    for problem, result in told:
+        assert result.status is Status.SOLVED
+        assert judge(problem, result.plan).valid
+        cost = result.plan.end_s.sum()
+        assert cost <= 1.2 * result.lower_bound_steps + 1e-9
+        if result.stats["from_incumbent"]:
+            assert cost == result.stats["incumbent_cost"]
+
+
+def test_incumbent_can_be_switched_off():
+    result = planner("eecbs", {"w": 1.5, "incumbent": False}).plan(crowd(1), 5.0)
+    assert result.stats["from_incumbent"] == 0
+    assert "incumbent_labels" not in result.stats
+
+
+def test_incumbent_is_the_same_in_one_turn_and_in_many():
+    problem = crowd(2)
+    table = steps_table(problem, np.inf)
+    costs = []
+    for turns in ([120_000], range(10_000, 130_000, 10_000)):
+        other = Incumbent(problem, table, np.inf)
+        for labels in turns:
+            other.work(labels, 0.0)
+        paths = other.paths()
+        assert sum(map(len, [trimmed(path) for path in paths])) - len(paths) == other.cost
+        costs.append([path.tolist() for path in paths])
+    assert costs[0] == costs[1]
+
+
+def trimmed(path):
+    """A path without the waits at its end."""
+    moves = np.flatnonzero(path[1:] != path[:-1])
+    return path[: moves[-1] + 2] if len(moves) else path[:1]
