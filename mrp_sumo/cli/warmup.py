@@ -8,7 +8,7 @@ import multiprocessing
 import os
 from time import perf_counter
 
-EXECUTION = "execution"  # the controller's kernels, beside the planners'
+EXECUTION = "execution"  # the kernels of the controller and the audit, beside the planners'
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +37,7 @@ def run(options: argparse.Namespace) -> int:
 def _warm(name: str) -> tuple[str, float]:
     """The name, and how long it took."""
     from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.metrics import audit
     from mrp_sumo.planning import distance
     from mrp_sumo.planning.registry import planner
     from mrp_sumo.sim import warm
@@ -45,6 +46,7 @@ def _warm(name: str) -> tuple[str, float]:
     distance.prepare()
     if name == EXECUTION:
         warm.prepare()
+        audit.prepare()
     else:
         try:
             chosen = planner(name, {})

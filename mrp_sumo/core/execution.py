@@ -50,7 +50,9 @@ class Execution:
     wall_time_s: float  # of the loop, without start-up
     cpu_time_s: float  # of the process, in the loop
     events: tuple[Event, ...] = ()
-    findings: tuple[str, ...] = field(default=())  # what SUMO itself complained of (collisions)
+    findings: tuple[str, ...] = field(default=())  # collisions that SUMO itself reports
+    sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
+    sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
 
     @property

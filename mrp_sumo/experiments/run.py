@@ -169,7 +169,8 @@ def carry_out(
         network = workshop.network(solution.problem.graph, setup.map.building if gui else None)
         execution, note = _execute(setup, solution, network, report, gui)
     report("measuring", 0.0, 0.0)
-    audited = audit(execution, solution.problem.fleet) if execution else None
+    problem = solution.problem
+    audited = audit(execution, problem.fleet, problem.graph.level[problem.start]) if execution else None
     metrics = evaluate(
         solution.problem,
         solution.result,

@@ -1,27 +1,32 @@
-"""An independent look at what was driven: did robots overlap, jump, speed or brake harder than they can.
+"""An independent look at what was driven: did robots overlap, jump, speed, turn or brake harder than they can.
 
-Knows the trajectory and the robots' footprints and limits, nothing of plans, policies or SUMO, so it can
-disagree with all of them. It sees samples, not what lies between them. Lengths in m, times in s.
+Knows the trajectory, the robots' footprints and limits, and where SUMO says it had the robots; nothing of plans and
+policies, so it can disagree with all of them. Between samples it takes robots to move straight and evenly, and looks
+at all of that way, not only at the samples.
 """
 
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.execution import Execution, Outcome, positions_at
+from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.metrics import _audit
 
-BLOCK = 8  # samples that share one search for neighbours
 LISTED = 20  # findings of a kind that are told one by one
-TOUCH_M = 1e-6  # rectangles that share less than this are not called overlapping
-SPEED_SLACK = 1e-3  # relative: rounding in SUMO's files and steps
-ACCEL_SLACK = 1e-2
-JUMP_SLACK_M = 1e-3
+ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
+KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
+    "speed": "num_speed_violations",
+    "accel": "num_accel_violations",
+    "decel": "num_decel_violations",
+    "turn_rate": "num_turn_rate_violations",
+    "jump": "num_jumps",
+    "heading_jump": "num_heading_jumps",
+}
 
 
-def audit(execution: Execution, fleet: Fleet) -> dict[str, Any]:
+def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None) -> dict[str, Any]:
     """Look over an execution.
 
     Parameters
@@ -30,189 +35,105 @@ def audit(execution: Execution, fleet: Fleet) -> dict[str, Any]:
         T samples of R robots.
     fleet
         Footprints, rectangles of length x width turned by the yaw around the centre, and limits.
+    level
+        [R] the floor each robot is on; robots on different floors never meet. By default all are on one.
 
     Returns
     -------
     dict
-        `passed`, whether nothing was found; `num_overlaps`, pairs of robots that ever overlap, and
-        `overlaps`, each pair's first one (robots, t_s, x_m, y_m); `min_clearance_m`, the least distance of
-        two footprints at any sample (0 when they overlap, None without two robots), and `min_clearance`
-        with robots and time; `num_speed_violations`, `num_accel_violations` and `num_jumps`, counts of
-        samples above the limits, and `violations`, the first of them. A jump is a step longer than
-        the robot can drive in the time between two samples.
+        `passed`, whether nothing was found; `num_overlaps`, pairs of robots that ever overlap, at a sample or
+        between two, and `overlaps`, each pair's first one (robots, t_s, x_m, y_m); `min_clearance_m`, the least
+        distance of two footprints at any time (to 0.1 mm; 0 when they overlap, None without two robots), and
+        `min_clearance` with robots and time; counts of samples over the limits of speed, acceleration,
+        deceleration and turn rate; `num_jumps`, steps longer than the robot can drive in the time between two
+        samples, and `num_heading_jumps`, turns of more than twice what it can turn; `violations`, the first
+        of each kind; `num_sumo_disagreements`, robots SUMO had elsewhere, and `sumo_disagreements`, the
+        first of each; `sumo_apart_m`, the most that SUMO's positions are off (None without any);
+        `num_sumo_collisions`, what SUMO reports of collisions, and `sumo_collisions`.
     """
-    overlaps, clearance = _closeness(execution, fleet)
+    overlaps, clearance = _closeness(execution, fleet, level)
     counts, violations = _motion(execution, fleet)
+    elsewhere, apart_m = _elsewhere(execution, fleet)
+    collisions = execution.findings
     return {
-        "passed": not overlaps and not any(counts.values()),
+        "passed": not (overlaps or any(counts.values()) or elsewhere or collisions),
         "num_overlaps": len(overlaps),
         "overlaps": overlaps[:LISTED],
         "min_clearance_m": clearance["m"] if clearance else None,
         "min_clearance": clearance and {key: clearance[key] for key in ("robots", "t_s")},
         **counts,
         "violations": violations,
+        "num_sumo_disagreements": len(elsewhere),
+        "sumo_disagreements": elsewhere[:LISTED],
+        "sumo_apart_m": apart_m,
+        "num_sumo_collisions": len(collisions),
+        "sumo_collisions": list(collisions[:LISTED]),
     }
 
 
-def signed_distances(
-    dx: FloatArray, dy: FloatArray, yaw_a: FloatArray, yaw_b: FloatArray, half_a: FloatArray, half_b: FloatArray
-) -> FloatArray:
-    """[P] distance of rectangles a to rectangles b; where they overlap, minus the depth they share.
-
-    Parameters
-    ----------
-    dx, dy
-        [P] centre of b seen from the centre of a.
-    yaw_a, yaw_b
-        [P] headings.
-    half_a, half_b
-        [P, 2] half lengths and half widths.
-    """
-    turn = yaw_b - yaw_a
-    b_from_a = _into(dx, dy, yaw_a)
-    a_from_b = _into(-dx, -dy, yaw_b)
-    # separating axes of two rectangles are their own: apart unless they overlap on all four
-    spread = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    gap = np.stack(
-        (
-            np.abs(b_from_a[0]) - half_a[:, 0] - spread[0] * half_b[:, 0] - spread[1] * half_b[:, 1],
-            np.abs(b_from_a[1]) - half_a[:, 1] - spread[1] * half_b[:, 0] - spread[0] * half_b[:, 1],
-            np.abs(a_from_b[0]) - half_b[:, 0] - spread[0] * half_a[:, 0] - spread[1] * half_a[:, 1],
-            np.abs(a_from_b[1]) - half_b[:, 1] - spread[1] * half_a[:, 0] - spread[0] * half_a[:, 1],
-        )
-    ).max(0)
-    # two rectangles that are apart are nearest at a corner of one of them
-    squared = np.minimum(_corners(b_from_a, turn, half_b, half_a), _corners(a_from_b, -turn, half_a, half_b))
-    return np.where(gap > 0, np.sqrt(squared), gap)
+def prepare() -> None:
+    """Get the kernels compiled or loaded: two robots that stand still."""
+    x, still = np.array([[0.0, 2.0]] * 2), np.zeros((2, 2))
+    run = Execution(np.arange(2.0), x, still, still, still, np.zeros(0), np.zeros(2), Outcome.COMPLETED, "", 1.0, 0.0, 0.0)
+    audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2))
 
 
-def _into(dx: FloatArray, dy: FloatArray, yaw: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The vectors in frames turned by yaw."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return cos * dx + sin * dy, cos * dy - sin * dx
-
-
-def _corners(centre: tuple[FloatArray, FloatArray], turn: FloatArray, half: FloatArray, other: FloatArray) -> FloatArray:
-    """[P] least squared distance of the corners of a turned rectangle to one that lies straight around the origin."""
-    cos, sin = np.cos(turn), np.sin(turn)
-    least = np.full(len(turn), np.inf)
-    for along, across in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        x = centre[0] + along * cos * half[:, 0] - across * sin * half[:, 1]
-        y = centre[1] + along * sin * half[:, 0] + across * cos * half[:, 1]
-        out = np.maximum(np.abs(x) - other[:, 0], 0) ** 2 + np.maximum(np.abs(y) - other[:, 1], 0) ** 2
-        least = np.minimum(least, out)
-    return least
-
-
-def _closeness(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
     """The first overlap of every pair, by time, and the least clearance."""
-    x, y, yaw = execution.x_m, execution.y_m, execution.yaw_rad
-    radius, half = fleet.radius_m, np.column_stack((fleet.length_m, fleet.width_m)) / 2
-    best, where = np.inf, (0, 0, 0)
-    first: dict[tuple[int, int], int] = {}
-    num_samples = len(x)
-    num_there = np.isfinite(x).sum(1)
-    if not num_samples or num_there.max() < 2:
+    x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
+    if not len(x):
         return [], None
-    # a sparse first pass bounds the clearance from above, which keeps the search radius of the full pass small
-    sparse = [int(num_there.argmax()), *np.linspace(0, num_samples - 1, min(num_samples, 64)).astype(np.int64).tolist()]
-    blocks = [np.array([k]) for k in sparse]
-    blocks += [np.arange(k, min(k + BLOCK, num_samples)) for k in range(0, num_samples, BLOCK)]
-    for t in blocks:
-        for i, j in _neighbours(x[t], y[t], radius, best):
-            xi, xj = x[np.ix_(t, i)], x[np.ix_(t, j)]  # [B, P]
-            yi, yj = y[np.ix_(t, i)], y[np.ix_(t, j)]
-            apart = np.hypot(xj - xi, yj - yi) - (radius[i] + radius[j])  # a lower bound of the clearance
-            b, p = np.nonzero(apart <= best)
-            if not len(b):
-                continue
-            order = np.argsort(apart[b, p], kind="stable")
-            b, p = b[order], p[order]
-            for part in (slice(0, 256), slice(256, None)):  # the nearest first: most of the rest needs no second look
-                keep = apart[b[part], p[part]] <= best
-                bk, pk = b[part][keep], p[part][keep]
-                if not len(bk):
-                    continue
-                a, c, k = i[pk], j[pk], t[bk]
-                dx, dy = xj[bk, pk] - xi[bk, pk], yj[bk, pk] - yi[bk, pk]
-                signed = signed_distances(dx, dy, yaw[k, a], yaw[k, c], half[a], half[c])
-                distance = np.maximum(signed, 0)
-                n = np.lexsort((c, a, k, distance))[0]
-                if (distance[n], k[n]) < (best, where[0]):
-                    best, where = float(distance[n]), (int(k[n]), int(a[n]), int(c[n]))
-                hit = np.flatnonzero(signed < -TOUCH_M)
-                hit = hit[np.argsort(k[hit], kind="stable")]
-                for m in hit[np.unique(a[hit] * len(radius) + c[hit], return_index=True)[1]]:  # the first of each pair
-                    pair = int(a[m]), int(c[m])
-                    first[pair] = min(int(k[m]), first.get(pair, num_samples))
-    overlaps = [
-        {
-            "robots": [fleet.robot_name[a], fleet.robot_name[c]],
-            "t_s": float(execution.t_s[k]),
-            "x_m": float((x[k, a] + x[k, c]) / 2),
-            "y_m": float((y[k, a] + y[k, c]) / 2),
-        }
-        for (a, c), k in sorted(first.items(), key=lambda item: (item[1], item[0]))
-    ]
-    k, a, c = where
-    return overlaps, {"m": best, "robots": [fleet.robot_name[a], fleet.robot_name[c]], "t_s": float(execution.t_s[k])}
+    floor = np.zeros(x.shape[1], np.int64) if level is None else level.astype(np.int64)
+    half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
+    best, where, hits = _audit.closeness(x, y, yaw, floor, np.hypot(half_length, half_width), half_length, half_width)
+    if not np.isfinite(best):
+        return [], None
 
+    def time(k: float, share: float) -> float:
+        t, after = execution.t_s, min(int(k) + 1, len(execution.t_s) - 1)
+        return float(t[int(k)] + share * (t[after] - t[int(k)]))
 
-def _neighbours(x: FloatArray, y: FloatArray, radius: FloatArray, best: float) -> list[tuple[IntArray, IntArray]]:
-    """Pairs (i < j) that may come nearer than `best` in a block of samples [B, R], in portions of bounded size."""
-    there = np.flatnonzero((np.isfinite(x) & np.isfinite(y)).any(0))
-    if len(there) < 2:
-        return []
-    x, y = x[:, there], y[:, there]
-    xy = np.column_stack((_middle(x), _middle(y)))
-    strayed = np.fmax.reduce(np.hypot(x - xy[:, 0], y - xy[:, 1]), axis=0)  # [R] from the point the tree knows
-    tree = cKDTree(xy)
-    if not np.isfinite(best):  # nothing known yet, and a block of one sample: the nearest two will do
-        distance, nearest = tree.query(xy, k=2)
-        k = int(distance[:, 1].argmin())
-        i, j = there[sorted((k, int(nearest[k, 1] if nearest[k, 1] != k else nearest[k, 0])))]
-        return [(np.array([i]), np.array([j]))]
-    pairs = tree.query_pairs(2 * radius.max() + 2 * strayed.max() + best, output_type="ndarray")
-    i, j = there[pairs.min(1)], there[pairs.max(1)]
-    size = max(1, 4_000_000 // len(x))
-    return [(i[k : k + size], j[k : k + size]) for k in range(0, len(i), size)]
-
-
-def _middle(values: FloatArray) -> FloatArray:
-    """[R] middle of the range over the block, NaN left out."""
-    middle: FloatArray = (np.fmin.reduce(values, axis=0) + np.fmax.reduce(values, axis=0)) / 2
-    return middle
+    found = sorted((time(k, share), int(a), int(b)) for k, share, a, b in hits.tolist())
+    overlaps = []
+    for t_s, a, b in found:
+        (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
+        place = {"x_m": float(xs[a] + xs[b]) / 2, "y_m": float(ys[a] + ys[b]) / 2}
+        overlaps.append({"robots": [fleet.robot_name[a], fleet.robot_name[b]], "t_s": t_s, **place})
+    robots = [fleet.robot_name[int(r)] for r in where[2:]]
+    return overlaps, {"m": float(best), "robots": robots, "t_s": time(where[0], where[1])}
 
 
 def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[dict[str, Any]]]:
     """Counts of samples over the limits, and the first of them."""
-    t, speed = execution.t_s, execution.speed_mps
-    dt = np.diff(t)[:, None]
-    step = np.hypot(np.diff(execution.x_m, axis=0), np.diff(execution.y_m, axis=0))  # [T - 1, R]
-    accel = np.divide(np.diff(speed, axis=0), dt)
-    found: dict[str, BoolArray] = {
-        "speed": np.abs(speed) > fleet.max_speed_mps * (1 + SPEED_SLACK),
-        "accel": _late((accel > fleet.accel_mps2 * (1 + ACCEL_SLACK)) | (accel < -fleet.decel_mps2 * (1 + ACCEL_SLACK))),
-        "jump": _late(step > fleet.max_speed_mps * dt * (1 + SPEED_SLACK) + JUMP_SLACK_M),
-    }
-    value = {"speed": speed, "accel": _late(accel), "jump": _late(step)}
-    limit = {"speed": fleet.max_speed_mps, "accel": fleet.accel_mps2, "jump": fleet.max_speed_mps * (float(dt.max()) if len(dt) else 0.0)}
-    violations = []
-    for kind, over in found.items():
-        violations += [
-            {
-                "kind": kind,
-                "robot": fleet.robot_name[r],
-                "t_s": float(t[k]),
-                "value": float(value[kind][k, r]),
-                "limit": float(limit[kind][r]),
-            }
-            for k, r in np.argwhere(over)[:LISTED]
-        ]
-    counts = {f"num_{kind}{'s' if kind == 'jump' else '_violations'}": int(np.count_nonzero(over)) for kind, over in found.items()}
-    return counts, violations
+    first = np.zeros((len(KINDS), LISTED, 4))
+    t, speed = _rows(execution.t_s), _rows(execution.speed_mps)
+    x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
+    fastest, accel, decel, turn_rate = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s))
+    counts = _audit.over_limits(t, x, y, yaw, speed, fastest, accel, decel, turn_rate, first).tolist()
+    violations = [
+        {"kind": kind, "robot": fleet.robot_name[int(r)], "t_s": float(execution.t_s[int(k)]), "value": value, "limit": limit}
+        for kind, count, rows in zip(KINDS, counts, first.tolist())
+        for k, r, value, limit in rows[:count]
+    ]
+    return dict(zip(KINDS.values(), counts)), violations
 
 
-def _late(differences: Any) -> Any:
-    """[T, R] of [T - 1, R]: a difference belongs to the later of its samples."""
-    return np.concatenate((np.zeros((1, differences.shape[1]), differences.dtype), differences))
+def _elsewhere(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]], float | None]:
+    """Robots that SUMO had elsewhere than the trajectory, the first time for each, and the most it was off."""
+    if not len(execution.sumo_t_s) or not len(execution.t_s):
+        return [], None
+    x, y, _ = positions_at(execution, execution.sumo_t_s)
+    apart = np.hypot(execution.sumo_xy_m[..., 0] - x, execution.sumo_xy_m[..., 1] - y)  # [K, R]
+    away = apart > ELSEWHERE_M
+    found = [
+        {"robot": fleet.robot_name[r], "t_s": float(execution.sumo_t_s[k]), "apart_m": float(apart[k, r])}
+        for k, r in sorted((int(away[:, r].argmax()), r) for r in np.flatnonzero(away.any(0)).tolist())
+    ]
+    return found, float(apart.max()) if apart.size else None
+
+
+def _rows(values: FloatArray) -> FloatArray:
+    """As the kernels take it: one type of array, whoever made it."""
+    rows: FloatArray = np.ascontiguousarray(values, np.float64).view()
+    rows.flags.writeable = False
+    return rows

@@ -6,17 +6,28 @@ from shapely import affinity, geometry
 
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.metrics.audit import audit, signed_distances
+from mrp_sumo.metrics._audit import rectangle_distance
+from mrp_sumo.metrics.audit import audit
+
+pytestmark = pytest.mark.kernel
 
 CART = RobotType("cart", 1.0, 0.5, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=2.0, turn_rate_rad_s=1.0)
 
 
-def driven(x, y, yaw=0.0, speed=0.0, dt=1.0):
+COUNTS = ("speed_violations", "accel_violations", "decel_violations", "turn_rate_violations", "jumps", "heading_jumps")
+
+
+def driven(x, y, yaw=0.0, speed=0.0, dt=1.0, **more):
     """An execution of these positions [T, R]."""
     x = np.array(x, float)
     fill = [np.broadcast_to(np.array(v, float), x.shape) for v in (y, yaw, speed)]
     n = x.shape[1]
-    return Execution(np.arange(len(x)) * dt, x, *fill, np.zeros(0), np.zeros(n), Outcome.COMPLETED, "adg", 1.0, 1.0, 1.0)
+    return Execution(np.arange(len(x)) * dt, x, *fill, np.zeros(0), np.zeros(n), Outcome.COMPLETED, "adg", 1.0, 1.0, 1.0, **more)
+
+
+def faults(found):
+    """Counts that are not 0."""
+    return {kind: found[f"num_{kind}"] for kind in COUNTS if found[f"num_{kind}"]}
 
 
 def test_rectangles_pass_where_circles_would_touch():
@@ -47,15 +58,99 @@ def test_a_pair_is_one_overlap_however_long_it_lasts():
     assert found["overlaps"][0]["t_s"] == 0
 
 
-def test_jumps_speeding_and_hard_braking_are_told_apart():
-    jump = audit(driven([[0.0], [1.0], [3.0]], 0.0), fleet_of(CART, 1))
-    assert (jump["num_jumps"], jump["num_speed_violations"], jump["num_accel_violations"]) == (1, 0, 0)
-    assert jump["violations"] == [{"kind": "jump", "robot": "robot_0", "t_s": 2.0, "value": 2.0, "limit": 1.0}]
-    fast = audit(driven([[0.0], [0.0]], 0.0, speed=[[1.5], [1.5]]), fleet_of(CART, 1))
-    assert (fast["num_jumps"], fast["num_speed_violations"], fast["num_accel_violations"]) == (0, 2, 0)
-    hard = audit(driven([[0.0]] * 3, 0.0, speed=[[0.0], [1.0], [0.0]], dt=0.8), fleet_of(CART, 1))  # 1.25 up, 1.25 down
-    assert (hard["num_jumps"], hard["num_speed_violations"], hard["num_accel_violations"]) == (0, 0, 1)
-    assert not jump["passed"] and not fast["passed"] and not hard["passed"]
+@pytest.mark.parametrize(
+    ("fault", "near_miss", "count", "told"),
+    [  # a cart at 1 m/s, 1 m/s2 up, 2 m/s2 down, 1 rad/s; samples 0.5 s apart
+        ({"speed": [1.002]}, {"speed": [1.0005]}, "speed_violations", ("speed", 0.0, 1.002, 1.0)),
+        ({"speed": [0.2, 0.71]}, {"speed": [0.2, 0.704]}, "accel_violations", ("accel", 0.5, 1.02, 1.0)),
+        ({"speed": [1.0, -0.02]}, {"speed": [1.0, 0.0]}, "decel_violations", ("decel", 0.5, 2.04, 2.0)),
+        ({"speed": [1.0, 0.0], "dt": 0.4}, {"speed": [1.0, 0.2], "dt": 0.4}, "decel_violations", ("decel", 0.4, 2.5, 2.0)),
+        ({"yaw": [3.0, -2.78]}, {"yaw": [3.0, -2.7832]}, "turn_rate_violations", ("turn_rate", 0.5, 1.0063706, 1.0)),
+        ({"yaw": [0.0, 1.1]}, {"yaw": [0.0, -0.5]}, "heading_jumps", ("heading_jump", 0.5, 1.1, 0.5)),
+        ({"x": [0.0, 0.502]}, {"x": [0.0, 0.5005]}, "jumps", ("jump", 0.5, 0.502, 0.5)),
+    ],
+    ids=["speed", "accel", "reversing", "decel", "turn_rate", "heading", "jump"],
+)
+def test_planted_faults_are_found_and_near_misses_are_not(fault, near_miss, count, told):
+    def look(x=0.0, yaw=0.0, speed=0.0, dt=0.5):
+        columns = np.broadcast_arrays(*(np.atleast_1d(v)[:, None] for v in (x, yaw, speed)))
+        return audit(driven(columns[0], 0.0, columns[1], columns[2], dt), fleet_of(CART, 1))
+
+    found = look(**fault)
+    assert not found["passed"] and faults(found) == {count: 1}
+    kind, t_s, value, limit = told
+    assert [(v["kind"], v["robot"], v["t_s"]) for v in found["violations"]] == [(kind, "robot_0", t_s)]
+    assert found["violations"][0]["value"] == pytest.approx(value) and found["violations"][0]["limit"] == pytest.approx(limit)
+    assert look(**near_miss)["passed"], look(**near_miss)
+
+
+def test_driving_back_takes_braking_and_speeding_up():
+    for seconds, possible in ((1.5, True), (1.45, False)):  # 1 m/s to 0 takes 0.5 s, to -1 m/s another 1 s
+        found = audit(driven([[0.0], [0.0]], 0.0, speed=[[1.0], [-1.0]], dt=seconds), fleet_of(CART, 1))
+        assert found["passed"] is possible
+
+
+def test_only_the_first_of_a_kind_are_told_one_by_one():
+    found = audit(driven(np.zeros((100, 1)), 0.0, speed=np.full((100, 1), 1.5)), fleet_of(CART, 1))
+    assert found["num_speed_violations"] == 100
+    assert [v["t_s"] for v in found["violations"]] == list(range(20))
+
+
+def test_robots_that_pass_through_each_other_between_two_samples_overlap():
+    # head on at 1 m/s each: 1.2 m of air at both samples, bodies meet at 0.6 s and have passed at 1.6 s of 2 s
+    x = [[0.0, 2.2], [2.2, 0.0]]
+    found = audit(driven(x, 0.0, yaw=[[0, np.pi]] * 2, dt=2.2), fleet_of(CART, 2))
+    assert not found["passed"] and found["num_overlaps"] == 1 and found["min_clearance_m"] == 0
+    assert 0.6 < found["overlaps"][0]["t_s"] < 1.6
+    assert found["overlaps"][0]["x_m"] == pytest.approx(1.1) and faults(found) == {}
+    # the same side by side, 1 cm of air
+    passed = audit(driven(x, [[0.0, 0.51]] * 2, yaw=[[0, np.pi]] * 2, dt=2.2), fleet_of(CART, 2))
+    assert passed["passed"] and passed["min_clearance_m"] == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_robot_that_sweeps_its_neighbour_while_it_turns_overlaps():
+    # half a turn on the spot: along x at both samples, across x in between, where it reaches 0.5 m up
+    yaw = [[0.0, 0.0], [np.pi * 0.999, 0.0]]
+    hit = audit(driven([[0.0, 0.0]] * 2, [[0.0, 0.7]] * 2, yaw, dt=np.pi), fleet_of(CART, 2))
+    assert hit["num_overlaps"] == 1 and 0 < hit["overlaps"][0]["t_s"] <= np.pi / 2
+    # its corner draws a circle of 0.559 m: just clear of it
+    clear = audit(driven([[0.0, 0.0]] * 2, [[0.0, 0.81]] * 2, yaw, dt=np.pi), fleet_of(CART, 2))
+    assert clear["passed"] and clear["min_clearance_m"] == pytest.approx(0.56 - np.hypot(0.5, 0.25), abs=1e-4)
+
+
+def test_a_corner_that_is_clipped_for_a_moment_is_found():
+    # a square of 1 m passes another's corner on a diagonal; they share 1 mm of it, in the middle of the interval
+    square = RobotType("square", 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)
+    for shared_m, overlaps in ((0.001, 1), (-0.001, 0)):
+        away = np.sqrt(2) - shared_m / np.sqrt(2)  # of the centres when corners meet, seen along the diagonal
+        x, y = away / np.sqrt(2) + np.array([-1.0, 1.0]), away / np.sqrt(2) + np.array([1.0, -1.0])
+        found = audit(driven(np.c_[np.zeros(2), x], np.c_[np.zeros(2), y]), fleet_of(square, 2))
+        assert found["num_overlaps"] == overlaps
+        assert found["min_clearance_m"] == pytest.approx(max(0, -shared_m) / np.sqrt(2), abs=2e-4)
+
+
+def test_robots_on_different_floors_never_meet():
+    run = driven([[0.0, 0.0, 3.0]], 0.0)
+    assert audit(run, fleet_of(CART, 3))["num_overlaps"] == 1
+    found = audit(run, fleet_of(CART, 3), np.array([0, 1, 0]))
+    assert found["passed"] and found["min_clearance"]["robots"] == ["robot_0", "robot_2"]
+
+
+def test_what_sumo_says_is_compared():
+    x = np.array([[0.0, 5.0], [0.5, 5.0], [1.0, 5.0]])
+    seen = np.array([[(0.0, 0.0), (5.0, 0.0)], [(0.76, 0.0), (5.0, 0.0)], [(1.0, 0.0), (5.0, 0.1)]])
+    found = audit(driven(x, 0.0, sumo_t_s=np.array([0.0, 1.5, 2.0]), sumo_xy_m=seen), fleet_of(CART, 2))
+    assert not found["passed"] and found["num_sumo_disagreements"] == 1 and found["sumo_apart_m"] == pytest.approx(0.1)
+    assert found["sumo_disagreements"] == [{"robot": "robot_1", "t_s": 2.0, "apart_m": pytest.approx(0.1)}]
+    near = audit(driven(x, 0.0, sumo_t_s=np.array([0.0, 1.5]), sumo_xy_m=seen[:2]), fleet_of(CART, 2))
+    assert near["passed"] and near["sumo_apart_m"] == pytest.approx(0.01)
+    assert audit(driven(x, 0.0), fleet_of(CART, 2))["sumo_apart_m"] is None
+
+
+def test_a_collision_that_sumo_reports_fails_the_audit():
+    found = audit(driven([[0.0, 5.0]], 0.0, findings=("1.00 s: SUMO reports a collision of robot_0 and robot_1",)), fleet_of(CART, 2))
+    assert not found["passed"] and found["num_overlaps"] == 0
+    assert found["num_sumo_collisions"] == 1 and "robot_0 and robot_1" in found["sumo_collisions"][0]
 
 
 def test_a_robot_alone_and_robots_at_different_times_have_no_clearance():
@@ -65,38 +160,52 @@ def test_a_robot_alone_and_robots_at_different_times_have_no_clearance():
     assert found["min_clearance_m"] is None and found["num_overlaps"] == 0
 
 
+def test_a_robot_that_comes_or_goes_is_looked_at_where_it_is():
+    nan = np.nan
+    found = audit(driven([[0.0, nan], [0.0, 0.9], [0.0, nan]], [[0, nan], [0, 0], [0, nan]]), fleet_of(CART, 2))
+    assert found["num_overlaps"] == 1 and found["overlaps"][0]["t_s"] == 1
+
+
+def polygon(x, y, yaw, half):
+    box = geometry.box(-half[0], -half[1], half[0], half[1])
+    return affinity.translate(affinity.rotate(box, yaw, origin=(0, 0), use_radians=True), x, y)
+
+
 def test_distances_of_turned_rectangles_equal_those_of_polygons():
     rng = np.random.default_rng(5)
-    n = 400
-    dx, dy = rng.uniform(-2, 2, (2, n))
-    yaw_a, yaw_b = rng.uniform(-4, 4, (2, n))
-    half_a, half_b = rng.uniform(0.1, 1.0, (2, n, 2))
-    signed = signed_distances(dx, dy, yaw_a, yaw_b, half_a, half_b)
-
-    def polygon(x, y, yaw, half):
-        box = geometry.box(-half[0], -half[1], half[0], half[1])
-        return affinity.translate(affinity.rotate(box, yaw, origin=(0, 0), use_radians=True), x, y)
-
-    for k in range(n):
-        a, b = polygon(0, 0, yaw_a[k], half_a[k]), polygon(dx[k], dy[k], yaw_b[k], half_b[k])
-        assert max(signed[k], 0) == pytest.approx(a.distance(b), abs=1e-9)
-        assert (signed[k] < 0) == (a.intersection(b).area > 0)
+    for _ in range(300):
+        dx, dy = rng.uniform(-2, 2, 2)
+        yaw_a, yaw_b = rng.uniform(-4, 4, 2)
+        half_a, half_b = rng.uniform(0.1, 1.0, (2, 2))
+        signed = rectangle_distance(dx, dy, yaw_a, yaw_b, *half_a, *half_b)
+        a, b = polygon(0, 0, yaw_a, half_a), polygon(dx, dy, yaw_b, half_b)
+        assert max(signed, 0) == pytest.approx(a.distance(b), abs=1e-9)
+        assert (signed < 0) == (a.intersection(b).area > 0)
 
 
-@pytest.mark.parametrize(("area_m", "crowded"), [(12, True), (400, False)])
-def test_the_search_for_neighbours_misses_no_pair(area_m, crowded):
-    """A crowd on the move against every pair of every sample."""
+@pytest.mark.parametrize(("area_m", "crowded"), [(12, True), (200, False)])
+def test_the_search_misses_no_pair_at_no_time(area_m, crowded):
+    """A crowd on the move against every pair at 40 moments of every interval."""
     rng = np.random.default_rng(9)
-    samples, robots = 40, 60
+    samples, robots, moments = 12, 16, 40
     x = np.cumsum(rng.normal(0, 0.3, (samples, robots)), 0) + rng.uniform(0, area_m, robots)
     y = np.cumsum(rng.normal(0, 0.3, (samples, robots)), 0) + rng.uniform(0, area_m, robots)
-    x[:20, 3] = y[:20, 3] = np.nan
-    yaw = rng.uniform(-3, 3, (samples, robots))
+    x[:6, 3] = y[:6, 3] = np.nan
+    yaw = np.cumsum(rng.uniform(-1, 1, (samples, robots)), 0)
     found = audit(driven(x, y, yaw), fleet_of(CART, robots))
-    i, j = np.triu_indices(robots, 1)
-    half = np.full((len(i), 2), (0.5, 0.25))
-    signed = np.array([signed_distances(x[k, j] - x[k, i], y[k, j] - y[k, i], yaw[k, i], yaw[k, j], half, half) for k in range(samples)])
-    assert found["num_overlaps"] == (np.nanmin(signed, 0) < -1e-6).sum()
-    assert (found["num_overlaps"] > 0) == crowded
-    assert found["min_clearance_m"] == pytest.approx(max(np.nanmin(signed), 0), abs=1e-12)
+    at = np.arange(0, samples - 1 + 1e-9, 1 / moments)
+    xs, ys, yaws = (np.stack([np.interp(at, np.arange(samples), v[:, r]) for r in range(robots)], 1) for v in (x, y, yaw))
+    nearest = {}
+    for i in range(robots):
+        for j in range(i + 1, robots):
+            centres = np.hypot(xs[:, j] - xs[:, i], ys[:, j] - ys[:, i])
+            moment = np.flatnonzero(centres < np.nanmin(centres) + 1.2)  # their circles' radii sum up to less
+            columns = (v[moment] for v in (xs[:, j] - xs[:, i], ys[:, j] - ys[:, i], yaws[:, i], yaws[:, j]))
+            nearest[f"robot_{i}", f"robot_{j}"] = min(rectangle_distance(*row, 0.5, 0.25, 0.5, 0.25) for row in zip(*columns))
+    seen = {pair for pair, d in nearest.items() if d < -1e-6}
+    told = {tuple(overlap["robots"]) for overlap in found["overlaps"]}
+    assert (len(seen) > 5) == crowded and len(told) == found["num_overlaps"] < 20
+    assert seen <= told
+    assert all(nearest[pair] < 0.02 for pair in told - seen)  # 40 moments are too few to see these
+    assert 0 <= max(min(nearest.values()), 0) - found["min_clearance_m"] < 0.02
     assert [o["t_s"] for o in found["overlaps"]] == sorted(o["t_s"] for o in found["overlaps"])
