@@ -183,12 +183,14 @@ def write_viewers(path: Path, record: Record) -> None:
     xy = (record.nav or record.graph).xy
     low, high = (xy.min(0), xy.max(0)) if len(xy) else (np.zeros(2), np.ones(2))
     centre, width, height = (low + high) / 2, float(high[0] - low[0]) + 2, float(high[1] - low[1]) + 2
+    robot_m, pixels_per_m = float(record.fleet.width_m.max(initial=0.1)), min(1000 / width, 700 / height)
     figures = {
         "centre_x": f"{centre[0]:.2f}",
         "centre_y": f"{centre[1]:.2f}",
-        "pixels_per_m": f"{min(1000 / width, 700 / height):.2f}",
+        "pixels_per_m": f"{pixels_per_m:.2f}",
         "distance_m": f"{1.3 * max(width * 0.7, height):.1f}",
-        "robot_m": f"{float(record.fleet.width_m.max(initial=0.1)):.3f}",
+        "robot_m": f"{robot_m:.3f}",
+        "halo_m": f"{max(1.6 * robot_m, 6 / pixels_per_m):.3f}",  # the state's colour shows around the body, and from far away
         "num_robots": str(record.fleet.num_robots),
         "seconds": f"{float(record.execution.t_s[-1]):.1f}",
     }

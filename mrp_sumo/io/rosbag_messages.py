@@ -25,6 +25,7 @@ from mrp_sumo.io.rosbag_template import tiled
 EPOCH_NS = 1_700_000_000 * 10**9
 GENERATIONS = ("galactic", "jazzy", "kilted")
 FLEET_NAME = "mrp_sumo"
+MAP_Z_M = -0.02  # a viewer that draws the map at the height of lanes and points hides these (Foxglove does)
 LABEL_OFFSET = 0.4 * np.array([math.cos(0.7853), math.sin(0.7853)])  # where MRP-Bench's graph reader looks for names
 
 
@@ -117,7 +118,7 @@ class Messages:
             float(np.float32(resolution_m)),
             width,
             height,
-            self.pose(float(origin[0]), float(origin[1])),
+            self.pose(float(origin[0]), float(origin[1]), z=MAP_Z_M),
         )
         cells = np.where(occupied, 100, 0).astype(np.int8).ravel()
         return self.serialised(self.make("nav_msgs/OccupancyGrid", self.header(ns, "map"), info, cells))

@@ -161,6 +161,10 @@ def test_viewer_set_ups_name_topics_of_the_bag_and_look_at_the_map(tmp_path):
     rviz = yaml.safe_load((tmp_path / "viewers" / "mrp_sumo.rviz").read_text())
     shown = {d["Topic"]["Value"] for d in rviz["Visualization Manager"]["Displays"] if "Topic" in d}
     assert shown <= topics and rviz["Visualization Manager"]["Views"]["Current"]["X"] == 3.5
+    docks = bytes.fromhex(rviz["Window Geometry"]["QMainWindow State"])  # names of panels, as Qt stores them
+    assert all(panel["Name"].encode("utf-16-be") in docks for panel in rviz["Panels"])
     juggler = ElementTree.parse(tmp_path / "viewers" / "plotjuggler.xml")
-    assert {c.get("name").removesuffix("/data") for c in juggler.iter("curve")} <= topics
+    curves = {c.get("name").removesuffix("/data") for c in juggler.iter("curve")}
+    assert curves <= topics and juggler.find("previouslyLoaded_Datafiles/fileInfo").get("filename") == "../bag/bag.mcap"
+    assert [set(p.get("selected_topics").split(";")) for p in juggler.iter("parameters")] == [curves, curves]
     compile((tmp_path / "viewers" / "open_in_rerun.py").read_text(), "open_in_rerun.py", "exec")
