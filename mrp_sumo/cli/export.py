@@ -27,6 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--storage", default="mcap", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
     parser.add_argument("--rmf", default="jazzy", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
     parser.add_argument("--robots", default="", metavar="A,B", help="robots that get topics of their own in a bag: odom and plan")
+    parser.add_argument("--poses", action="store_true", help="put /robot_poses into a bag: what /tf says, as a PoseArray")
     parser.add_argument(
         "--repeat-latched", type=float, default=0.0, metavar="S", help="say map and markers again every S seconds (for play --start-offset)"
     )
@@ -51,7 +52,9 @@ def run(options: argparse.Namespace) -> int:
         from mrp_sumo.io.rosbag import BagOptions, write_bag
 
         robots = tuple(name.strip() for name in options.robots.split(",") if name.strip())
-        choice = BagOptions(storage=options.storage, rmf=options.rmf, robots=robots, repeat_latched_s=options.repeat_latched)
+        choice = BagOptions(
+            storage=options.storage, rmf=options.rmf, robots=robots, poses=options.poses, repeat_latched_s=options.repeat_latched
+        )
         if options.format == "ros1":
             exports.write_ros1(out, record, lambda folder: write_bag(folder, record, choice))
         else:

@@ -36,8 +36,9 @@ class BagOptions:
 
     storage: str = "mcap"  # or 'sqlite3'
     rmf: str = "jazzy"  # generation of rmf_fleet_msgs: 'galactic', 'jazzy' or 'kilted'
-    period_s: float = 0.1  # between messages of /tf, /robot_cloud and odometry; never shorter than the record's
+    period_s: float = 0.1  # between messages of /tf, /robot_cloud, poses and odometry; never shorter than the record's
     robots: tuple[str, ...] = ()  # that get topics of their own: /<robot>/odom and /<robot>/plan
+    poses: bool = False  # /robot_poses, too: what /tf says, as one PoseArray
     repeat_latched_s: float = 0.0  # say /map and markers again, for players that start in the middle; 0: never
 
 
@@ -141,8 +142,10 @@ def _write(writer: FastWriter, messages: Messages, record: Record, options: BagO
         (topic("/robot_cloud", "sensor_msgs/PointCloud2"), say.cloud(messages, fast)),
         (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), say.fleet_states(messages, slow)),
     ]
+    if options.poses:
+        streams.append((topic("/robot_poses", "geometry_msgs/PoseArray"), say.poses(messages, fast)))
     streams += [(topic(f"/{messages.robots[robot]}/odom", "nav_msgs/Odometry"), say.odometry(messages, fast, robot)) for robot in chosen]
-    log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000), list(messages.logs())
+    log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
     diagnosed, diagnostics = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray"), say.Diagnostics(messages, second)
     metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(second, 0)}
     repeats = np.zeros(0, np.int64)

@@ -100,11 +100,32 @@ def transforms(m: Messages, samples: Samples) -> Stream:
 
         return Template(m.typestore, "tf2_msgs/msg/TFMessage", make, ("<i4", "<u4", "<f8", "<f8", "<f8", "<f8") * len(robots))
 
+    return Stream(samples, template, _fill_poses(samples))
+
+
+def poses(m: Messages, samples: Samples) -> Stream:
+    """/robot_poses, all robots in one message."""
+
+    def template(robots: IntArray, _: Any) -> Template:
+        def make(v: list[Any]) -> Any:
+            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
+            rows = zip(v[2::4], v[3::4], v[4::4], v[5::4])
+            found = [m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", x, y, 0.0), m.turn(qz, qw)) for x, y, qz, qw in rows]
+            return m.make("geometry_msgs/PoseArray", header, found)
+
+        return Template(m.typestore, "geometry_msgs/msg/PoseArray", make, ("<i4", "<u4", *("<f8",) * (4 * len(robots))))
+
+    return Stream(samples, template, _fill_poses(samples))
+
+
+def _fill_poses(samples: Samples) -> Callable[[Template, int, Any], None]:
+    """Sets x, y and the turn about z (quaternion z, w) of each robot."""
+
     def fill(t: Template, k: int, robots: Any) -> None:
         half = samples.yaw[k, robots] / 2
         t.set("<f8", np.stack((samples.x[k, robots], samples.y[k, robots], np.sin(half), np.cos(half)), 1).ravel())
 
-    return Stream(samples, template, fill)
+    return fill
 
 
 def fleet_states(m: Messages, samples: Samples) -> Stream:

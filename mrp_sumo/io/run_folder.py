@@ -220,7 +220,8 @@ def _write_logs(
             constants=constants_of(scenario.model_dump(mode="json")),
         )
         choice = scenario.record
-        write_bag(folder / "bag", record, BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots))
+        options = BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses)
+        write_bag(folder / "bag", record, options)
 
 
 def _told(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:

@@ -183,6 +183,7 @@ class Recording(_Strict):
     )
     rmf_messages: Literal["galactic", "jazzy", "kilted"] = Field("jazzy", description="Generation of rmf_fleet_msgs in the bag.")
     robots: tuple[str, ...] = Field((), description="Robots that get topics of their own in the bag, /<robot>/odom and /<robot>/plan.")
+    poses: bool = Field(False, description="Put /robot_poses into the bag: what /tf says, as a PoseArray.")
 
 
 class Scenario(_Strict):

@@ -29,7 +29,7 @@ TOPICS = {
     "/tf", "/tf_static", "/map", "/map_markers", "/robot_markers", "/plan_markers", "/robot_cloud", "/fleet_states",
     "/robot_path_requests", "/rosout", "/diagnostics",
 }  # fmt: skip
-DETAILED = BagOptions(robots=("robot_1",))
+DETAILED = BagOptions(robots=("robot_1",), poses=True)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_the_rosbag_of_ros_1_accepts_the_converted_bag(bag):
 @pytest.mark.parametrize("generation", GENERATIONS)
 def test_cyclone_dds_accepts_sqlite_bags_of_every_generation(tmp_path, generation):
     pytest.importorskip("cyclonedds", reason="no cyclonedds for this machine")
-    write_bag(tmp_path / "bag", record_of_four(seconds=3.0), BagOptions(storage="sqlite3", rmf=generation, robots=("robot_0",)))
+    write_bag(tmp_path / "bag", record_of_four(seconds=3.0), BagOptions(storage="sqlite3", rmf=generation, robots=("robot_0",), poses=True))
     command = [sys.executable, "-W", "ignore", str(VERIFY / "verify_cyclone.py"), str(tmp_path / "bag"), "--rmf", generation]
     told = subprocess.run(command, capture_output=True, text=True, check=False)
     assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
@@ -93,14 +93,14 @@ def test_cyclone_dds_accepts_sqlite_bags_of_every_generation(tmp_path, generatio
 @pytest.mark.parametrize("generation", GENERATIONS)
 def test_every_byte_is_what_the_library_would_write(tmp_path, generation):
     """Streams are templates with numbers set; decoding and serialising again must give the same bytes."""
-    write_bag(tmp_path / "bag", record_of_four(absent=True), BagOptions(rmf=generation, robots=("robot_0", "robot_2")))
+    write_bag(tmp_path / "bag", record_of_four(absent=True), BagOptions(rmf=generation, robots=("robot_0", "robot_2"), poses=True))
     store, seen = typestore(generation), set()
     with Reader(tmp_path / "bag") as reader:
         for connection, _, raw in reader.messages():
             again = store.serialize_cdr(store.deserialize_cdr(raw, connection.msgtype), connection.msgtype)
             assert bytes(again) == bytes(raw), connection.topic
             seen.add(connection.topic)
-    assert TOPICS | {"/robot_0/odom", "/robot_2/plan", "/metrics/robots_blocked"} <= seen
+    assert TOPICS | {"/robot_poses", "/robot_0/odom", "/robot_2/plan", "/metrics/robots_blocked"} <= seen
 
 
 def test_tf_carries_the_trajectory(bag):
@@ -115,6 +115,17 @@ def test_tf_carries_the_trajectory(bag):
             assert (t.transform.translation.x, t.transform.translation.y) == (record.execution.x_m[k, r], record.execution.y_m[k, r])
             yaw = 2 * np.arctan2(t.transform.rotation.z, t.transform.rotation.w)
             assert yaw == pytest.approx(record.execution.yaw_rad[k, r])
+
+
+def test_poses_are_those_of_tf(bag):
+    said = decoded(bag)
+    moved = [
+        [(t.transform.translation.x, t.transform.translation.y, t.transform.rotation.z) for t in m.transforms]
+        for n, _, m in said
+        if n == "/tf"
+    ]
+    posed = [[(p.position.x, p.position.y, p.orientation.z) for p in m.poses] for n, _, m in said if n == "/robot_poses"]
+    assert posed == moved and len(posed) == len(record_of_four().execution.t_s)
 
 
 def test_cloud_says_who_is_blocked(bag):
@@ -265,6 +276,7 @@ def test_every_reader_of_the_library_counts_the_same(bag):
         assert reader.message_count == len(decoded(bag))
         qos = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
     assert qos["/map"].durability.name == "TRANSIENT_LOCAL" and qos["/tf"].durability.name == "VOLATILE"
+    assert qos["/rosout"].durability.name == "TRANSIENT_LOCAL" and qos["/robot_poses"].durability.name == "VOLATILE"
     assert qos["/tf"].depth == 100 and qos["/rosout"].depth == 1000
 
 
