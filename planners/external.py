@@ -5,14 +5,14 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.external import check_command, plan_externally
+from mrp_sumo.planning.external import assigns, check_command, plan_externally
 
 
 @dataclass(frozen=True)
 class External:
     """Plans by running a command such as `lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}`."""
 
-    assigns: ClassVar[bool] = False
+    assigns: ClassVar[bool] = False  # of one with {yaml_free} in its command: True
     guarantee: ClassVar[str] = "the program's own, not complete here"
 
     command: str = ""  # the template; there is no planning without one
@@ -20,6 +20,7 @@ class External:
     def __post_init__(self) -> None:
         if self.command:
             check_command(self.command)
+            object.__setattr__(self, "assigns", assigns(self.command))
 
     def prepare(self) -> None:
         """There is nothing to prepare."""

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mrp_sumo.core.graph import IntArray
-    from mrp_sumo.core.plan import Plan
     from mrp_sumo.core.problem import Problem
 
 
@@ -34,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.cli.plan_choice import read, text_of
     from mrp_sumo.core.referee import describe, judge
     from mrp_sumo.errors import MrpSumoError
-    from mrp_sumo.planning.peers import cells_of
+    from mrp_sumo.planning.peers import cells_of, goals_reached
 
     if (options.map is None) == (options.scenario is None):
         raise MrpSumoError("expected either --map (with --scen) or --scenario")
@@ -49,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         problem = _of_scenario(options)
         cells = cells_of(problem.graph)
     plan = read(options.plan, problem, cells)
-    goal_of = None if problem.is_assigned else _goals_reached(problem, plan)
+    goal_of = None if problem.is_assigned else goals_reached(problem, plan)
     verdict = judge(problem, plan, goal_of)
     valid = verdict.valid and not (options.following and verdict.following)
     conflicts = [*verdict.conflicts, *(verdict.following if options.following else ())]
@@ -102,17 +100,3 @@ def _of_scenario(options: argparse.Namespace) -> "Problem":
         overrides[("robots", "count")] = ("--robots", options.robots)
     with Workshop() as workshop:
         return set_up(read_scenario(find_scenario(options.scenario), overrides), workshop).problem
-
-
-def _goals_reached(problem: "Problem", plan: "Plan") -> "IntArray":
-    """[R] the goals at which a plan ends, for problems without an assignment; -1 where it ends elsewhere."""
-    import numpy as np
-
-    number = {int(v): g for g, v in enumerate(problem.goal)}
-    found = np.array([number.get(int(v), -1) for v in plan.last_vertex], np.int64)
-    missing = min(problem.num_robots, len(problem.goal)) - np.count_nonzero(found >= 0)
-    if missing > 0:  # let the judge say who is not at a goal
-        free = [g for g in range(len(problem.goal)) if g not in set(found.tolist())]
-        for robot in np.flatnonzero(found < 0)[:missing]:
-            found[robot] = free.pop(0)
-    return found

@@ -1,18 +1,21 @@
 """Planners that are other programs: a command with places for the instance and for the plan.
 
-`{map}` and `{scen}` are the instance as MovingAI files, `{yaml}` as libMultiRobotPlanning's, `{agents}` the number of
-robots, `{time_limit}` whole seconds, `{seed}` the problem's, `{out}` the file to write the plan to, in any format that
-`peers` reads. The program runs in a session of its own and is killed with all its children at the time limit. What it
-writes is data to be judged by the referee, whatever its exit code says. Refuses templates with other places.
+`{map}` and `{scen}` are the instance as MovingAI files, `{yaml}` as libMultiRobotPlanning's, `{yaml_free}` the same with
+every goal free for every robot (for programs that assign: CBS-TA, ECBS-TA), `{agents}` the number of robots,
+`{time_limit}` whole seconds, `{seed}` the problem's, `{out}` the file to write the plan to, in any format that
+`peers` reads. The program is killed with all its children soon after the time limit; what it has written by then still
+counts. What it writes is data to be judged by the referee, whatever its exit code says. Refuses templates with other places.
 """
 
 import os
 import re
+import select
 import shlex
 import signal
 import subprocess
 import tempfile
 from contextlib import suppress
+from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 from time import perf_counter
@@ -21,9 +24,10 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import PlanError, nearest
-from mrp_sumo.planning.peers import cells_of, movingai_map, movingai_scen, read_paths, yaml_instance
+from mrp_sumo.planning.peers import cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
 
-PLACES = ("map", "scen", "yaml", "agents", "time_limit", "seed", "out")
+PLACES = ("map", "scen", "yaml", "yaml_free", "agents", "time_limit", "seed", "out")
+TAIL_BYTES = 65536  # of what a program prints, enough for its last words
 SAYS_INFEASIBLE = re.compile(r"no solution exists|unsolvable|infeasible", re.IGNORECASE)
 
 
@@ -48,23 +52,29 @@ def check_command(command: str) -> None:
         raise PlanError(f"command '{command}': no {{out}}, so there is no plan to read")
 
 
+def assigns(command: str) -> bool:
+    """Whether the program chooses the goals' robots itself."""
+    return "{yaml_free}" in command
+
+
 def plan_externally(command: str, problem: Problem, time_limit_s: float) -> PlanResult:
-    """Run the command on a problem with an assignment.
+    """Run the command on a problem.
 
     Parameters
     ----------
     command
         The template; it is split like a shell's line, but run without a shell.
     problem
-        Grids are written in all formats, other graphs only to {yaml}.
+        With an assignment unless the program `assigns`. Grids are written in all formats, other graphs only to {yaml} and {yaml_free}.
     time_limit_s
-        Wall time; children that are left at its end are killed.
+        Wall time. A program that ends by itself at the limit may still write its plan; what is left 4 % later (at least 0.08 s) is killed.
 
     Returns
     -------
     PlanResult
-        SOLVED with a plan that has been read (the message says if the referee finds fault with it), TIMED_OUT, or GAVE_UP
-        with the last line that the program printed.
+        SOLVED with a plan that has been read (the message says if the referee finds fault with it), TIMED_OUT, with a plan where
+        a valid one was written before the end, or GAVE_UP with the last line that the program printed. `stats` has the
+        process's `cpu_s`, and `own_time_s` where the program's output tells its solver's clock.
 
     Raises
     ------
@@ -77,11 +87,13 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
         raise PlanError(f"'{problem.graph.name}' is not a grid, so there is no {{map}} and {{scen}}: use {{yaml}}")
     with tempfile.TemporaryDirectory(prefix="mrp_sumo_") as name:
         folder = Path(name)
-        files = {"map": folder / "instance.map", "scen": folder / "instance.scen", "yaml": folder / "instance.yaml", "out": folder / "plan"}
+        files = {key: folder / f"instance.{key}" for key in ("map", "scen", "yaml")}
+        files |= {"yaml_free": folder / "instance_free.yaml", "out": folder / "plan"}
         if cells:
             files["map"].write_text(movingai_map(cells))
             files["scen"].write_text(movingai_scen(problem, cells, files["map"].name))
         files["yaml"].write_text(yaml_instance(problem, cells))
+        files["yaml_free"].write_text(yaml_instance(problem, cells, free=True))
         values = {
             **{key: str(file) for key, file in files.items()},
             "agents": str(problem.num_robots),
@@ -89,40 +101,103 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
             "seed": str(problem.seed),
         }
         words = [re.sub(r"\{(\w+)\}", lambda found: values[found[1]], word) for word in shlex.split(command)]
-        begin_s = perf_counter()
-        exit_code, said = _run(words, folder, time_limit_s)
-        time_s = perf_counter() - begin_s
-        if exit_code is None:
-            return PlanResult(Status.TIMED_OUT, planning_time_s=time_s, message=f"killed after {time_limit_s:g} s")
+        ran = _run(words, folder, time_limit_s + max(0.08, 0.04 * time_limit_s))
         text = files["out"].read_text(errors="replace") if files["out"].is_file() else ""
+    program = Path(words[0]).name
+    stats = {"cpu_s": ran.cpu_s}
+    if (own := own_time_s(text)) is not None:
+        stats["own_time_s"] = own
+    if ran.exit_code is not None:
+        stats["exit_code"] = float(ran.exit_code)
+    late = PlanResult(Status.TIMED_OUT, planning_time_s=ran.time_s, stats=stats, message=f"killed after {time_limit_s:g} s")
     if not text.strip():
-        status = Status.INFEASIBLE if SAYS_INFEASIBLE.search(said) else Status.GAVE_UP
-        lines = said.strip().splitlines()
+        if ran.exit_code is None:
+            return late
+        status = Status.INFEASIBLE if SAYS_INFEASIBLE.search(ran.said) else Status.GAVE_UP
+        lines = ran.said.strip().splitlines()
         told = f": {lines[-1][:200]}" if lines else ""
-        return PlanResult(status, planning_time_s=time_s, message=f"{Path(words[0]).name} wrote no plan, exit code {exit_code}{told}")
+        message = f"{program} wrote no plan, exit code {ran.exit_code}{told}"
+        return PlanResult(status, planning_time_s=ran.time_s, stats=stats, message=message)
     try:
-        plan = read_paths(text, problem, cells, Path(words[0]).name)
+        plan = read_paths(text, problem, cells, program)
     except PlanError as error:
-        return PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=str(error))
-    verdict = judge(problem, plan)
+        if ran.exit_code is None:
+            return late
+        return PlanResult(Status.GAVE_UP, planning_time_s=ran.time_s, stats=stats, message=str(error))
+    goal_of = goals_reached(problem, plan) if assigns(command) else None
+    verdict = judge(problem, plan, goal_of)
+    if ran.exit_code is None:  # an older answer may be whole, the last one may be cut off
+        return PlanResult(Status.TIMED_OUT, plan, goal_of, ran.time_s, stats=stats, message=late.message) if verdict.valid else late
     message = "" if verdict.valid else verdict.summary(problem)
-    return PlanResult(Status.SOLVED, plan, planning_time_s=time_s, stats={"exit_code": float(exit_code)}, message=message)
+    return PlanResult(Status.SOLVED, plan, goal_of, ran.time_s, stats=stats, message=message)
 
 
-def _run(words: list[str], folder: Path, time_limit_s: float) -> tuple[int | None, str]:
-    """(exit code, or None when it was killed; what it printed)."""
+@dataclass(frozen=True)
+class _Ran:
+    """A process that has ended."""
+
+    exit_code: int | None  # None when it was killed at its limit
+    said: str  # the end of what it printed
+    time_s: float
+    cpu_s: float  # with the children it waited for
+
+
+def _run(words: list[str], folder: Path, limit_s: float) -> _Ran:
+    """Run to the end or the limit; nothing of it is left afterwards."""
+    if not hasattr(os, "pidfd_open"):
+        raise PlanError("external planners are run on Linux only")
     log = folder / "log"
+    began = perf_counter()
     with log.open("wb") as printed:
         try:
             process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=printed, stderr=subprocess.STDOUT, start_new_session=True)
         except OSError as error:
             raise PlanError(f"'{words[0]}' cannot be started: {error.strerror}") from None
+        ended = False
         try:
-            exit_code: int | None = process.wait(time_limit_s)
-        except subprocess.TimeoutExpired:
-            exit_code = None
+            ended = _await_end(process.pid, limit_s)
         finally:
+            time_s = perf_counter() - began
+            _kill(process.pid)  # not waited for yet, so that its number cannot be another's by now
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+    with log.open("rb") as printed:
+        printed.seek(max(0, log.stat().st_size - TAIL_BYTES))
+        said = printed.read().decode(errors="replace")
+    return _Ran(process.returncode if ended else None, said, time_s, usage.ru_utime + usage.ru_stime)
+
+
+def _await_end(pid: int, limit_s: float) -> bool:
+    """Whether a child ends within the limit. It is not waited for, and its end is seen at once: `Popen.wait` looks every 50 ms."""
+    watch = os.pidfd_open(pid)
+    try:
+        poll = select.poll()
+        poll.register(watch, select.POLLIN)
+        return bool(poll.poll(ceil(1000 * limit_s)))
+    finally:
+        os.close(watch)
+
+
+def _kill(leader: int) -> None:
+    """Kill a session's leader and all that came of it, in other process groups and sessions too."""
+    for _ in range(10):  # again while something new appears
+        family = _family(leader)
+        for pid in family:
             with suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)  # the session began with it, so this is all its children
-            process.wait()
-    return exit_code, log.read_text(errors="replace")
+                os.kill(pid, signal.SIGKILL)
+        if family <= {leader}:
+            break
+
+
+def _family(leader: int) -> set[int]:
+    """The living processes of a leader's session, their descendants, and the leader."""
+    parent, session = {}, {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = stat.read_text(errors="replace").rpartition(")")[2].split()
+            if fields[0] not in "ZX":
+                parent[int(stat.parent.name)], session[int(stat.parent.name)] = int(fields[1]), int(fields[3])
+    family = {leader} | {pid for pid in session if session[pid] == leader}
+    while more := {pid for pid in parent if parent[pid] in family} - family:
+        family |= more
+    return family

@@ -77,8 +77,8 @@ def movingai_scen(problem: Problem, cells: Cells, map_name: str) -> str:
     return "\n".join(["version 1", *rows]) + "\n"
 
 
-def yaml_instance(problem: Problem, cells: Cells | None) -> str:
-    """The text of a libMultiRobotPlanning instance: a grid, or with no cells a roadmap."""
+def yaml_instance(problem: Problem, cells: Cells | None, *, free: bool = False) -> str:
+    """The text of a libMultiRobotPlanning instance: a grid, or with no cells a roadmap; `free` lets every robot take every goal."""
     graph = problem.graph
     places: list[Any]
     if cells:
@@ -91,9 +91,10 @@ def yaml_instance(problem: Problem, cells: Cells | None) -> str:
         vertices = "".join(f"\n    {place}: [{x!r}, {y!r}]" for place, (x, y) in zip(places, graph.xy.tolist()))
         edges = "".join(f"\n  - [{places[a]}, {places[b]}]" for a, b in zip(graph.tail, graph.head)) or " []"
         head = f"roadmap:\n  undirected: false\n  allow_wait_actions: true\n  vertices:{vertices}\n  edges:{edges}\n"
-    agents = "".join(
-        f"\n- name: agent{r}\n  start: {places[s]}\n  goal: {places[g]}" for r, (s, g) in enumerate(zip(problem.start, problem.target))
-    )
+    goal = [f"goal: {places[g]}" for g in problem.target]
+    if free:
+        goal = ["potentialGoals: [" + ", ".join(str(places[g]) for g in problem.goal) + "]"] * problem.num_robots
+    agents = "".join(f"\n- name: agent{r}\n  start: {places[s]}\n  {to}" for r, (s, to) in enumerate(zip(problem.start, goal)))
     return f"{head}agents:{agents or ' []'}\n"
 
 
@@ -132,6 +133,31 @@ def read_places(text: str, num_robots: int | None = None, name: str = "plan") ->
         raise PlanError(f"{name}: not a plan in a known format ({', '.join(FORMATS.values())}, or this program's JSON)")
     reader = {"yaml": _read_yaml, "paths": _read_arrows, "smart": _read_arrows, "lacam": _read_lacam}[found]
     return reader(text, name, num_robots)
+
+
+def goals_reached(problem: Problem, plan: Plan) -> IntArray:
+    """[R] the goals at which a plan ends, for a plan whose planner assigned without saying so.
+
+    -1 where a robot ends elsewhere, as long as there are fewer goals than robots; other robots that end elsewhere are
+    given the goals that are left, so that the referee says where they should be.
+    """
+    free: dict[int, list[int]] = {}
+    for g, v in enumerate(problem.goal.tolist()):
+        free.setdefault(v, []).append(g)
+    found = np.array([free[v].pop(0) if free.get(v) else -1 for v in plan.last_vertex.tolist()], np.int64)
+    missing = min(problem.num_robots, len(problem.goal)) - np.count_nonzero(found >= 0)
+    left = [g for goals in free.values() for g in goals]
+    for robot in np.flatnonzero(found < 0)[: max(0, missing)]:
+        found[robot] = left.pop(0)
+    return found
+
+
+def own_time_s(text: str) -> float | None:
+    """What a peer's output says of its solver's time: `runtime` of libMultiRobotPlanning, `comp_time` of lacam; None without."""
+    if found := re.search(r"^\s+runtime:\s*([\d.eE+-]+)\s*$", text, re.MULTILINE):
+        return float(found[1])
+    found = re.search(r"^comp_time=([\d.]+)\s*$", text, re.MULTILINE)
+    return float(found[1]) / 1000 if found else None
 
 
 def print_paths(problem: Problem, plan: Plan, cells: Cells | None, kind: str) -> str:
@@ -270,9 +296,10 @@ def _read_arrows(text: str, name: str, num_robots: int | None) -> list[list[Any]
 
 
 def _read_lacam(text: str, name: str, num_robots: int | None) -> list[list[Any]]:
-    _, _, solution = text.partition("solution=")
+    solution = re.split(r"^solution=", text, maxsplit=1, flags=re.MULTILINE)[1]  # not comp_time_initial_solution=
     if num_robots is None:
-        num_robots = len(_STEP.findall(solution.strip().split("\n")[0]))
+        agents = re.search(r"^agents=(\d+)", text, re.MULTILINE)
+        num_robots = int(agents[1]) if agents else len(_STEP.findall(solution.strip().split("\n")[0]))
     paths: list[list[Any]] = [[] for _ in range(num_robots)]
     expected = 0
     for line in solution.splitlines():

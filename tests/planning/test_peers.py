@@ -1,5 +1,7 @@
 """Peers' formats: instances are written as they read them, plans are read as they write them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -8,11 +10,23 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import PlanError
 from mrp_sumo.io.instances import POINT
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import cut_lanes
-from mrp_sumo.planning.peers import FORMATS, cells_of, format_of, movingai_map, movingai_scen, print_paths, read_paths, yaml_instance
+from mrp_sumo.planning.peers import (
+    FORMATS,
+    cells_of,
+    format_of,
+    goals_reached,
+    movingai_map,
+    movingai_scen,
+    print_paths,
+    read_paths,
+    read_places,
+    yaml_instance,
+)
 
 # row 0 of a picture is the highest: cells (column, row)
 #   0 1 2
@@ -122,3 +136,20 @@ def test_flawed_plans_are_refused_in_one_line(problem, cells, text, says):
     with pytest.raises(PlanError, match=says) as error:
         read_paths(text, problem, cells)
     assert "\n" not in str(error.value)
+
+
+def test_unsolved_lacam_result_is_no_plan(problem, cells):
+    text = "agents=2\nsolved=0\ncomp_time_initial_solution=-1\nsolution=\n"
+    for num_robots in (2, None):
+        with pytest.raises(PlanError, match="not solved"):
+            read_places(text, num_robots)
+
+
+def test_goals_reached_are_the_assignment_of_a_plan(problem, cells):
+    ends = plan_of_paths([path(cells, (0, 1), (0, 0)), path(cells, (2, 0), (2, 1))], 1.0)
+    assert goals_reached(problem, ends).tolist() == [1, 0]
+    astray = plan_of_paths([path(cells, (0, 1)), path(cells, (2, 0), (2, 1))], 1.0)
+    assert goals_reached(problem, astray).tolist() == [1, 0]  # and the referee says that robot 0 is not there
+    assert "not at its goal" in judge(problem, astray, goals_reached(problem, astray)).faults[0]
+    one_goal = replace(problem, goal=problem.goal[:1], goal_of=np.full(2, -1))
+    assert goals_reached(one_goal, astray).tolist() == [-1, 0]
