@@ -5,9 +5,10 @@ oncoming robots stop a separation apart. Refuses a second simulation in one proc
 replace the first. Everything SUMO complains of comes out as an ExecutionError.
 """
 
+import struct
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,11 @@ import numpy as np
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.errors import ExecutionError
+
+VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times real time
+    *("--start", "true", "--quit-on-end", "true", "--delay", "100", "--window-size", "1400,900"),
+    *("--gui-settings-file", str(Path(__file__).parents[1] / "data" / "sumo_view.xml")),
+)
 
 _running = False
 
@@ -150,15 +156,18 @@ def running_sumo(network: Path, fleet: Fleet, separation_m: float, step_length_s
                         "true",
                     ),
                     *("--xml-validation", "never", "--duration-log.disable", "true", "--seed", str(seed % 2**31)),
-                    *(("--start", "true", "--quit-on-end", "true", "--delay", "20") if gui else ()),
+                    *(VIEW if gui else ()),
                 ]
             )
             yield Sumo(api, fleet.num_robots)
-        except (api.TraCIException, api.FatalTraCIError) as error:
+        except (api.TraCIException, api.FatalTraCIError, struct.error, ConnectionError) as error:
+            if gui and not isinstance(error, api.TraCIException):
+                raise ExecutionError("sumo-gui was closed before the end of the run") from error
             raise ExecutionError(f"SUMO gave up: {str(error).strip() or 'it said nothing'}") from error
         finally:
             _running = False
-            api.close()
+            with suppress(*((api.FatalTraCIError, struct.error, ConnectionError) if gui else ())):  # gone already
+                api.close()
 
 
 def type_of(fleet: Fleet) -> list[int]:
