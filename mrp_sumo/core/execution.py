@@ -1,6 +1,6 @@
 """What happened: trajectories and events of an execution."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -51,6 +51,7 @@ class Execution:
     cpu_time_s: float  # of the process, in the loop
     events: tuple[Event, ...] = ()
     findings: tuple[str, ...] = field(default=())  # collisions that SUMO itself reports
+    believed: FloatArray | None = None  # [3, T, R] x, y, yaw: where robots take themselves to be; None: where they are
     sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
@@ -62,6 +63,14 @@ class Execution:
     @property
     def all_at_goal(self) -> bool:
         return bool(np.isfinite(self.goal_s).all())
+
+
+def as_believed(execution: Execution) -> Execution:
+    """The execution as the robots tell it: their believed poses instead of the true ones."""
+    if execution.believed is None:
+        return execution
+    x, y, yaw = execution.believed
+    return replace(execution, x_m=x, y_m=y, yaw_rad=yaw, believed=None)
 
 
 def positions_at(execution: Execution, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ are equal byte for byte. An interrupted write leaves complete chunks in the mcap
 import json
 import sqlite3
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from mrp_sumo.core.execution import as_believed
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io import rosbag_streams as say
@@ -84,6 +85,7 @@ def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), 
         raise MrpSumoError(f"{folder}: exists already, a bag needs a new folder")
     if options.storage == "sqlite3" and (bad := [c for c in folder.name if c in ODD]):
         raise MrpSumoError(f"'{folder.name}': the name of a sqlite3 bag cannot have a '{bad[0]}'; use mcap or another name")
+    record = replace(record, execution=as_believed(record.execution))  # robots tell where they take themselves to be
     messages = Messages(record, options.rmf)
     chosen = _chosen(record, options.robots)
     renamed = {token: name for token, name in zip(messages.robots, record.fleet.robot_name) if token != name}

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo import __version__
-from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
@@ -201,6 +201,8 @@ def _write_logs(
 
     about = {"scenario": scenario.name, "seed": scenario.seed, "versions": versions()}
     write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about)
+    if execution.believed is not None:
+        write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about)
     if result.plan is not None:
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)

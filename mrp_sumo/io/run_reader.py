@@ -117,11 +117,19 @@ class Run:
         return read_trajectory(self.folder / "trajectory.parquet")
 
     @cached_property
+    def believed(self) -> "Trajectory | None":
+        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        from mrp_sumo.io.trajectory import read_trajectory
+
+        path = self.folder / "believed.parquet"
+        return read_trajectory(path) if self._has(path.name) else None
+
+    @cached_property
     def execution(self) -> Execution:
         """Trajectory, arrivals and events as the simulation gave them; clocks from the metrics."""
         from mrp_sumo.io.visits import read_arrivals
 
-        samples, told = self.samples, self.metrics
+        samples, believed, told = self.samples, self.believed, self.metrics
         documents = read_events(self.folder / "events.jsonl")
         goal_s = [robot["goal_s"] for robot in self.result["robots"]]
         return Execution(
@@ -139,6 +147,7 @@ class Run:
             cpu_time_s=told["cpu_time_s"] or 0.0,
             events=events_of_documents(documents, self.fleet, self.graph),
             findings=tuple(self.result["findings"]),
+            believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
         )
 
     @property

@@ -155,6 +155,11 @@ class DisturbanceChoice(_Strict):
     delay_steps_max: int = 5
     latency_s: float = Field(0.0, description="Before a robot hears what it may enter.")
     message_loss: float = Field(0.0, description="Share of messages that are lost; they are repeated every step.")
+    localisation_m: float = Field(
+        0.0, description="Standard deviation of where robots take themselves to be, in x and y: believed.parquet and the bag, nothing else."
+    )
+    localisation_rad: float = Field(0.0, description="And of their heading.")
+    localisation_tau_s: float = Field(0.0, description="In which such errors are forgotten; 0: every sample has its own.")
     breakdowns: list[BreakdownChoice] = []
     obstacles: list[ObstacleChoice] = []
 

@@ -59,6 +59,9 @@ class Disturbances:
     delay_steps_max: int = 5
     latency_s: float = 0.0  # before a robot hears what it may enter
     message_loss: float = 0.0  # share of messages that do not come through; they are repeated every step
+    localisation_m: float = 0.0  # standard deviation of where robots take themselves to be, in x and in y; only recorded
+    localisation_rad: float = 0.0  # and of their heading
+    localisation_tau_s: float = 0.0  # in which such errors are forgotten; 0: each sample has its own
     breakdowns: tuple[Breakdown, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     closures: tuple[Closure, ...] = ()
@@ -78,6 +81,7 @@ class Disturbances:
 
     @property
     def any(self) -> bool:
+        """Whether anything disturbs the robots themselves."""
         strengths = (self.speed_spread, self.speed_noise, self.stops_per_s, self.start_delay_s, self.delay_probability)
         return any(strengths) or bool(self.latency_s or self.message_loss or self.breakdowns or self.obstacles or self.closures)
 

@@ -21,6 +21,7 @@ from mrp_sumo.sim import _control
 from mrp_sumo.sim.blocking import LOOK_EVERY_S, DeadlockWatch, deadlock_event, events_of, waits_at_the_end
 from mrp_sumo.sim.course import Course, continued, course_of, empty_log, empty_news, fresh_state
 from mrp_sumo.sim.disturber import Disturber
+from mrp_sumo.sim.localisation import believed_poses
 from mrp_sumo.sim.policy import Policy, policy_of
 from mrp_sumo.sim.recorder import Recorder
 from mrp_sumo.sim.recovery import plan_from
@@ -224,6 +225,10 @@ class _Run:
         """All that was recorded."""
         x, y, yaw, speed = self.recorder.samples()
         path, state, settings = self.course.path, self.state, self.settings
+        yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
+        what, believed = settings.disturbances, None
+        if what.localisation_m or what.localisation_rad:
+            believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
         ends = path.vertex[path.first[1:] - 1]
         goal = np.where(ends == self.problem.target, state.goal, np.nan)
         arrived = state.arrived
@@ -234,7 +239,7 @@ class _Run:
             t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
             x_m=frozen(x),
             y_m=frozen(y),
-            yaw_rad=frozen((yaw + np.pi) % (2 * np.pi) - np.pi),
+            yaw_rad=frozen(yaw),
             speed_mps=frozen(speed),
             arrived_s=frozen(arrived),
             goal_s=frozen(goal),
@@ -246,6 +251,7 @@ class _Run:
             events=tuple(sorted(self.events, key=lambda event: (event.t_s, event.robot, event.kind))),
             findings=tuple(self.findings),
             booked_s=frozen(state.booked),
+            believed=believed,
             sumo_t_s=frozen(np.array(self.sumo_s)),
             sumo_xy_m=frozen(np.array(self.sumo_xy)),
         )

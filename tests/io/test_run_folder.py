@@ -4,6 +4,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io import run_folder
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.plan_file import read_plan
+from mrp_sumo.io.rosbag import write_bag
 from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain, write_run
+from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario import Scenario
 
 
@@ -84,6 +87,25 @@ def test_bag_is_as_the_scenario_says(tmp_path):
     (tmp_path / "run #1").rename(tmp_path / "run")  # the library reads no sqlite3 bag below a '#'
     with AnyReader([tmp_path / "run" / "bag"]) as reader:
         assert "/robot_2/odom" in reader.topics
+
+
+def test_the_bag_tells_what_robots_believe_and_the_trajectory_what_is_true(tmp_path):
+    execution = record_of_four(seconds=3.0).execution
+    believed = np.stack((execution.x_m + 0.25, execution.y_m - 0.5, execution.yaw_rad))
+    told = {"sim_time_s": 3.0, "wall_time_s": 0.1, "cpu_time_s": 0.1}
+    run_of_four(tmp_path / "run", tmp_path / "x.net.xml", execution=replace(execution, believed=believed), metrics=told)
+    run = load_run(tmp_path / "run")
+    assert (run.samples.x_m == execution.x_m).all() and (run.execution.y_m == execution.y_m).all()
+    assert (run.believed.x_m == believed[0]).all() and (run.execution.believed == believed).all()
+    with AnyReader([tmp_path / "run" / "bag"]) as reader:
+        connections = [c for c in reader.connections if c.topic == "/fleet_states"]
+        states = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages(connections)]
+    place = states[2].robots[0].location  # at 1 s
+    assert (place.x, place.y) == pytest.approx((1.25, -0.5))
+    write_bag(tmp_path / "again" / "bag", run.record)
+    assert (tmp_path / "again/bag/bag.mcap").read_bytes() == (tmp_path / "run/bag/bag.mcap").read_bytes()
+    run_of_four(tmp_path / "sure", tmp_path / "x.net.xml")
+    assert load_run(tmp_path / "sure").believed is None and not (tmp_path / "sure/believed.parquet").exists()
 
 
 def test_plan_floor_and_walls_come_back(tmp_path):
