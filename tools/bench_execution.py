@@ -1,31 +1,47 @@
-"""Measures execution: robot-seconds simulated a second of CPU time, trajectory recording on, one process.
+"""Measures execution: robot-seconds simulated a second of CPU time, recording on, one process.
 
     python tools/bench_execution.py                        50 to 1,000 robots in a warehouse of 161 x 63 cells
-    python tools/bench_execution.py --robots 5000 --grid 200 --dt 0.2 --seconds 60
+    python tools/bench_execution.py --grid                 5,000 and 10,000 robots on a grid of 200 x 200 cells
+    python tools/bench_execution.py --startup              from a plan to the first step, for every bundled map
+    python tools/bench_execution.py --schedule             the order of 1,000 robots' passages
+    python tools/bench_execution.py --memory               200 runs in one process
+    python tools/bench_execution.py --robots 300 --dt 0.2 --seconds 60
     python tools/bench_execution.py --json                 a line a case, for machines
 
 The warehouse has the layout of the MovingAI benchmark's warehouse-10-20-10-2-1: 10 x 20 racks of 10 x 2 cells,
-aisles one cell wide. CPU time is that of the loop; planning, the network and the start of SUMO are told apart.
+aisles one cell wide. `robot_s_per_cpu_s` is of the loop with recording, `with_all` also counts the schedule, the
+start of SUMO, the trajectory, the audit and the metrics; planning and netconvert are left out. `smart` is what SMART
+was measured to do on the same machine. Kernels are loaded before the first case.
 """
 
 import argparse
 import json
-import resource
+import os
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph
-from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.schedule import order_of, vertex_needs, waiting_cycle
+from mrp_sumo.core.referee import judge
+from mrp_sumo.core.resources import needs_of, resources_of
+from mrp_sumo.core.schedule import order_of, schedule_of, vertex_needs, waiting_cycle
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.catalogue import bundled_maps
+from mrp_sumo.maps.grid import grid_graph, paper_grid
+from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.sumo import build_network
+from mrp_sumo.metrics.audit import audit
+from mrp_sumo.metrics.evaluate import evaluate
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.sim import warm
+from mrp_sumo.sim.course import lanes_of
 from mrp_sumo.sim.loop import simulate
 from mrp_sumo.sim.settings import ExecutionSettings
 
@@ -33,6 +49,13 @@ ROBOTS = {
     "burger": (RobotType("turtlebot3_burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84), 0.4, 2.5),  # cell, planned step
     "amr": (RobotType("amr", 0.6, 0.5, 1.0, 0.5, 0.5, 1.5), 1.0, 3.0),
 }
+WAREHOUSE = (50, 100, 200, 500, 1000)
+GRID = ((5000, 0.2, 120.0), (10000, 0.5, np.inf))  # robots, step length, simulated seconds at most
+SMART = {50: 1820, 100: 1764, 200: 1820, 500: 1844, 1000: 1900}  # robot-seconds a CPU-second
+TARGET = {100: 15000, 1000: 10000}
+RUNS = 200
+
+Row = dict[str, Any]
 
 
 def warehouse() -> np.ndarray:
@@ -48,6 +71,24 @@ def warehouse() -> np.ndarray:
 def draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng([seed, num_robots])
     return rng.permutation(graph.num_vertices)[:num_robots], rng.permutation(graph.num_vertices)[:num_robots]
+
+
+def planned(graph: PlanGraph, num_robots: int, options: argparse.Namespace) -> tuple[Problem, Plan, float]:
+    """A problem, a plan that can be executed in order, and how long the planner took."""
+    robot, _, step_s = ROBOTS[options.robot]
+    spare = num_robots // 10 if num_robots > 300 else 0  # dense plans rotate without a gap, which no order can execute
+    start, goal = draw(graph, num_robots + spare, options.seed)
+    problem = Problem(graph, fleet_of(robot, num_robots + spare), start, goal, np.arange(num_robots + spare), step_s)
+    method = planner(options.planner, {})
+    method.prepare()
+    begun = time.perf_counter()
+    plan = method.plan(problem, 120.0).plan
+    planning_s = time.perf_counter() - begun
+    if plan is None:
+        raise MrpSumoError(f"{options.planner} found no plan for {num_robots} robots")
+    robots = executable(plan, graph.num_vertices)[:num_robots]
+    problem = Problem(graph, fleet_of(robot, len(robots)), start[robots], goal[robots], np.arange(len(robots)), step_s)
+    return problem, of_robots(plan, robots), planning_s
 
 
 def executable(plan: Plan, num_vertices: int) -> np.ndarray:
@@ -67,82 +108,177 @@ def of_robots(plan: Plan, robots: np.ndarray) -> Plan:
     return Plan(first, plan.vertex[visits], plan.arrive_s[visits], plan.depart_s[visits])
 
 
-def measure(graph: PlanGraph, network: Path, num_robots: int, options: argparse.Namespace) -> dict:
-    """Plan and drive one case."""
-    robot, _, step_s = ROBOTS[options.robot]
-    spare = num_robots // 10 if num_robots > 300 else 0  # dense plans rotate without a gap, which no order can execute
-    start, goal = draw(graph, num_robots + spare, options.seed)
-    problem = Problem(graph, fleet_of(robot, num_robots + spare), start, goal, np.arange(num_robots + spare), step_s)
-    method = planner(options.planner, {})
-    method.prepare()
-    begun = time.perf_counter()
-    plan = method.plan(problem, 120.0).plan
-    planning_s = time.perf_counter() - begun
-    if plan is None:
-        raise MrpSumoError(f"{options.planner} found no plan for {num_robots} robots")
-    robots = executable(plan, graph.num_vertices)[:num_robots]
-    plan = of_robots(plan, robots)
-    problem = Problem(graph, fleet_of(robot, len(robots)), start[robots], goal[robots], np.arange(len(robots)), step_s)
-    limit_s = min(options.seconds, float(plan.end_s.max()) * 4 + 60)
-    settings = ExecutionSettings(options.policy, options.dt, limit_s, record_period_s=max(options.dt, options.record))
-    begun = time.perf_counter()
+def drive(case: str, graph: PlanGraph, network: Path, num_robots: int, dt: float, seconds: float, options: argparse.Namespace) -> Row:
+    """Plan, drive and measure one case."""
+    problem, plan, planning_s = planned(graph, num_robots, options)
+    limit_s = min(seconds, float(plan.end_s.max()) * 4 + 60)
+    settings = ExecutionSettings(options.policy, dt, limit_s, record_period_s=max(dt, options.record))
+    cpu = time.process_time()
     run = simulate(problem, plan, settings, network)
+    driven = time.process_time()
+    found = audit(run, problem.fleet)
+    audited = time.process_time()
+    evaluate(problem, PlanResult("solved", plan), None, run, found, assignment_time_s=0.0, time_limit_s=limit_s, tolerance_m=0.1)
+    done, robot_s = time.process_time(), problem.num_robots * run.sim_time_s
     return {
-        "robots": len(robots),
+        "case": case,
+        "robots": problem.num_robots,
         "policy": options.policy,
-        "dt_s": options.dt,
+        "dt_s": dt,
         "planning_s": round(planning_s, 2),
         "makespan_s": float(plan.end_s.max()),
         "sim_s": run.sim_time_s,
         "outcome": str(run.outcome),
-        "goals": int(np.isfinite(run.goal_s).sum()),
-        "cpu_s": round(run.cpu_time_s, 2),
-        "around_s": round(time.perf_counter() - begun - run.wall_time_s, 2),
-        "robot_s_per_cpu_s": round(len(robots) * run.sim_time_s / run.cpu_time_s),
-        "us_per_robot_step": round(run.cpu_time_s / (len(robots) * run.sim_time_s / options.dt) * 1e6, 2),
+        "at_goal": int(np.isfinite(run.goal_s).sum()),
+        "overlaps": found["num_overlaps"],
+        "passed": found["passed"],
+        "loop_cpu_s": round(run.cpu_time_s, 2),
+        "around_cpu_s": round(driven - cpu - run.cpu_time_s, 2),
+        "audit_cpu_s": round(audited - driven, 2),
+        "metrics_cpu_s": round(done - audited, 2),
+        "robot_s_per_cpu_s": round(robot_s / run.cpu_time_s),
+        "with_all": round(robot_s / (done - cpu)),
+        "target": TARGET.get(num_robots) if case == "warehouse" else None,
+        "smart": SMART.get(num_robots) if case == "warehouse" else None,
+        "us_per_robot_step": round(run.cpu_time_s / (robot_s / dt) * 1e6, 2),
         "real_time_factor": round(run.sim_time_s / run.cpu_time_s, 2),
-        "rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+        "peak_rss_mb": memory_mb("VmHWM"),
     }
 
 
-def warm_up(problem_plan: tuple[Problem, Plan], network: Path, policy: str) -> None:
-    """Compile the kernels."""
-    simulate(*problem_plan, ExecutionSettings(policy, time_limit_s=0.2), network)
+def rows_of_drives(options: argparse.Namespace) -> Iterator[Row]:
+    """The warehouse, or the grid."""
+    free = np.ones((200, 200), np.bool_) if options.grid else warehouse()
+    case = "grid" if options.grid else "warehouse"
+    graph = grid_graph(free, ROBOTS[options.robot][1], (0.0, 0.0), name=case)
+    cases = GRID if options.grid else [(n, 0.1, 120.0) for n in WAREHOUSE]
+    if options.robots:
+        cases = [(n, cases[0][1], cases[0][2]) for n in options.robots]
+    with tempfile.TemporaryDirectory() as folder:
+        network = build_network(graph, Path(folder) / "bench.net.xml")
+        drive(case, graph, network, 20, 0.1, 20.0, options)  # whatever the first case alone would pay for
+        for num_robots, dt, seconds in cases:
+            yield drive(case, graph, network, num_robots, options.dt or dt, options.seconds or seconds, options)
+
+
+def rows_of_starts(options: argparse.Namespace) -> Iterator[Row]:
+    """From a map file to the end of the first step of nine robots, in a process that has loaded its libraries."""
+    robot = ROBOTS["burger"][0]
+    for name, path in [*sorted(bundled_maps().items())] * 2:
+        with tempfile.TemporaryDirectory() as folder:
+            begun = spent_s()
+            graph = paper_grid(load_map(path).nav, 0.4)
+            loaded = spent_s()
+            network = build_network(graph, Path(folder) / "bench.net.xml")
+            built = spent_s()
+            served = np.unique(graph.tail)
+            served = served[graph.component[served] == np.bincount(graph.component[served]).argmax()]
+            start, goal = np.random.default_rng(options.seed).permutation(served)[:18].reshape(2, 9)
+            problem = Problem(graph, fleet_of(robot, 9), start, goal, np.arange(9), 2.5)
+            plan = planner("lacam", {}).plan(problem, 10.0).plan
+            assert plan is not None
+            stepped: list[float] = []
+            settings = ExecutionSettings("open_loop", 1.0, 2.0, record_period_s=1.0)
+            planned_at = spent_s()
+            simulate(problem, plan, settings, network, progress=lambda t_s, at_goal, stepped=stepped: stepped.append(spent_s()))
+            started_s = stepped[0] - planned_at
+        yield {
+            "case": "startup",
+            "map": name,
+            "vertices": graph.num_vertices,
+            "map_cpu_s": round(loaded - begun, 3),
+            "network_cpu_s": round(built - loaded, 3),
+            "start_cpu_s": round(started_s, 3),
+            "sum_cpu_s": round(built - begun + started_s, 3),
+            "target": 1.0,
+        }
+
+
+def spent_s() -> float:
+    """CPU time of this process and of programs it has run: netconvert."""
+    return sum(os.times()[:4])
+
+
+def rows_of_schedules(options: argparse.Namespace) -> Iterator[Row]:
+    """The order at vertices and zones, proven acyclic."""
+    graph = grid_graph(warehouse(), ROBOTS[options.robot][1], (0.0, 0.0), name="warehouse")
+    for num_robots in options.robots or (1000,):
+        problem, plan, _ = planned(graph, num_robots, options)
+        for _ in range(2):  # the second without the loading of code
+            begun = time.process_time()
+            resources = resources_of(graph, problem.fleet.separation_m)
+            needs = needs_of(graph, plan, lanes_of(problem, plan), resources)
+            needed = time.process_time()
+            schedule = schedule_of(problem, plan, needs)
+            done = time.process_time()
+        yield {
+            "case": "schedule",
+            "robots": problem.num_robots,
+            "visits": plan.num_visits,
+            "passages": schedule.num_passages,
+            "needs_cpu_s": round(needed - begun, 2),
+            "schedule_cpu_s": round(done - needed, 2),
+            "target": 2.0,
+            "smart": 31.6,
+            "valid": judge(problem, plan).valid,
+        }
+
+
+def rows_of_memory(options: argparse.Namespace) -> Iterator[Row]:
+    """Many runs in one process: map, plan, drive, audit."""
+    robot, graph = ROBOTS["burger"][0], paper_grid(load_map(bundled_maps()["office"]).nav, 0.4)
+    rng, early = np.random.default_rng(options.seed), 0
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        network = build_network(graph, Path(folder) / "bench.net.xml")
+        for number in range(RUNS):
+            start, goal = rng.permutation(graph.num_vertices)[:18].reshape(2, 9)
+            problem = Problem(graph, fleet_of(robot, 9), start, goal, np.arange(9), 2.5)
+            plan = planner("lacam", {}).plan(problem, 1.0).plan
+            assert plan is not None
+            settings = ExecutionSettings("open_loop", time_limit_s=300.0, seed=number, on_deadlock="stop")
+            run = simulate(problem, plan, settings, network)
+            audit(run, problem.fleet)
+            if number == RUNS // 10:
+                early = memory_mb("VmRSS")
+    late = memory_mb("VmRSS")
+    spent = round(time.perf_counter() - begun, 1)
+    yield {"case": "memory", "runs": RUNS, f"after_{RUNS // 10}_mb": early, "after_all_mb": late, "grown_mb": late - early, "wall_s": spent}
+
+
+def memory_mb(which: str) -> int:
+    """Of this process, as Linux tells."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(which)) // 1024
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robots", type=int, nargs="+", default=[50, 100, 200, 500, 1000])
-    parser.add_argument("--grid", type=int, help="an empty grid of this many cells a side instead of the warehouse")
+    what = parser.add_mutually_exclusive_group()
+    for name in ("grid", "startup", "schedule", "memory"):
+        what.add_argument(f"--{name}", action="store_true")
+    parser.add_argument("--robots", type=int, nargs="+")
     parser.add_argument("--robot", choices=ROBOTS, default="burger")
     parser.add_argument("--planner", default="lacam")
     parser.add_argument("--policy", default="adg")
-    parser.add_argument("--dt", type=float, default=0.1)
+    parser.add_argument("--dt", type=float, help="step length, s")
     parser.add_argument("--record", type=float, default=0.1, help="recording period, s (not below dt)")
-    parser.add_argument("--seconds", type=float, default=120.0, help="simulated, at most")
+    parser.add_argument("--seconds", type=float, help="simulated, at most")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    cell_m = ROBOTS[options.robot][1]
-    free = np.ones((options.grid, options.grid), np.bool_) if options.grid else warehouse()
-    graph = grid_graph(free, cell_m, (0.0, 0.0), name="grid" if options.grid else "warehouse")
-    with tempfile.TemporaryDirectory() as folder:
-        network = build_network(graph, Path(folder) / "bench.net.xml")
-        start, goal = draw(graph, 1, 0)
-        problem = Problem(graph, fleet_of(ROBOTS[options.robot][0], 1), start, goal, np.arange(1), ROBOTS[options.robot][2])
-        plan = planner("pibt", {}).plan(problem, 10.0).plan
-        assert plan is not None
-        warm_up((problem, plan), network, options.policy)
-        header = False
-        for num_robots in options.robots:
-            found = measure(graph, network, num_robots, options)
-            if options.json:
-                print(json.dumps(found), flush=True)
-                continue
-            if not header:
-                print("  ".join(found))
-                header = True
-            print("  ".join(f"{value!s:>{len(key)}}" for key, value in found.items()), flush=True)
+    warm.prepare()
+    chosen = (name for name in ("startup", "schedule", "memory") if getattr(options, name))
+    rows = {"startup": rows_of_starts, "schedule": rows_of_schedules, "memory": rows_of_memory}.get(next(chosen, ""), rows_of_drives)
+    header = False
+    for row in rows(options):
+        if options.json:
+            print(json.dumps(row), flush=True)
+            continue
+        if not header:
+            print("  ".join(row))
+            header = True
+        print("  ".join(f"{'' if value is None else str(value):>{len(key)}}" for key, value in row.items()), flush=True)
 
 
 if __name__ == "__main__":
