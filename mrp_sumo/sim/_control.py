@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 # why a robot does not go on
-FREE, TURNING, PLANNED, OTHER, ONCOMING, FOLLOWING, DISTURBED, FINISHED = range(8)
+FREE, TURNING, PLANNED, OTHER, ONCOMING, FOLLOWING, DISTURBED, FINISHED, LETTING_PASS = range(9)
 # how a second of a robot is booked
 MOVING, TURN, PLANNED_WAIT, DEPENDENCY_WAIT, YIELDING, BLOCKED, DISTURBANCE, AT_GOAL = range(8)
 # what the log tells
@@ -19,6 +19,7 @@ WAITED, STOOD_BLOCKED, ARRIVED_AT_GOAL, SET_OUT = range(4)
 
 MARGIN_M = 0.001  # a robot is stopped this far before the end of what it may drive
 ARRIVED_M = 0.002
+NEVER = 2**62
 SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
 
@@ -90,6 +91,11 @@ class State(NamedTuple):
     turn: np.ndarray  # [Q] the passage whose turn it is
     claims: np.ndarray  # [L] robots that may enter the lane and have not arrived at its end
     claimer: np.ndarray  # [L] the last of them
+    turned: np.ndarray  # [R] whether it has turned back on the lane it is on: nobody follows it there, SUMO would not see it
+    pause: np.ndarray  # [R] the visit beyond which a robot that gives way claims nothing; NEVER where it does not
+    pause_for: np.ndarray  # [R] the robot it lets pass, -1: none
+    gives_way: np.ndarray  # [R] since it set out to give way until it may go on
+    home: np.ndarray  # [R] whether its path ends at its goal
 
 
 class Log(NamedTuple):
@@ -118,14 +124,19 @@ def stop_speed(free, decel, dt):
 
 
 @njit(cache=True)
-def begin(path, need, state):
-    """Robots hold what their first visits need."""
+def take_up(path, need, state):
+    """Robots hold what the visits they have arrived at or won need, and claim the lanes to those they have won."""
     for r in range(len(path.first) - 1):
-        k = path.first[r]
-        for e in range(need.first[k], need.first[k + 1]):
-            state.holder[need.resource[e]] = r
-            state.held[need.resource[e]] += 1
-        state.arrived[k] = 0.0
+        for k in range(path.first[r], state.won[r] + 1):
+            for e in range(need.first[k], need.first[k + 1]):
+                state.holder[need.resource[e]] = r
+                state.held[need.resource[e]] += 1
+        for k in range(state.nx[r], state.won[r] + state.on_lane[r] + 1):
+            state.claims[path.lane[k]] += 1
+            state.claimer[path.lane[k]] = r
+        if state.turned[r]:
+            state.claims[path.reverse[path.lane[state.nx[r]]]] += 1
+            state.claimer[path.reverse[path.lane[state.nx[r]]]] = r
 
 
 class Around(NamedTuple):
@@ -146,9 +157,7 @@ class News(NamedTuple):
 
 
 @njit(cache=True)
-def advance(
-    look, now, dt, s, drive, path, need, state, log, news, around, cell, window, tolerance, wait_least, look_ahead, paced, yielding
-):
+def advance(look, now, dt, s, drive, path, need, state, log, news, around, cell, window, tolerance, wait_least, look_ahead, paced):
     """All between two steps of SUMO: look where robots are, let them claim, command speeds.
 
     One call, since handing the arrays over costs more than the work for few robots. `look` is off where no step
@@ -157,7 +166,7 @@ def advance(
     """
     count = 0
     if look:
-        count = _observe(now, dt, s, drive, path, need, state, log, cell, window, tolerance, wait_least, yielding)
+        count = _observe(now, dt, s, drive, path, need, state, log, cell, window, tolerance, wait_least)
     _extend(now, drive, path, need, state, around.closed, look_ahead)
     changed = _command(now, dt, drive, path, state, around, paced, news.changed)
     due = 0
@@ -169,7 +178,7 @@ def advance(
 
 
 @njit(cache=True)
-def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least, yielding):
+def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_tolerance, wait_least):
     """Book the step that ended at `now`, turn, log arrivals, free what was left. Returns entries in the log."""
     # arrays are taken out of their tuples once: numba counts references each time
     was, speed, first, nx, heading = state.s, state.speed, path.first, state.nx, path.heading
@@ -179,6 +188,7 @@ def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_toler
     arrived, claims, lane, goal, back = state.arrived, state.claims, path.lane, state.goal, state.back
     won, first_need, freed, left_at = state.won, need.first, state.freed, need.left_at
     resource, held, holder, closes, turn = need.resource, state.held, state.holder, need.closes, state.turn
+    gives_way, home, turned_back, reverse = state.gives_way, state.home, state.turned, path.reverse
     count = 0
     for r in range(len(s)):
         moved = s[r] - was[r]
@@ -198,7 +208,7 @@ def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_toler
         # booking
         waits = False
         if finished:
-            category = AT_GOAL
+            category = AT_GOAL if home[r] else DISTURBANCE if cause[r] == DISTURBED else BLOCKED
         elif moved > 1e-6:
             category = MOVING
         elif cause[r] == DISTURBED:
@@ -207,16 +217,16 @@ def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_toler
             category = TURN
         elif cause[r] == PLANNED:
             category = PLANNED_WAIT
-        elif yielding:
-            category = YIELDING
         elif cause[r] == FREE and commanded[r] <= 1e-6:
             category = MOVING  # it has just been allowed to go on
         else:
             waits = True
             category = BLOCKED if stuck[r] else DEPENDENCY_WAIT
+        if gives_way[r] and category != DISTURBANCE and category != AT_GOAL:
+            category = YIELDING
         booked[r, category] += dt
         # blocking: no progress by a cell, not counting waits that the plan or a disturbance asks for
-        if category in (TURN, PLANNED_WAIT, DISTURBANCE):
+        if category in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING):
             mark_t[r] += dt
         if finished or s[r] - mark_s[r] >= cell:
             if stuck[r]:
@@ -246,8 +256,11 @@ def _observe(now, dt, s, drive, path, need, state, log, cell, window, goal_toler
             late = (s[r] - at[k] + ARRIVED_M) / moved * dt if moved > 0.0 else 0.0
             arrived[k] = now - min(max(late, 0.0), dt)
             claims[lane[k]] -= 1
+            if turned_back[r]:
+                claims[reverse[lane[k]]] -= 1
+                turned_back[r] = False
             nx[r] += 1
-        if goal[r] != goal[r]:
+        if goal[r] != goal[r] and home[r]:
             near = s[r] >= at[last] - goal_tolerance and moved <= 1e-6 and nx[r] >= last
             if nx[r] > last or near:
                 goal[r] = arrived[last] if nx[r] > last else now
@@ -315,7 +328,7 @@ def _extend(now, drive, path, need, state, closed, look_ahead):
     reverse, lane, on_lane, claims, claimer = path.reverse, path.lane, state.on_lane, state.claims, state.claimer
     first_need, resource, turn, passage, passing = need.first, need.resource, state.turn, need.passage, need.passing
     holder, short_of, held, asked, at = state.holder, path.short_of, state.held, state.asked, path.at
-    ordered = len(passing) > 0
+    ordered, pause, pause_for, home = len(passing) > 0, state.pause, state.pause_for, state.home
     for r in _turns_to_ask(ordered, asked):
         last = first[r + 1] - 1
         cause[r] = FREE
@@ -326,7 +339,12 @@ def _extend(now, drive, path, need, state, closed, look_ahead):
             where[r] = min(k, last)
             if m == last:
                 if nx[r] > last:
-                    cause[r] = FINISHED
+                    cause[r] = FINISHED if home[r] else LETTING_PASS
+                break
+            if m >= pause[r]:
+                if nx[r] > m:
+                    cause[r] = LETTING_PASS
+                    other[r] = pause_for[r]
                 break
             if k - nx[r] >= look_ahead:
                 break

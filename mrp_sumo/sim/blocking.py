@@ -14,6 +14,7 @@ WHY = {
     _control.ONCOMING: "{other} comes towards it on the lane",
     _control.FOLLOWING: "behind {other}",
     _control.DISTURBED: "disturbed",
+    _control.LETTING_PASS: "lets {other} pass",
 }
 
 
@@ -49,13 +50,18 @@ def events_of(log: _control.Log, count: int, path: _control.Path, names: tuple[s
     return [_event(path, names, *entry) for entry in zip(*columns)]
 
 
-def waits_at_the_end(now: float, state: _control.State, path: _control.Path, names: tuple[str, ...], wait_least: float) -> list[Event]:
-    """Events for the waits and blockings that the run's end cut off."""
-    events = []
-    for r in np.flatnonzero(now - state.wait_since >= wait_least).tolist():
+def waits_at_the_end(
+    now: float, state: _control.State, path: _control.Path, names: tuple[str, ...], wait_least: float, of: list[int] | None = None
+) -> list[Event]:
+    """Events for the waits and blockings that the run's end cut off, or the end of the ways of some robots."""
+    events, some = [], np.ones(len(names), np.bool_)
+    if of is not None:
+        some[:] = False
+        some[of] = True
+    for r in np.flatnonzero(some & (now - state.wait_since >= wait_least)).tolist():
         wait = (int(state.wait_cause[r]), int(state.wait_where[r]), int(state.wait_other[r]))
         events.append(_event(path, names, _control.WAITED, r, *wait, float(state.wait_since[r]), now))
-    for r in np.flatnonzero(state.stuck).tolist():
+    for r in np.flatnonzero(some & state.stuck).tolist():
         wait = (int(state.wait_cause[r]), int(state.wait_where[r]), int(state.wait_other[r]))
         events.append(_event(path, names, _control.STOOD_BLOCKED, r, *wait, float(state.mark_t[r]), now))
     return events

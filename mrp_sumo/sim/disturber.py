@@ -59,10 +59,10 @@ class Disturber:
         self._barriers += [(o.begin_s, o.duration_s, *self._near(o)) for o in what.obstacles]
         self._closing: list[tuple[float, IntArray]] = []  # until when, lanes
 
-    def forget_messages(self, allowed_m: FloatArray) -> None:
-        """Robots know what they may drive at the beginning of a plan."""
-        self._sent.clear()
-        self.told_m[:] = allowed_m
+    def count_from(self, offset_m: FloatArray, allowed_m: FloatArray) -> None:
+        """Distances begin `offset_m` [R] further along; robots whose offset is NaN know what they are allowed [R]."""
+        for known in (self.told_m, *self._sent):
+            known[:] = np.where(np.isnan(offset_m), allowed_m, known - offset_m)
 
     @property
     def around(self) -> _control.Around:

@@ -19,12 +19,12 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.blocking import LOOK_EVERY_S, DeadlockWatch, deadlock_event, events_of, waits_at_the_end
-from mrp_sumo.sim.course import Course, continued, course_of, empty_log, empty_news, fresh_state
+from mrp_sumo.sim.course import Change, Course, changed_course, course_of, empty_log, empty_news, fresh_state
 from mrp_sumo.sim.disturber import Disturber
 from mrp_sumo.sim.localisation import believed_poses
 from mrp_sumo.sim.policy import Policy, policy_of
 from mrp_sumo.sim.recorder import Recorder
-from mrp_sumo.sim.recovery import plan_from
+from mrp_sumo.sim.recovery import Recovery
 from mrp_sumo.sim.routes import Routes
 from mrp_sumo.sim.settings import ExecutionSettings
 from mrp_sumo.sim.sumo import Sumo, running_sumo, type_of
@@ -32,7 +32,6 @@ from mrp_sumo.sim.sumo import Sumo, running_sumo, type_of
 A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
 COMPARE_EVERY_S = 10.0  # SUMO's own positions are kept this often for the audit, and at the end
-QUIET_WITHIN_S = 30.0  # in which all robots must come to stand at vertices for a new plan
 Progress = Callable[[float, int], None]
 
 
@@ -99,9 +98,9 @@ class _Run:
         self.now = 0.0
         self.sumo_s: list[float] = []  # when SUMO was asked where it has the robots
         self.sumo_xy: list[FloatArray] = []  # [R, 2] each
-        self.quiet_since = np.inf  # since when robots stop for a new plan, inf: they do not
-        self.given_up = self.settings.on_deadlock != "resolve"
-        self.first_arrived: FloatArray | None = None  # [N] of the plan's visits, once there is a new plan
+        self.recovery = Recovery(self.problem, self.settings, self.disturber) if self.settings.on_deadlock == "resolve" else None
+        self.visit = np.arange(self.plan.num_visits)  # [N] of the plan, for each visit of the course, -1: none
+        self.arrived = np.full(self.plan.num_visits, np.nan)  # [N] of the plan's visits, before the course was changed
 
     def drive(self, progress: Progress | None) -> None:
         """Until all robots are at the ends of their paths, or time is up."""
@@ -114,10 +113,10 @@ class _Run:
         around = self.disturber.around
 
         def advance(look: bool) -> tuple[int, int, int]:
-            course, stopping = self.course, self.quiet_since < np.inf
+            course = self.course
             counts: tuple[int, int, int] = _control.advance(
                 *(look, self.now, dt, s, course.drive, course.path, course.need, self.state, log, news, around, *tolerances),
-                *(0 if stopping else self.policy.look_ahead, self.policy.paced, stopping),
+                *(self.policy.look_ahead, self.policy.paced),
             )
             return counts
 
@@ -136,9 +135,7 @@ class _Run:
                     self.sumo_xy.append(sumo.positions())
                 if over:
                     break
-            if step % look_every == 0:
-                self._look_for_deadlocks()
-            if self.quiet_since < np.inf and self._renew_plan():
+            if step % look_every == 0 and self._look_for_deadlocks():
                 state, s = self.state, self.state.s.copy()
                 _, changed, due = advance(False)
             if progress and step and step % tell_every == 0:
@@ -153,88 +150,76 @@ class _Run:
             sumo.read_driven(s, (state.command > 0) | (state.speed > 0))
             self.findings += [f"{self.now:.2f} s: SUMO reports a {kind} of {one} and {two}" for one, two, kind in sumo.collisions()]
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
+        if self.recovery:
+            self.recovery.end(self.now)
+            self.events += self.recovery.events
         self.events += waits_at_the_end(self.now, state, self.course.path, self.names, WAIT_LEAST_S)
 
     def _is_over(self) -> bool:
         if self.outcome is Outcome.DEADLOCK:
             return True
-        if (self.state.nx >= self.course.path.first[1:]).all():
+        if (self.state.nx >= self.course.path.first[1:]).all() and self.state.home.all():
             self.outcome = Outcome.COMPLETED
             return True
         return self.now >= self.settings.time_limit_s - 1e-9
 
-    def _look_for_deadlocks(self) -> None:
-        """Tell new deadlocks, and do about deadlocks and long blockings what the settings say."""
+    def _look_for_deadlocks(self) -> bool:
+        """Tell new deadlocks, and do about robots that do not get on what the settings say. Whether the course was changed."""
         found = self.watch.look(self.state)
         self.events += [deadlock_event(self.now, cycle, self.state, self.course.path, self.labels, self.names) for cycle in found]
         if found and self.settings.on_deadlock == "stop":
             self.outcome = Outcome.DEADLOCK
-        if self.given_up or self.quiet_since < np.inf:
-            return
-        stuck = self.state.stuck & (self.now - self.state.mark_t >= self.settings.patience_s)
-        if self.watch.known or stuck.any():
-            self.quiet_since = self.now
-
-    def _renew_plan(self) -> bool:
-        """Once all robots stand at vertices, plan anew and go on from there. Gives up when that does not work."""
-        state, path = self.state, self.course.path
-        done = (state.nx == state.won + 1) & ~state.on_lane
-        held = self.disturber.hold_until > self.now  # they drive none of what they have claimed
-        at_vertex = (done | held) & (state.speed == 0) & (np.abs(state.s - path.at[state.nx - 1]) <= _control.ARRIVED_M)
-        waited = self.now - self.quiet_since
-        if not at_vertex.all() and waited < QUIET_WITHIN_S:
+        if self.recovery is None:
             return False
-        why = ""
-        if at_vertex.all():
+        self.recovery.let_go(self.now, self.course, self.state)
+        return self.recovery.look(self.now, self.watch.known, self.course, self.state, self.policy.keeps_order, self._change)
+
+    def _change(self, change: Change, anew: bool) -> None:
+        """Send robots other ways. A new plan is driven in its order if that can be kept: it is for who is where now,
+        not for the clock.
+        """
+        before, path, graph = self.state, self.course.path, self.problem.graph
+        policies = [self.policy]
+        if anew:
+            policies = [policy_of("adg")] if policy_of(self.settings.policy).sound_plan_only else [policy_of("adg"), policy_of("open_loop")]
+        for policy in policies:
             try:
-                problem, plan = plan_from(self.problem, path.vertex[state.nx - 1], self.disturber.broken, self.settings.replanner)
-                course = self._course(problem, plan)
-            except PlanError as error:
-                why = str(error)
-        else:
-            why = f"{self.names[int(np.flatnonzero(~at_vertex)[0])]} does not come to stand at a vertex"
-        begun, self.quiet_since = self.quiet_since, np.inf
-        if why:
-            self.given_up = True
-            self.events.append(Event(begun, "unresolved", -1, duration_s=round(waited, 9), text=why))
-            return False
-        text = f"all robots stopped and {self.settings.replanner} planned anew"
-        self.events.append(Event(begun, "resolved", -1, duration_s=round(waited, 9), text=text))
-        if self.first_arrived is None:
-            self.first_arrived = state.arrived
-        self.state = continued(course, state, path, self.now)
-        self.sumo.rebase(self.state.s)
-        self.recorder.turn_to(self.problem.graph.xy[plan.vertex], course.path)
-        self.disturber.forget_messages(self.state.allowed)
-        self.watch.known.clear()
-        self.course, self.routes = course, self.routes.renewed(course.path, self.state)
-        return True
-
-    def _course(self, problem: Problem, plan: Plan) -> Course:
-        """A new plan is driven in its order if that can be kept: it is for who stands where now, not for the clock."""
-        try:
-            self.policy = policy_of("adg")
-            return course_of(problem, plan, self.policy, self.settings.step_length_s, self.now)
-        except PlanError:
-            if policy_of(self.settings.policy).sound_plan_only:
-                raise
-            self.policy = policy_of("open_loop")
-            return course_of(problem, plan, self.policy, self.settings.step_length_s, self.now)
+                course, state, was = changed_course(
+                    self.problem, self.course, before, change, policy, self.settings.step_length_s, self.now
+                )
+                break
+            except PlanError:
+                if policy is policies[-1]:
+                    raise
+        self.events += waits_at_the_end(self.now, before, path, self.names, WAIT_LEAST_S, list(change.way))
+        turned = [r for r, way in change.way.items() if way.back]
+        offset = before.s - state.s
+        offset[turned] = np.nan
+        known = np.flatnonzero((self.visit >= 0) & np.isfinite(before.arrived))
+        self.arrived[self.visit[known]] = before.arrived[known]
+        self.visit = np.where(was >= 0, self.visit[was], -1)
+        self.policy, self.course, self.state = policy, course, state
+        self.sumo.rebase(state.s)
+        self.recorder.turn_to(graph.xy[course.path.vertex], course.path)
+        self.disturber.count_from(offset, state.allowed)
+        self.routes.change(course.path, state)
+        for r in turned:
+            self.routes.turn_back(r)
+        self.watch.known = {ring for ring in self.watch.known if not set(ring) & set(change.way)}
 
     def execution(self) -> Execution:
         """All that was recorded."""
         x, y, yaw, speed = self.recorder.samples()
-        path, state, settings = self.course.path, self.state, self.settings
+        state, settings = self.state, self.settings
         yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
         what, believed = settings.disturbances, None
         if what.localisation_m or what.localisation_rad:
             believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
-        ends = path.vertex[path.first[1:] - 1]
-        goal = np.where(ends == self.problem.target, state.goal, np.nan)
-        arrived = state.arrived
-        if self.first_arrived is not None:  # of a plan that was given up, robots still reach the ends
-            arrived = self.first_arrived
-            arrived[self.plan.first[1:] - 1] = goal
+        goal, arrived = np.where(self.course.plan.last_vertex == self.problem.target, state.goal, np.nan), self.arrived
+        known = np.flatnonzero((self.visit >= 0) & np.isfinite(state.arrived))
+        arrived[self.visit[known]] = state.arrived[known]
+        ends = self.plan.first[1:] - 1  # where a way was given up, robots still reach the ends
+        arrived[ends] = np.where(np.isfinite(arrived[ends]), arrived[ends], goal)
         return Execution(
             t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
             x_m=frozen(x),

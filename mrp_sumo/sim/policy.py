@@ -23,6 +23,7 @@ class Policy(Protocol):
     name: str
     look_ahead: int  # how many visits ahead of its position a robot may claim at most
     paced: bool  # whether a robot that is early drives slower
+    keeps_order: bool  # whether `order` gives one
     sound_plan_only: bool  # refuses plans with conflicts, and orders that cannot be kept
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
@@ -38,6 +39,7 @@ class OpenLoop:
 
     name: str = "open_loop"
     sound_plan_only: bool = False
+    keeps_order: bool = False
     look_ahead: int = 2
     paced: bool = False
 
@@ -49,16 +51,11 @@ class OpenLoop:
 
 
 @dataclass(frozen=True)
-class Timed:
+class Timed(OpenLoop):
     """Leave no vertex before the plan does; right of way as in open loop. Delays can make it deadlock."""
 
     name: str = "timed"
-    sound_plan_only: bool = False
-    look_ahead: int = 2
     paced: bool = True
-
-    def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
-        return None
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         return plan.depart_s
@@ -70,6 +67,7 @@ class Adg:
 
     name: str = "adg"
     sound_plan_only: bool = True
+    keeps_order: bool = True
     look_ahead: int = 4
     paced: bool = False
 
@@ -81,16 +79,11 @@ class Adg:
 
 
 @dataclass(frozen=True)
-class AdgTimed:
+class AdgTimed(Adg):
     """The plan's order, and no vertex left before the plan does. Cannot deadlock."""
 
     name: str = "adg_timed"
-    sound_plan_only: bool = True
-    look_ahead: int = 4
     paced: bool = True
-
-    def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
-        return schedule_of(problem, plan, needs)
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         return plan.depart_s

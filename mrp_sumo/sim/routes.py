@@ -39,9 +39,16 @@ class Routes:
         self._insert_all(kinds)
         self.sumo.begin()
 
-    def renewed(self, path: _control.Path, state: _control.State) -> "Routes":
-        """Routes along other paths, from where robots stand. They are made when they are due."""
-        return Routes(self.graph, path, self.sumo, state)
+    def change(self, path: _control.Path, state: _control.State) -> None:
+        """Go on along other paths. Routes are made when they are due."""
+        self.path, self.state = path, state
+        self._lanes = path.lane.tolist()
+
+    def turn_back(self, robot: int) -> None:
+        """A robot that stands on a lane now stands on the lane back, the first of its path."""
+        visit = int(self.path.first[robot]) + 1
+        ahead, stops = self._ahead(robot, visit)
+        self.sumo.turn_back(robot, self.edge[self._lanes[visit]], ahead, stops, float(self.state.s[robot]))
 
     def _check(self) -> None:
         """Refuse a network whose lanes on the robots' paths are not those of the graph."""

@@ -21,9 +21,10 @@ class ExecutionSettings:
     record_period_s: float = 0.1  # a whole number of steps
     seed: int = 0
     blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked
-    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': stop all robots and plan anew from where they stand
-    replanner: str = "lacam"  # the planner that resolves
-    patience_s: float = 60.0  # after which 'resolve' also plans around a robot that blocks others without a deadlock
+    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': give way, drive around, plan anew from where robots are
+    give_way: bool = True  # 'resolve' first asks a robot to step aside or back out, first come first served
+    patience_s: float = 10.0  # of who is blocked for good, before 'resolve' drives around, or plans anew
+    replanner: str = "lacam"  # the planner that resolves; '' for none
     disturbances: Disturbances = NONE
 
     def __post_init__(self) -> None:

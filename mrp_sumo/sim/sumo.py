@@ -35,6 +35,7 @@ class Sumo:
         self._vehicle = api.vehicle
         self._name = [f"robot_{r}" for r in range(num_robots)]
         self._base = np.zeros(num_robots)
+        self._turned: list[tuple[int, float]] = []  # robots that turned back since the last step, and what their odometers show
         self.set_speed = api.vehicle.setSpeed  # by name: called more often than anything else
 
     @property
@@ -80,6 +81,9 @@ class Sumo:
 
     def step(self) -> None:
         self._api.simulationStep()
+        for robot, driven_m in self._turned:
+            self._base[robot] = self._vehicle.getDistance(self._name[robot]) - driven_m
+        self._turned.clear()
 
     def read_driven(self, driven_m: FloatArray, moving: BoolArray) -> None:
         """Bring odometers [R] up to date, since `begin`; those not `moving` are left as they are."""
@@ -102,6 +106,17 @@ class Sumo:
         self._vehicle.setRoute(self._name[robot], edges)
         if stops:
             self._stop_at_end(self._name[robot], edges[-1])
+
+    def turn_back(self, robot: int, edge: str, onward: list[str], stops: bool, driven_m: float) -> None:
+        """Put a standing robot at the same place of the opposite edge. Its odometer shows `driven_m` after the next step."""
+        name = self._name[robot]
+        here, length = self._vehicle.getRoadID(name), self._api.lane.getLength(edge + "_0")
+        along = self._vehicle.getLanePosition(name)
+        self._vehicle.setRoute(name, [here, edge, *onward])
+        self._vehicle.moveTo(name, edge + "_0", length - along)
+        if stops:
+            self._stop_at_end(name, ([edge, *onward])[-1])
+        self._turned.append((robot, driven_m))
 
     def leader(self, robot: int, within_m: float) -> int:
         """The robot ahead on the route, -1: none."""

@@ -25,6 +25,6 @@ def prepare() -> None:
     for step in range(2):
         _control.advance(
             *(step > 0, step * 0.1, 0.1, np.zeros(1), course.drive, course.path, course.need, state, log, news, around),
-            *(1.0, 10.0, 0.1, 0.5, 4, False, False),
+            *(1.0, 10.0, 0.1, 0.5, 4, False),
         )
     _control.waiting_cycles(state)

@@ -126,9 +126,9 @@ def test_a_deadlock_can_end_the_run(tmp_path):
 
 
 def test_a_deadlock_beside_a_siding_is_resolved(tmp_path):
-    run = drive(tmp_path, SIDING, HEAD_ON, "open_loop", on_deadlock="resolve")
+    run = drive(tmp_path, SIDING, HEAD_ON, "open_loop", on_deadlock="resolve", give_way=False)
     assert run.all_at_goal and run.outcome is Outcome.COMPLETED
-    assert "deadlock" in kinds(run) and "resolved" in kinds(run)
+    assert "deadlock" in kinds(run) and "resolved" in kinds(run) and "gave_way" not in kinds(run)
     assert least_distance_m(run) >= 0.325
     assert audit(run, fleet_of_burgers(2))["passed"]
     assert run.booked_s.sum(1) == pytest.approx(run.sim_time_s)
@@ -166,7 +166,7 @@ def test_unknown_wishes_about_deadlocks_are_refused(tmp_path):
 def test_a_new_plan_that_first_turns_back_is_the_one_that_is_driven(tmp_path):
     # robot_0 has passed the siding when they meet: it has to drive back over the edge it came by, then forward on it again
     graph = graph_of([(0.4 * k, 0) for k in range(6)] + [(0.4, 0.4)], [(k, k + 1) for k in range(5)] + [(1, 6)])
-    run = drive(tmp_path, graph, HEAD_ON, "open_loop", on_deadlock="resolve")
+    run = drive(tmp_path, graph, HEAD_ON, "open_loop", on_deadlock="resolve", give_way=False)
     assert run.all_at_goal
     assert least_distance_m(run) >= 0.325
     assert (run.x_m[-1, 0], run.x_m[-1, 1]) == pytest.approx((2.0, 0.0), abs=0.002)

@@ -61,7 +61,7 @@ def drive(tmp_path, graph, paths, policy="adg", robot=BURGER, step_s=3.0, **sett
 def least_distance_m(execution):
     """The least distance of two robots' centres over all samples."""
     both = np.stack([execution.x_m, execution.y_m], -1)
-    return min(float(pdist(frame).min()) for frame in both)
+    return min(float(pdist(frame).min(initial=np.inf)) for frame in both)
 
 
 def kinds(execution):
