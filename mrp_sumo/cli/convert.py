@@ -55,8 +55,9 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
     instance = read_instance(map_path, None, 0)
     if is_json(text):
         plan = read_plan(source)
-        if plan.num_visits and plan.vertex.max() >= instance.problem.graph.num_vertices:
-            raise PlanError(f"{source.name}: vertex {plan.vertex.max()} is not on {map_path.name}")
+        for vertex in (plan.vertex.max(initial=0), plan.vertex.min(initial=0)):
+            if not 0 <= vertex < max(1, instance.problem.graph.num_vertices):
+                raise PlanError(f"{source.name}: vertex {vertex} is not on {map_path.name}")
         write(destination, kind, replace(instance.problem, step_s=step_of(text)), plan, instance.cells)
         return
     problem = problem_of_places(instance, read_places(text, None, source.name), source.name)

@@ -48,6 +48,8 @@ def run(options: argparse.Namespace) -> int:
 
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
+    if options.scenario and (options.scen or options.assignment):
+        raise MrpSumoError("a scenario says itself who goes where: --scen and --assignment are for --map")
     if options.time_limit is not None and not (options.time_limit > 0 and math.isfinite(options.time_limit)):
         raise MrpSumoError(f"--time-limit is {options.time_limit:g}, expected a number of seconds above 0")
     if options.command and (options.planner or options.set):
@@ -105,6 +107,7 @@ def _instance(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Pl
 
     name, parameters = _planner(options)
     chosen = planner(name or "lacam", parameters)
+    solver = assigner(options.assignment or "linear_sum_assignment", {})
     instance = read_instance(options.map, options.scen, options.robots, options.seed or 0)
     problem = instance.problem
     time_limit_s = options.time_limit or DEFAULT_TIME_LIMIT_S
@@ -113,7 +116,6 @@ def _instance(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Pl
     chosen.prepare()
     prepare_time_s = perf_counter() - begin_s
     if not problem.is_assigned and not chosen.assigns:
-        solver = assigner(options.assignment or "linear_sum_assignment", {})
         problem = problem.assigned(solver.assign(cost_matrix(problem.graph, problem.start, problem.goal, "path"), time_limit_s))
     result = replace(chosen.plan(problem, time_limit_s), prepare_time_s=prepare_time_s)
     if result.goal_of is not None:

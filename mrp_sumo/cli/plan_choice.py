@@ -82,10 +82,7 @@ def read(path: Path, problem: "Problem", cells: "Cells | None") -> "Plan":
 
     text = text_of(path)
     if is_json(text):
-        try:
-            return read_plan(path, problem.fleet.robot_name)
-        except (KeyError, TypeError, ValueError) as error:
-            raise PlanError(f"{path}: damaged: {error!r}") from None
+        return read_plan(path, problem.fleet.robot_name)
     return read_paths(text, problem, cells, path.name)
 
 

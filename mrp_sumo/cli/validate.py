@@ -82,10 +82,10 @@ def _num_robots(path: Path) -> int:
     from mrp_sumo.planning.peers import read_places
 
     text = text_of(path)
-    try:
-        return read_plan(path).num_robots if is_json(text) else len(read_places(text, None, path.name))
-    except (KeyError, TypeError, ValueError) as error:
-        raise PlanError(f"{path}: damaged: {error}") from None
+    number = read_plan(path).num_robots if is_json(text) else len(read_places(text, None, path.name))
+    if not number:
+        raise PlanError(f"{path.name}: a plan for no robots: say --robots 0 if that is meant")
+    return number
 
 
 def _of_scenario(options: argparse.Namespace) -> "Problem":

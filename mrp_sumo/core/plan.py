@@ -117,12 +117,16 @@ def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
     Raises
     ------
     PlanError
-        When a time of the plan is not a whole number of steps.
+        When a time of the plan is missing or not a whole number of steps, or a robot has no visit at time 0.
     """
     paths = []
     for robot in range(plan.num_robots):
         visits = slice(plan.first[robot], plan.first[robot + 1])
         steps = plan.arrive_s[visits] / step_s
+        if not len(steps) or steps[0] != 0:
+            raise PlanError(f"robot {robot} has no visit at 0 s")
+        if not np.isfinite(steps).all() or not np.isfinite(plan.depart_s[visits][:-1]).all():
+            raise PlanError(f"robot {robot} has a visit without a time")
         arrive = np.rint(steps).astype(np.int64)
         depart = plan.depart_s[visits] / step_s
         whole = np.abs(steps - arrive) < 1e-6

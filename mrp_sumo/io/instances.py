@@ -56,6 +56,8 @@ def read_instance(map_path: Path, scen_path: Path | None = None, num_robots: int
     source = read_text(map_path)
     if num_robots is not None and num_robots < 0:
         raise PlanError(f"{num_robots} robots, expected 0 or more")
+    if seed < 0:
+        raise PlanError(f"the seed is {seed}, expected 0 or more")
     if not is_grid(source.text):
         if scen_path is not None:
             raise PlanError(f"{map_path.name} has its agents in it, but there is {scen_path.name} too")
@@ -109,6 +111,8 @@ def _from_yaml(source: Text, num_robots: int | None, seed: int) -> Instance:
     for k, agent in enumerate(agents):
         if not isinstance(agent, Mapping) or "start" not in agent or not {"goal", "potentialGoals"} & agent.keys():
             raise source.fault(f"agents[{k}] has no start, or neither goal nor potentialGoals", "agents", k)
+        if ("goal" in agent) != ("goal" in agents[0]):
+            raise source.fault(f"agents[{k}] has {'a goal' if 'goal' in agent else 'no goal'}, unlike agents[0]", "agents", k)
     agents = agents[:num_robots]
     cells: Cells | None = None
     if "map" in document:

@@ -8,6 +8,7 @@ of another schema, and plans whose robots are not the fleet's.
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,15 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     found = document.get("schema_version") if isinstance(document, dict) else None
     if found != SCHEMA_VERSION:
         raise PlanError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
-    robots = document["robots"]
+    robots = document.get("robots")
+    if not isinstance(robots, list):
+        raise PlanError(f"{path}: damaged: robots is {robots!r:.40}, expected a list")
+    for k, robot in enumerate(robots):
+        if not isinstance(robot, dict) or not isinstance(robot.get("name"), str) or not isinstance(robot.get("visits"), list):
+            raise PlanError(f"{path}: damaged: robots[{k}] has no name or no visits")
+        for i, visit in enumerate(robot["visits"]):
+            if fault := _fault(visit):
+                raise PlanError(f"{path}: damaged: robots[{k}].visits[{i}] {fault}")
     if robot_name is not None:
         by_name = {robot["name"]: robot for robot in robots}
         if set(by_name) != set(robot_name):
@@ -95,3 +104,18 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
         arrive_s=frozen(np.array([visit["arrive_s"] for visit in visits], np.float64)),
         depart_s=frozen(np.array(depart, np.float64)),
     )
+
+
+def _fault(visit: Any) -> str:
+    """What is wrong with a visit as read; nothing is ''."""
+    if not isinstance(visit, dict):
+        return f"is {visit!r:.40}, expected a visit"
+    for key, kinds, expected in (
+        ("vertex", int, "a vertex's number"),
+        ("arrive_s", int | float, "a time in s"),
+        ("depart_s", int | float | None, "a time in s, or null"),
+    ):
+        value = visit.get(key, "missing")
+        if not isinstance(value, kinds) or isinstance(value, bool) or (kinds is int and abs(value) >= 2**63):
+            return f"has the {key} {value!r:.40}, expected {expected}"
+    return ""

@@ -2,9 +2,9 @@
 
 Instances: MovingAI `.map` and `.scen`, and libMultiRobotPlanning's YAML (grid, or roadmap for graphs that are no grid).
 Plans, told apart by content: libMultiRobotPlanning's YAML `schedule` (read by position in the list, since its
-ECBS-TA repeats time stamps), `Agent 0: (row,col)->...` of EECBS, CBSH2-RTC and MAPF-LNS2, lacam's
-`result.txt`, and SMART's `Agent 0:(x,y,t)->...`. Cells are counted from the upper left corner. Refuses cells
-that are not free, gaps in time and robots that are missing; jumps and collisions are for the referee.
+ECBS-TA repeats time stamps), `Agent 0: (row,col)->...` of EECBS, CBSH2-RTC and MAPF-LNS2, lacam's `result.txt`, and
+SMART's `Agent 0:(x,y,t)->...`. Cells are counted from the upper left corner. Refuses cells that are not free,
+gaps in time and robots that are missing; jumps and collisions are for the referee.
 """
 
 import json
@@ -247,7 +247,12 @@ def _read_yaml(text: str, name: str, num_robots: int | None) -> list[list[Any]]:
         if not isinstance(steps, Sequence) or not steps:
             raise PlanError(f"{name}: schedule has no agent{robot}, expected {num_robots} agents")
         path: list[Any] = []
+        last = -1
         for k, step in enumerate(steps):
+            t = step.get("t", k) if isinstance(step, Mapping) else k
+            if not isinstance(t, int) or not max(last, 0) <= t <= last + 1:
+                raise PlanError(f"{name}: schedule.agent{robot}[{k}] has t {t!r:.20}, expected {last + 1}")
+            last = t
             if isinstance(step, Mapping) and isinstance(step.get("x"), int) and isinstance(step.get("y"), int):
                 path.append((step["x"], step["y"]))
             elif isinstance(step, Mapping) and isinstance(step.get("v"), str):

@@ -63,6 +63,9 @@ def test_no_plan_is_exit_code_one(files, tmp_path, capsys):
         (["plan", "FILES", "--time-limit", "-1"], "--time-limit is -1"),
         (["plan", "FILES", "--time-limit", "nan"], "--time-limit is nan"),
         (["plan", "FILES", "--robots", "3"], "has 2 robots, 3 are wanted"),
+        (["plan", "FILES", "--seed", "-1"], "the seed is -1"),
+        (["plan", "FILES", "--assignment", "mop"], "unknown assigner 'mop'"),
+        (["plan", "office_5", "--assignment", "mip"], "--scen and --assignment are for --map"),
         (["plan", "FILES", "--planner", "lacan"], "did you mean 'lacam'"),
         (["plan", "FILES", "--set", "anytme=true"], "did you mean 'anytime'"),
         (["plan", "FILES", "--set", "scatter"], "expected KEY=VALUE"),
@@ -78,3 +81,39 @@ def test_bad_input_ends_with_one_line(files, arguments, says, capsys):
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+VISITS = '{"vertex": 0, "arrive_s": 0, "depart_s": 0}, {"vertex": 1, "arrive_s": 1, "depart_s": null}'
+
+
+@pytest.mark.parametrize(
+    ("visits", "says"),
+    [
+        (VISITS.replace('"vertex": 1', '"vertex": "dock"'), "robots[0].visits[1] has the vertex 'dock', expected a vertex's number"),
+        (VISITS.replace('"vertex": 1', '"vertex": 1.5'), "has the vertex 1.5"),
+        (VISITS.replace('"vertex": 1', '"vertex": 1' + 30 * "0"), "expected a vertex's number"),
+        (VISITS.replace('"arrive_s": 1', '"arrive_s": null'), "has the arrive_s None, expected a time in s"),
+        (VISITS.replace(', "depart_s": null', ""), "has the depart_s 'missing'"),
+        ("7", "robots[0].visits[0] is 7, expected a visit"),
+        (VISITS.replace('"depart_s": 0', '"depart_s": null'), "robot 0 has a visit without a time"),
+        (VISITS.replace('"arrive_s": 0', '"arrive_s": -1'), "robot 0 has no visit at 0 s"),
+        (VISITS.replace('"vertex": 1', '"vertex": -1'), "vertex -1 is not on u.map"),
+        (VISITS.replace('"vertex": 1', '"vertex": 77'), "vertex 77 is not on u.map"),
+    ],
+)
+def test_damaged_plan_files_are_told_in_one_line(files, tmp_path, visits, says, capsys):
+    plan = tmp_path / "plan.json"
+    plan.write_text('{"schema_version": 1, "step_s": 1.0, "robots": [{"name": "robot_0", "visits": [' + visits + "]}]}")
+    assert main(["convert", str(plan), str(tmp_path / "out.yaml"), "--map", files[1]]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert main(["validate", str(plan), *files]) in (1, 2)
+
+
+def test_plan_for_no_robots_is_valid_only_where_that_is_meant(files, tmp_path, capsys):
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("schedule: {}\n")
+    assert main(["validate", str(plan), *files]) == 2
+    assert "a plan for no robots: say --robots 0" in capsys.readouterr().err
+    assert main(["validate", str(plan), *files, "--robots", "0"]) == 0

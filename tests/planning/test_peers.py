@@ -129,6 +129,8 @@ def test_smart_may_leave_out_waits(problem, cells):
         ("schedule: 3", "schedule is not a mapping"),
         ("schedule:\n  agent0:\n  - {x: 0, y: 1, t: 0}", "schedule has no agent1"),
         ("schedule:\n  agent0:\n  - {x: 0, y: left}\n  agent1: []", r"schedule.agent0\[0\]"),
+        ("schedule:\n  agent0:\n  - {x: 0, y: 1, t: 0}\n  - {x: 0, y: 0, t: 2}\n  agent1: []", r"schedule.agent0\[1\] has t 2, expected 1"),
+        ("schedule:\n  agent0:\n  - {x: 0, y: 1, t: -1}\n  agent1: []", r"schedule.agent0\[0\] has t -1, expected 0"),
         ("schedule: [", "not YAML"),
     ],
 )
