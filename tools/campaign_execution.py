@@ -1,98 +1,187 @@
 """Drives thousands of disturbed executions and lets the independent audit look for overlaps.
 
-    python tools/campaign_execution.py --runs 2000
-    python tools/campaign_execution.py --runs 500 --maps DIR     maps below DIR too (*.building.yaml)
+    python tools/campaign_execution.py OUT --driven 2000                 until so many runs have driven; a second call goes on
+    python tools/campaign_execution.py OUT --share 1/2                   every second run: two processes, one folder
+    python tools/campaign_execution.py OUT --maps DIR                    maps below DIR too (*.building.yaml)
+    python tools/campaign_execution.py OUT --again 50 --processes 8      are the same trajectories driven again, by spawned processes?
+    python tools/campaign_execution.py OUT --table                       what there is so far
 
-Worlds are the bundled maps (grid and roadmap), random roadmaps with acute angles, crossings and short lanes, and
-racks with aisles; policies, step lengths, disturbances, robots and their number are drawn from the run's number.
-Prints every run with an overlap, a limit broken or a collision in SUMO, and a table at the end.
+Everything about a run is drawn from its number: the world (bundled maps and those below DIR, each as a grid and as a
+roadmap; generated warehouses and roads; racks with narrow aisles; tangles of lanes with acute angles and crossings),
+robots, policy, step length, disturbances and what is done about deadlocks. A line of JSON a run goes to
+OUT/runs-K-N.jsonl. Runs with a fault are printed.
 """
 
 import argparse
 import collections
+import hashlib
+import json
+import multiprocessing
+import re
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import NavGraph, PlanGraph, nav_graph
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
 from mrp_sumo.maps.catalogue import bundled_maps
+from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.maps.grid import grid_graph, paper_grid
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.maps.sumo import build_network
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.sim.disturbances import Breakdown, Disturbances
+from mrp_sumo.sim import recovery
+from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.sim.loop import simulate
+from mrp_sumo.sim.policy import POLICIES
 from mrp_sumo.sim.settings import ExecutionSettings
 
 BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84)
 BOX = RobotType("box", 0.3, 0.2, 0.8, 0.6, 0.9, 1.2, 0.04)  # brakes harder than it speeds up, tight gap
-POLICIES = ("adg", "adg_timed", "open_loop", "timed")
-STEPS = (0.1, 0.2, 0.5, 1.0)
-LARGEST = 6000  # vertices
+STEPS_S = (0.1, 0.2, 0.5, 1.0)
+LARGEST = 9000  # vertices
+TIME_LIMIT_S = 150.0
+SHARES = {"bundled": 0.25, "corpus": 0.25, "warehouse": 0.15, "roads": 0.1, "racks": 0.1, "tangle": 0.15}  # of the runs
+NOISE = ("speed_spread", "speed_noise", "stops_per_s", "start_delay_s", "delay_probability", "latency_s", "message_loss", "localisation_m")
+
+ROTATIONS = False
+
+World = tuple[str, str]  # family, and which of it
 
 
-def random_roadmap(rng: np.random.Generator) -> NavGraph:
+def tangle(rng: np.random.Generator) -> PlanGraph:
     """Points in a square, most edges of their Delaunay triangulation, and some long lanes across it."""
-    num = int(rng.integers(8, 30))
-    xy = rng.uniform(0, 5.0, (num, 2))
+    num = int(rng.integers(8, 40))
+    xy = rng.uniform(0, 5.0 + 0.1 * num, (num, 2))
     triangles = Delaunay(xy).simplices
     pairs = {tuple(sorted(p)) for t in triangles.tolist() for p in ((t[0], t[1]), (t[1], t[2]), (t[0], t[2]))}
     kept = [p for p in sorted(pairs) if rng.random() < 0.8]
     kept += [tuple(sorted(rng.choice(num, 2, replace=False).tolist())) for _ in range(3)]
     lanes = [lane for a, b in sorted(set(kept)) for lane in (((a, b), (b, a)) if rng.random() < 0.9 else ((a, b),))]
-    return nav_graph(name="random", xy=xy, lanes=lanes)
+    return cut_lanes(nav_graph(name="tangle", xy=xy, lanes=lanes), float(rng.choice([0.5, 5.0])))
 
 
 def racks(rng: np.random.Generator) -> PlanGraph:
     """Racks with aisles one cell wide."""
-    free = np.ones((int(rng.integers(7, 20)), int(rng.integers(10, 40))), np.bool_)
+    free = np.ones((int(rng.integers(7, 30)), int(rng.integers(10, 60))), np.bool_)
     for y in range(2, len(free) - 2, 3):
         for x in range(2, free.shape[1] - 5, 6):
             free[y : y + 2, x : x + 5] = False
-    return grid_graph(free, 0.4, (0.0, 0.0), name="racks")
+    return grid_graph(free, float(rng.choice([0.4, 0.5])), (0.0, 0.0), name="racks")
 
 
-@cache
-def loaded(path: Path, kind: str) -> PlanGraph | None:
-    try:
-        nav = load_map(path, graph="all").nav
-        graph = cut_lanes(nav, 0.4) if kind == "roadmap" else paper_grid(nav, 0.4)
-    except MrpSumoError:
-        return None
-    return graph if graph.num_vertices <= LARGEST and len(graph.level_names) == 1 else None
+PASSING = {"racks": racks, "tangle": tangle}  # worlds of one run
 
 
-def world(rng: np.random.Generator, paths: list[Path]) -> PlanGraph | None:
-    which = rng.random()
-    if which < 0.35:
-        return cut_lanes(random_roadmap(rng), float(rng.choice([0.4, 0.5, 5.0])))
-    if which < 0.6:
-        return racks(rng)
-    return loaded(paths[int(rng.integers(len(paths)))], str(rng.choice(["roadmap", "grid"])))
+class Worlds:
+    """Graphs and their networks, made once."""
+
+    def __init__(self, maps: Path | None, scratch: Path) -> None:
+        corpus = sorted(maps.rglob("*.building.yaml")) if maps else []
+        self._scratch = scratch
+        self._paths = {"bundled": sorted(bundled_maps().values()), "corpus": corpus}
+        self._lasting_graph = cache(self._graph)
+        self._lasting_network = cache(self._network)
+
+    def draw(self, rng: np.random.Generator, number: int) -> World:
+        """A family, and one of its worlds."""
+        families = [family for family in SHARES if self._paths.get(family, [0])]
+        share = np.array([SHARES[family] for family in families])
+        family = str(rng.choice(families, p=share / share.sum()))
+        if family in self._paths:
+            which = f"{int(rng.integers(len(self._paths[family])))} {int(rng.integers(12))} {rng.choice(['grid', 'roadmap', 'two_way'])}"
+        elif family == "warehouse":
+            which = f"{rng.choice([40, 150, 400])} {rng.choice(['True', 'False'])} {rng.choice(['grid', 'roadmap', 'two_way'])}"
+        elif family == "roads":
+            which = f"{rng.choice(['grid', 'ring', 'random'])} {rng.choice([40, 200])} {rng.choice(['roadmap', 'two_way'])}"
+        else:
+            return family, str(number)
+        return family, f"{which} {rng.choice(['0.4', '0.5'])}"
+
+    def name(self, world: World) -> str:
+        """Of the map."""
+        family, which = world
+        return self._paths[family][int(which.split()[0])].name.removesuffix(".building.yaml") if family in self._paths else family
+
+    def graph(self, world: World) -> PlanGraph:
+        return self._graph(world) if world[0] in PASSING else self._lasting_graph(world)
+
+    def network(self, world: World) -> Path:
+        return self._network(world) if world[0] in PASSING else self._lasting_network(world)
+
+    def _graph(self, world: World) -> PlanGraph:
+        family, which = world
+        if family in PASSING:
+            return PASSING[family](np.random.default_rng([int(which), 78]))
+        *parts, kind, cell = which.split()
+        if family in self._paths:
+            path = self._paths[family][int(parts[0])]
+            nav = load_map(path, graph="all").nav
+            if len(nav.level_names) > 1:  # lifts are not driven yet
+                nav = load_map(path, graph="all", level=nav.level_names[int(parts[1]) % len(nav.level_names)]).nav
+        else:
+            path = self._scratch / f"{family}_{'_'.join(parts)}.building.yaml"
+            if family == "warehouse":
+                GENERATORS["warehouse"](int(parts[0]), one_way=parts[1] == "True").write(path)
+            else:
+                GENERATORS[parts[0]](int(parts[1])).write(path)
+            nav = load_map(path).nav
+        graph = paper_grid(nav, float(cell)) if kind == "grid" else cut_lanes(nav, float(cell), kind == "two_way")
+        if graph.num_vertices > LARGEST:
+            raise MrpSumoError("too large for the campaign")
+        return graph
+
+    def _network(self, world: World) -> Path:
+        name = "passing" if world[0] in PASSING else re.sub(r"\W", "_", " ".join(world))
+        return build_network(self.graph(world), self._scratch / f"{name}.net.xml")
 
 
-def disturbed(rng: np.random.Generator, num_robots: int) -> Disturbances:
-    if rng.random() < 0.2:
+def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> Disturbances:
+    """One run in ten is not disturbed."""
+    if rng.random() < 0.1:
         return Disturbances()
     what = Disturbances(
-        speed_spread=0.08, speed_noise=0.05, stops_per_s=1 / 120, start_delay_s=float(rng.choice([0.0, 5.0])), delay_probability=0.01
+        speed_spread=float(rng.choice([0.0, 0.08])),
+        speed_noise=float(rng.choice([0.0, 0.05, 0.2])),
+        stops_per_s=float(rng.choice([0.0, 1 / 120, 1 / 20])),
+        start_delay_s=float(rng.choice([0.0, 5.0])),
+        delay_probability=float(rng.choice([0.0, 0.01, 0.1])),
     )
     if rng.random() < 0.3:
-        what = replace(what, latency_s=0.5, message_loss=0.1)
+        what = replace(what, latency_s=float(rng.choice([0.0, 0.5, 2.0])), message_loss=float(rng.choice([0.1, 0.5])))
     if rng.random() < 0.2:
-        what = replace(what, breakdowns=(Breakdown(int(rng.integers(num_robots)), 20.0, float(rng.choice([20.0, np.inf]))),))
+        what = replace(what, localisation_m=0.05, localisation_rad=0.05, localisation_tau_s=1.0)
+    if rng.random() < 0.2:
+        broken = [Breakdown(int(rng.integers(num_robots)), 20.0, float(rng.choice([20.0, np.inf]))) for _ in range(int(rng.integers(1, 4)))]
+        what = replace(what, breakdowns=tuple(broken))
+    if rng.random() < 0.2:
+        x, y = graph.xy[int(rng.integers(graph.num_vertices))].tolist()
+        what = replace(what, obstacles=(Obstacle(x, y, float(rng.uniform(0, 40)), float(rng.choice([15.0, np.inf]))),))
+    if rng.random() < 0.2:
+        lane = int(rng.integers(graph.num_lanes))
+        closure = Closure(int(graph.tail[lane]), int(graph.head[lane]), float(rng.uniform(0, 40)), float(rng.choice([15.0, np.inf])))
+        what = replace(what, closures=(closure,))
     return what
+
+
+def kinds_of(what: Disturbances) -> list[str]:
+    """What there is of it."""
+    return [name for name in (*NOISE, "breakdowns", "obstacles", "closures") if getattr(what, name)]
 
 
 def apart(graph: PlanGraph, rng: np.random.Generator, num: int, distance: float) -> np.ndarray:
@@ -101,85 +190,240 @@ def apart(graph: PlanGraph, rng: np.random.Generator, num: int, distance: float)
     served = served[graph.component[served] == np.bincount(graph.component[served]).argmax()]
     chosen: list[int] = []
     for v in rng.permutation(served).tolist():
-        if not chosen or cKDTree(graph.xy[chosen]).query(graph.xy[v])[0] >= distance:
+        if not chosen or np.hypot(*(graph.xy[chosen] - graph.xy[v]).T).min() >= distance:
             chosen.append(v)
         if len(chosen) == num:
             break
     return np.array(chosen, np.int64)
 
 
-def one(number: int, paths: list[Path], network: Path) -> tuple[str, str, str]:
-    """Drive run `number`: what was driven, how it ended, and what is wrong with it."""
+def one(number: int, worlds: Worlds) -> dict[str, Any]:
+    """Drive run `number`: what it was, how it ended, and what is wrong with it."""
+    recovery.PLANNING_LIMIT_S = 1.0  # many worlds have no room for a new plan
     rng = np.random.default_rng([number, 77])
-    graph = world(rng, paths)
-    robot = BOX if rng.random() < 0.4 else BURGER
-    num = int(np.exp(rng.uniform(np.log(2), np.log(60))))
-    policy, dt = str(rng.choice(POLICIES)), float(rng.choice(STEPS))
-    if graph is None:
-        return policy, "no such map", ""
+    world = worlds.draw(rng, number)
+    boxes = rng.random() < 0.6  # of those they fit on
+    wanted = int(np.exp(rng.uniform(np.log(2), np.log(300))))
+    policy, dt = str(rng.choice(sorted(POLICIES))), float(rng.choice(STEPS_S))
+    on_deadlock, give_way = str(rng.choice(["report", "resolve", "resolve"])), bool(rng.random() < 0.7)
+    row: dict[str, Any] = {"number": number, "family": world[0], "map": worlds.name(world), "policy": policy, "dt_s": dt, "ended": ""}
+    try:
+        graph = worlds.graph(world)
+    except MrpSumoError as error:
+        return row | {"ended": "no map", "why": plain(error)}
+    robot = BOX if boxes and fleet_of(BOX, 1).separation_m <= graph.cell_m else BURGER
     distance = fleet_of(robot, 1).separation_m
-    start, goal = apart(graph, rng, num, distance), apart(graph, rng, num, distance)
+    wanted = min(wanted, graph.num_vertices // (4 if graph.kind == "grid" else 10))
+    start, goal = apart(graph, rng, wanted, distance), apart(graph, rng, wanted, distance)
     num = min(len(start), len(goal))
     if num < 2:
-        return policy, "no room", ""
-    fleet = fleet_of(robot, num)
-    step_s = graph.cell_m / robot.max_speed_mps + 1.0
-    problem = Problem(graph, fleet, start[:num], goal[:num], np.arange(num), step_s)
-    plan = planner("prioritised" if rng.random() < 0.5 else "lacam", {}).plan(problem, 5.0).plan
-    if plan is None:
-        return policy, "no plan", ""
+        return row | {"ended": "no room"}
+    start, goal, fleet = start[:num], goal[:num], fleet_of(robot, num)
+    what = disturbed(rng, graph, num)
     settings = ExecutionSettings(
-        policy,
-        dt,
-        150.0,
-        record_period_s=dt,
-        seed=number,
-        disturbances=disturbed(rng, num),
-        on_deadlock=str(rng.choice(["report", "resolve"])),
+        policy, dt, TIME_LIMIT_S, record_period_s=dt, seed=number, disturbances=what, on_deadlock=on_deadlock, give_way=give_way
     )
-    build_network(graph, network)
-    try:
-        run = simulate(problem, plan, settings, network)
-    except PlanError:
-        return policy, "order refused", ""
-    except ExecutionError as error:
-        return policy, "refused", "" if "do not fit" in str(error) else str(error)
-    found = audit(run, fleet)
-    wrong = [] if found["passed"] else [f"audit { ({k: v for k, v in found.items() if k.startswith('num')}) } {found['violations'][:1]}"]
-    wrong += run.findings[:2]
+    row |= {"kind": graph.kind, "robots": num, "robot": robot.name, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
+    problem = Problem(graph, fleet, start, goal, np.arange(num), graph.cell_m / robot.max_speed_mps + 1.0, seed=number)
+    why = ""
+    for name, method in methods(rng, POLICIES[policy].sound_plan_only):
+        plan = method(problem, 2.0)
+        if plan is None:
+            continue
+        try:
+            run = simulate(problem, plan, settings, worlds.network(world))
+        except (PlanError, ExecutionError) as error:
+            why = plain(error)
+            continue
+        return row | {"planner": name, "ended": str(run.outcome), "why": ""} | findings(run, fleet, graph.level[start], distance, policy)
+    return row | {"ended": "refused" if why else "no plan", "why": why}
+
+
+def methods(rng: np.random.Generator, ordered: bool) -> list[tuple[str, Callable[[Problem, float], Plan | None]]]:
+    """Planners in the order in which they are tried; the next when there is no plan, or its order cannot be kept."""
+
+    def of(name: str) -> Callable[[Problem, float], Plan | None]:
+        def plan(problem: Problem, limit_s: float) -> Plan | None:
+            return planner(name, {"rotations": False} if ordered and name == "lacam" and ROTATIONS else {}).plan(problem, limit_s).plan
+
+        return plan
+
+    names = ["lacam", "prioritised"]
+    return [(name, of(name)) for name in (names if rng.random() < 0.6 else names[::-1])]
+
+
+def plain(error: Exception) -> str:
+    """The message without names and figures."""
+    return re.sub(r"'[^']*'|robot_\d+|\d[\d.]*", "_", str(error).replace("the plan's", "its"))[:90]
+
+
+def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, policy: str) -> dict[str, Any]:
+    """What the audit and a few other looks find."""
+    found = audit(run, fleet, level)
+    wrong = [f"{found[key]} {key.removeprefix('num_')}" for key in found if key.startswith("num_") and found[key]]
+    wrong += [str(found["violations"][0])] if found["violations"] else []
+    events = collections.Counter(event.kind for event in run.events)
     if abs(run.booked_s.sum(1) - run.sim_time_s).max() > 1e-6:
         wrong.append("bookings do not add up")
-    if policy.startswith("adg") and any(e.kind == "deadlock" for e in run.events):
+    if POLICIES[policy].sound_plan_only and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
         wrong.append("deadlock in plan order")
-    nearest = min((cKDTree(np.c_[x, y]).query(np.c_[x, y], k=2)[0][:, 1].min() for x, y in zip(run.x_m, run.y_m)), default=np.inf)
+    nearest = np.inf
+    for k in np.unique(np.linspace(0, len(run.t_s) - 1, 150).astype(int)):
+        for floor in np.unique(level):
+            xy = np.c_[run.x_m[k], run.y_m[k]][level == floor]
+            if len(xy) > 1:
+                nearest = min(nearest, float(cKDTree(xy).query(xy, k=2)[0][:, 1].min()))
     if nearest < distance - 0.004:
         wrong.append(f"{nearest:.4f} m apart, expected {distance:.4f}")
-    what = f"{graph.name} {graph.kind} cell {graph.cell_m:g}, {num} {robot.name}, dt {dt}, {settings.on_deadlock}"
-    return policy, str(run.outcome), f"{what}: {'; '.join(wrong)}" if wrong else ""
+    digest = hashlib.sha256(b"".join(a.tobytes() for a in (run.x_m, run.y_m, run.yaw_rad, run.speed_mps, run.goal_s))).hexdigest()[:16]
+    return {
+        "sim_s": run.sim_time_s,
+        "at_goal": int(np.isfinite(run.goal_s).sum()),
+        "overlaps": found["num_overlaps"],
+        "other_faults": sum(v for k, v in found.items() if k.startswith("num_") and k != "num_overlaps"),
+        "clearance_m": found["min_clearance_m"],
+        "deadlocks": events["deadlock"],
+        "resolved": events["resolved"],
+        "unresolved": events["unresolved"],
+        "gave_way": events["gave_way"],
+        "detours": events["detour"],
+        "blocked": events["blocked"],
+        "wrong": wrong,
+        "digest": digest,
+        "cpu_s": round(run.cpu_time_s, 3),
+    }
+
+
+def rows_in(folder: Path) -> dict[int, dict[str, Any]]:
+    """What there is, by number. A line that was cut off is made again."""
+    rows = {}
+    for path in sorted(folder.glob("runs-*.jsonl")):
+        for line in path.read_text().splitlines():
+            try:
+                row = json.loads(line)
+            except ValueError:
+                continue
+            rows[row["number"]] = row
+    return rows
+
+
+def drive_many(options: argparse.Namespace) -> int:
+    """Runs of this process' share that are not there yet, until enough have driven."""
+    share, shares = (int(part) for part in options.share.split("/"))
+    options.out.mkdir(parents=True, exist_ok=True)
+    there = rows_in(options.out)
+    mine = (number for number in count(options.first) if number % shares == share % shares)
+    wanted = options.driven / shares
+    driven = sum("digest" in row for number, row in there.items() if number % shares == share % shares)
+    until, wrong = time.monotonic() + 60 * options.minutes, 0
+    with tempfile.TemporaryDirectory() as scratch, (options.out / f"runs-{share}-{shares}.jsonl").open("a") as file:
+        worlds = Worlds(options.maps, Path(scratch))
+        for number in mine:
+            if driven >= wanted or time.monotonic() > until:
+                break
+            if number in there:
+                continue
+            begun = time.process_time()
+            row = one(number, worlds)
+            row["all_cpu_s"] = round(time.process_time() - begun, 3)
+            driven += "digest" in row
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            if row.get("wrong"):
+                wrong += 1
+                print(json.dumps(row), flush=True)
+    return 1 if wrong else 0
+
+
+def drive_again(options: argparse.Namespace) -> int:
+    """Runs that have driven, spread over the campaign, by spawned processes: do they give the same bytes? Those in which
+    a planner found no new plan in time are left out: that time is the clock's.
+    """
+    rows = rows_in(options.out)
+    before = [rows[number] for number in sorted(rows) if "digest" in rows[number] and not rows[number]["unresolved"]]
+    chosen = [before[k] for k in np.unique(np.linspace(0, len(before) - 1, options.again).astype(int))]
+    parts = [[row["number"] for row in chosen[k :: options.processes]] for k in range(options.processes)]
+    with multiprocessing.get_context("spawn").Pool(options.processes) as pool:
+        told = dict(pair for part in pool.starmap(_digests, [(part, options.maps) for part in parts if part]) for pair in part)
+    other = [row["number"] for row in chosen if told[row["number"]] != row["digest"]]
+    same = len(chosen) - len(other)
+    print(f"{len(chosen)} runs again in {options.processes} processes: {same} with the same bytes; others: {other or 'none'}")
+    return 1 if other else 0
+
+
+def _digests(numbers: list[int], maps: Path | None) -> list[tuple[int, str]]:
+    with tempfile.TemporaryDirectory() as scratch:
+        worlds = Worlds(maps, Path(scratch))
+        return [(number, one(number, worlds).get("digest", "")) for number in numbers]
+
+
+def table(rows: Iterable[dict[str, Any]]) -> str:
+    """By policy and by family of maps, as Markdown."""
+    rows = list(rows)
+    columns = (
+        "",
+        "runs",
+        "driven",
+        "robots",
+        "robot-hours",
+        "disturbed",
+        "all at goal",
+        "deadlocks",
+        "gave way",
+        "detours",
+        "planned anew",
+    )
+    columns += ("overlaps", "other faults", "least clearance, m")
+    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+
+    def line(name: str, part: list[dict[str, Any]]) -> str:
+        drove = [row for row in part if "digest" in row]
+        hours = sum(row["robots"] * row["sim_s"] for row in drove) / 3600
+        clear = min((row["clearance_m"] for row in drove if row["clearance_m"] is not None), default=float("nan"))
+        disturbed_ = sum(bool(row["disturbed_by"]) for row in drove)
+        sums = [sum(row[key] for row in drove) for key in ("deadlocks", "gave_way", "detours", "resolved", "overlaps")]
+        faults = sum(bool(row["wrong"]) and not row["overlaps"] for row in drove)
+        done = sum(row["at_goal"] == row["robots"] for row in drove)
+        values = (name, len(part), len(drove), sum(row["robots"] for row in drove), f"{hours:.0f}", disturbed_, done, *sums, faults)
+        return "| " + " | ".join(map(str, values)) + f" | {clear:.4f} |"
+
+    for key in ("policy", "family", "dt_s"):
+        groups = collections.defaultdict(list)
+        for row in rows:
+            groups[row[key]].append(row)
+        lines += [line(f"{key.removesuffix('_s')} {name}", groups[name]) for name in sorted(groups)]
+    lines += [line("all", rows), "", "| did not drive | runs |", "|---|---|"]
+    reasons = collections.Counter(f"{row['ended']} {row.get('why', '')}".strip() for row in rows if "digest" not in row)
+    lines += [f"| {reason} | {number} |" for reason, number in reasons.most_common()]
+    disturbances = collections.Counter(kind for row in rows if "digest" in row for kind in row["disturbed_by"])
+    lines += [
+        "",
+        "| disturbance | driven runs with it |",
+        "|---|---|",
+        *(f"| {kind} | {number} |" for kind, number in disturbances.most_common()),
+    ]
+    maps = {(row["map"], row["kind"]) for row in rows if "digest" in row and row["family"] in ("bundled", "corpus")}
+    lines += ["", f"{len({name for name, _ in maps})} bundled and corpus maps driven on, {len(maps)} with their discretisations."]
+    return "\n".join(lines)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--driven", type=int, default=2000)
+    parser.add_argument("--minutes", type=float, default=np.inf)
+    parser.add_argument("--share", default="0/1", metavar="K/N")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--maps", type=Path)
+    parser.add_argument("--again", type=int, metavar="RUNS")
+    parser.add_argument("--processes", type=int, default=8)
+    parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
-    paths = sorted(bundled_maps().values()) + (sorted(options.maps.rglob("*.building.yaml")) if options.maps else [])
-    table: collections.Counter[tuple[str, str]] = collections.Counter()
-    wrong, begun = 0, time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
-        for number in range(options.first, options.first + options.runs):
-            policy, ended, complaint = one(number, paths, Path(folder) / "campaign.net.xml")
-            table[policy, ended] += 1
-            if complaint:
-                wrong += 1
-                print(f"run {number}, {policy}, {ended}: {complaint}", flush=True)
-    endings = sorted({ended for _, ended in table})
-    print(f"{'policy':<12}" + "".join(f"{ended:>15}" for ended in endings))
-    for policy in POLICIES:
-        print(f"{policy:<12}" + "".join(f"{table[policy, ended]:>15}" for ended in endings))
-    print(f"{options.runs} runs in {time.perf_counter() - begun:.0f} s, {wrong} with something wrong")
-    return 1 if wrong else 0
+    if options.again:
+        return drive_again(options)
+    failed = 0 if options.table else drive_many(options)
+    print(table(rows_in(options.out).values()))
+    return failed
 
 
 if __name__ == "__main__":
