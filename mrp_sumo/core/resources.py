@@ -1,4 +1,4 @@
-"""What robots must not share: vertices, and zones where two places of the graph are closer than two robots may be.
+"""What robots must not share: vertices, zones where two places of the graph are closer than two robots may be, groups.
 
 A place is a vertex or a track (the straight line of a lane, both directions). Two places closer than the
 fleet's separation R, neither an end of the other nor tracks that meet at a vertex, are a zone, with one robot at a
@@ -6,6 +6,9 @@ time. Tracks that meet are kept apart by their vertex: it is held until the robo
 there, R / sin(angle) along its own if they leave at an acute angle, and at most until the next vertex, which is
 in a zone with that other track if it is still too close. Pairs of places keep their own zone, since merging
 those that touch would swallow whole maps.
+
+A mutex group is a set of places that only one robot at a time may be on, whatever the geometry: all vertices and lanes
+whose option `mutex` (Open-RMF's) has one name, and vertices all of whose lanes belong to it.
 
 Together: a robot that holds the vertices and zones of its visits is R away from every other robot that holds its own.
 """
@@ -25,9 +28,9 @@ LEFT_M = 0.003  # before the lane's end a robot has left the vertex behind it at
 
 @dataclass(frozen=True, eq=False)
 class Resources:
-    """Vertices and zones of a graph with V vertices, L lanes, T tracks and Z zones.
+    """Vertices, zones and groups of a graph with V vertices, L lanes, T tracks, Z zones and G groups.
 
-    Places are numbered: vertices 0 to V - 1, then tracks. Zone z is resource V + z.
+    Places are numbered: vertices 0 to V - 1, then tracks. Zone z is resource V + z, group g resource V + Z + g.
     """
 
     separation_m: float
@@ -36,12 +39,14 @@ class Resources:
     leave_m: FloatArray  # [L] how far along a lane a robot frees its tail
     enter_m: FloatArray  # [L] how far before a lane's head a robot may stand while another holds the head
     zone: IntArray  # [Z, 2] places, the lower first; ascending
-    zones_first: IntArray  # [V + T + 1] CSR: zones of each place
+    group_name: tuple[str, ...]  # [G] ascending
+    zones_first: IntArray  # [V + T + 1] CSR: zones of each place, and groups, numbered on from Z
     zones_of: IntArray
 
     @property
     def num_zones(self) -> int:
-        return len(self.zone)
+        """Zones and groups."""
+        return len(self.zone) + len(self.group_name)
 
 
 def resources_of(graph: NavGraph, separation_m: float) -> Resources:
@@ -61,7 +66,9 @@ def resources_of(graph: NavGraph, separation_m: float) -> Resources:
     forward = graph.tail < graph.head
     zone = _zones(graph, ends, separation_m)
     num_places = num_vertices + len(ends)
-    place, which = zone.T.reshape(-1), np.tile(np.arange(len(zone)), 2)
+    group_name, grouped, group = _groups(graph, ends, track)
+    place = np.concatenate([zone.T.reshape(-1), grouped])
+    which = np.concatenate([np.tile(np.arange(len(zone)), 2), len(zone) + group])
     order = np.lexsort((which, place))
     return Resources(
         separation_m=separation_m,
@@ -70,6 +77,7 @@ def resources_of(graph: NavGraph, separation_m: float) -> Resources:
         leave_m=frozen(np.where(forward, at_low[track], at_high[track])),
         enter_m=frozen(np.where(forward, at_high[track], at_low[track])),
         zone=frozen(zone),
+        group_name=group_name,
         zones_first=frozen(np.searchsorted(place[order], np.arange(num_places + 1)).astype(np.int64)),
         zones_of=frozen(which[order]),
     )
@@ -95,6 +103,9 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources) 
     on_lane = np.concatenate([part[2] for part in parts])
     order = np.lexsort((on_lane, resource, of_visit))
     of_visit, resource, on_lane = of_visit[order], resource[order], on_lane[order]
+    first_of = np.ones(len(order), np.bool_)  # a visit needs a group once, though its lane and its vertex are in it
+    first_of[1:] = (of_visit[1:] != of_visit[:-1]) | (resource[1:] != resource[:-1])
+    of_visit, resource, on_lane = of_visit[first_of], resource[first_of], on_lane[first_of]
     return Needs(
         first=frozen(np.searchsorted(of_visit, np.arange(num_visits + 1)).astype(np.int64)),
         resource=frozen(resource),
@@ -123,9 +134,10 @@ def left_after_m(
     used = np.where(needs.on_lane, lane[visit], onward)
     origin = np.where(needs.on_lane, cum_m[visit - 1], cum_m[visit])
     after = np.full(len(visit), np.inf)
-    at_vertex = (resource < num_vertices) & (used >= 0)
+    shared = num_vertices + len(resources.zone)
+    at_vertex = ((resource < num_vertices) | (resource >= shared) & ~needs.on_lane) & (used >= 0)
     after[at_vertex] = resources.leave_m[used[at_vertex]]
-    part = np.flatnonzero((resource >= num_vertices) & (used >= 0))
+    part = np.flatnonzero((resource >= num_vertices) & (resource < shared) & (used >= 0))
     pair = resources.zone[resource[part] - num_vertices]
     mine = np.where(needs.on_lane[part], num_vertices + resources.track[lane[visit[part]]], plan.vertex[visit[part]])
     after[part] = _last_within(graph, resources, used[part], np.where(pair[:, 0] == mine, pair[:, 1], pair[:, 0]))
@@ -207,6 +219,23 @@ def _zones(graph: NavGraph, ends: IntArray, separation: float) -> IntArray:
     a, b = a[apart], b[apart]
     close = distance_m(place[a], place[b]) < separation - 1e-9
     return np.stack([a[close], b[close]], 1)
+
+
+def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str, ...], IntArray, IntArray]:
+    """Names of the mutex groups, and pairs of a place and the group it is in."""
+    at_vertex = [(str(options["mutex"]), v) for v, options in enumerate(graph.vertex_options) if options.get("mutex")]
+    on_track = {(str(options["mutex"]), int(track[lane])) for lane, options in enumerate(graph.lane_options) if options.get("mutex")}
+    names = tuple(sorted({name for name, _ in at_vertex} | {name for name, _ in on_track}))
+    found: set[tuple[int, int]] = set()
+    degree = np.bincount(ends.reshape(-1), minlength=graph.num_vertices)
+    for g, name in enumerate(names):
+        tracks = np.array(sorted(t for other, t in on_track if other == name), np.int64)
+        inside = np.flatnonzero((np.bincount(ends[tracks].reshape(-1), minlength=graph.num_vertices) == degree) & (degree > 0))
+        found.update((int(t) + graph.num_vertices, g) for t in tracks)
+        found.update((v, g) for other, v in at_vertex if other == name)
+        found.update((int(v), g) for v in inside)
+    pairs = np.array(sorted(found), np.int64).reshape(-1, 2)
+    return names, pairs[:, 0], pairs[:, 1]
 
 
 def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: IntArray) -> FloatArray:

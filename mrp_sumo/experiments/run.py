@@ -192,6 +192,7 @@ def _silent(stage: str, done: float, of: float) -> None:
 def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.sim import warm
+    from mrp_sumo.sim.course import lift_ride
     from mrp_sumo.sim.loop import simulate
 
     warm.prepare()
@@ -206,6 +207,8 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, 
 
     if verdict.faults:
         return None, f"not executed: {verdict.summary(solution.problem)}"
+    if ride := lift_ride(solution.problem, plan):
+        return None, f"not executed: {ride}"
     if not needs_sound_plan(settings.policy):
         return drive(settings), ""
     unsound = "" if verdict.valid else verdict.summary(solution.problem, limit=1)

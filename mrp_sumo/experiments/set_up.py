@@ -5,13 +5,14 @@ Refuses names the map does not have, robots that do not fit, goals that cannot b
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
-from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.workshop import Workshop
@@ -22,7 +23,8 @@ from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
-from mrp_sumo.sim.disturbances import Breakdown, Disturbances, Obstacle
+from mrp_sumo.planning.route import shortest_route
+from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.sim.policy import policy_of
 from mrp_sumo.sim.settings import ExecutionSettings
 
@@ -55,7 +57,7 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     model, chosen_planner, chosen_assigner, settings = choices(file)
     cell_m = scenario.discretisation.cell_m
     map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder, cell_m, model.radius_m))
-    graph = workshop.graph(map_, scenario.discretisation)
+    graph = _with_mutex_groups(file, map_.nav, workshop.graph(map_, scenario.discretisation))
     _require_fit(file, graph, model)
     start, goal = _places(file, map_.nav, graph)
     fleet = fleet_of(model, len(start))
@@ -77,6 +79,8 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     )
     if scenario.robots.starts is not None:
         _require_reachable(file, problem)
+    if closures := _closures(file, map_.nav, graph):
+        settings = replace(settings, disturbances=replace(settings.disturbances, closures=closures))
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings)
 
 
@@ -111,6 +115,9 @@ def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> floa
 def _settings(file: ScenarioFile) -> ExecutionSettings:
     execution = file.scenario.execution
     _located(file, ("execution", "policy"), lambda: policy_of(execution.policy))
+    recovery, replanner = execution.recovery, execution.recovery.replanner or ""
+    if replanner:
+        _located(file, ("execution", "recovery", "replanner"), lambda: planner(replanner, {}))
     settings: ExecutionSettings = _located(
         file,
         ("execution",),
@@ -121,6 +128,9 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             record_period_s=file.scenario.record.period_s,
             seed=file.scenario.seed,
             on_deadlock=execution.on_deadlock,
+            give_way=recovery.give_way,
+            patience_s=recovery.patience_s,
+            replanner=replanner,
             disturbances=_disturbances(execution.disturbances),
         ),
     )
@@ -133,8 +143,52 @@ def _disturbances(choice: DisturbanceChoice) -> Disturbances:
     def parts(listed: Sequence[BreakdownChoice | ObstacleChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
         return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
 
-    scalars = choice.model_dump(exclude={"breakdowns", "obstacles"})
+    scalars = choice.model_dump(exclude={"breakdowns", "obstacles", "closures"})
     return Disturbances(**scalars, breakdowns=parts(choice.breakdowns, Breakdown), obstacles=parts(choice.obstacles, Obstacle))
+
+
+def _closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Closure, ...]:
+    """Every lane of the stretches that are closed."""
+    found = []
+    for i, choice in enumerate(file.scenario.execution.disturbances.closures):
+        key = ("execution", "disturbances", "closures", i)
+        start, goal = _looked_up(file, nav, graph, (*key, "between"), list(choice.between)).tolist()
+        route = shortest_route(graph, np.ones(graph.num_lanes, np.bool_), start, goal)
+        if route is None or len(route) < 2:
+            raise ScenarioError(f"{file.at(*key)}: no way leads from '{choice.between[0]}' to '{choice.between[1]}'")
+        found += [Closure(a, b, choice.begin_s, choice.duration_s or math.inf) for a, b in pairwise(route)]
+    return tuple(found)
+
+
+def _with_mutex_groups(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> PlanGraph:
+    """The graph with the scenario's groups in its options, as the map's are."""
+    groups = file.scenario.execution.mutex_groups
+    if not groups:
+        return graph
+    vertex_options: list[Options] = list(graph.vertex_options)
+    lane_options: list[Options] = list(graph.lane_options)
+    for name, vertices in groups.items():
+        members = set(_looked_up(file, nav, graph, ("execution", "mutex_groups", name), vertices).tolist())
+        for v in members:
+            vertex_options[v] = {**vertex_options[v], "mutex": name}
+        own = nav.vertex_of_name
+        lanes = {(own[a], own[b]) for a in vertices for b in vertices}
+        inside = [k for k, pair in enumerate(zip(nav.tail.tolist(), nav.head.tolist())) if pair in lanes]
+        for lane in _steps_of(nav, graph, inside):
+            lane_options[lane] = {**lane_options[lane], "mutex": name}
+    return replace(graph, vertex_options=tuple(vertex_options), lane_options=tuple(lane_options))
+
+
+def _steps_of(nav: NavGraph, graph: PlanGraph, lanes: list[int]) -> list[int]:
+    """The lanes of a plan graph that these lanes of its nav graph were cut into; of a grid none but direct ones."""
+    found: list[int] = []
+    for lane in lanes:
+        of = {lane, int(nav.reverse[lane])}
+        between = {v for v in range(graph.num_vertices) if int(graph.nav_lane[v]) in of} if len(graph.nav_lane) else set()
+        ends = {int(graph.vertex_of_station[nav.tail[lane]]), int(graph.vertex_of_station[nav.head[lane]])}
+        both = between | ends
+        found += [k for k, (a, b) in enumerate(zip(graph.tail.tolist(), graph.head.tolist())) if a in both and b in both]
+    return found
 
 
 def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
@@ -151,9 +205,9 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArr
     """Plan vertices of starts and goals, not assigned yet."""
     robots = file.scenario.robots
     if robots.starts is not None and robots.goals is not None:
-        start = _looked_up(file, nav, graph, "starts", robots.starts[: robots.count])
+        start = _looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
         fixed = file.scenario.assignment.mode == "fixed"
-        goal = _looked_up(file, nav, graph, "goals", robots.goals[: len(start)] if fixed else robots.goals)
+        goal = _looked_up(file, nav, graph, ("robots", "goals"), robots.goals[: len(start)] if fixed else robots.goals)
         values, times = np.unique(goal, return_counts=True)
         if (times > 1).any():
             i, j = np.flatnonzero(goal == values[times > 1][0])[:2]
@@ -172,13 +226,14 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArr
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]
 
 
-def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: str, names: list[str]) -> IntArray:
+def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: list[str]) -> IntArray:
+    """[N] plan vertices by the names of stations."""
     faults, found = [], []
     for i, name in enumerate(names):
         vertex = nav.vertex_of_name.get(name)
         if vertex is None:
             known = [n for n in nav.vertex_name if n]
-            faults.append(f"{file.at('robots', key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
+            faults.append(f"{file.at(*key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
         else:
             found.append(int(graph.vertex_of_station[vertex]))
     if faults:

@@ -82,7 +82,7 @@ class Robots(_Strict):
     """The fleet and where it starts and goes."""
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
-    type: str | RobotShape = Field("turtlebot3_burger", description="A type of robots/, a YAML file of the same form, or one written out.")
+    type: str | RobotShape = Field("turtlebot3", description="A type of robots/, a YAML file of the same form, or one written out.")
     draw: Literal["uniform", "mrp_bench"] = Field(
         "uniform",
         description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable; "
@@ -140,6 +140,14 @@ class ObstacleChoice(_Strict):
     radius_m: Positive = 0.3
 
 
+class ClosureChoice(_Strict):
+    """A stretch that nobody may set out on for a while."""
+
+    between: tuple[str, str] = Field(description="Names of two vertices: the shortest way between them is closed in both directions.")
+    begin_s: Annotated[float, Field(ge=0)] = 0.0
+    duration_s: Positive | None = Field(None, description="For good by default.")
+
+
 class DisturbanceChoice(_Strict):
     """What goes wrong, drawn with the scenario's seed. Nothing by default."""
 
@@ -162,6 +170,15 @@ class DisturbanceChoice(_Strict):
     localisation_tau_s: float = Field(0.0, description="In which such errors are forgotten; 0: every sample has its own.")
     breakdowns: list[BreakdownChoice] = []
     obstacles: list[ObstacleChoice] = []
+    closures: list[ClosureChoice] = []
+
+
+class RecoveryChoice(_Strict):
+    """What `on_deadlock: resolve` does, mildest first."""
+
+    give_way: bool = Field(True, description="First come first served, one of a ring of waiting robots steps aside or backs out.")
+    patience_s: Positive = Field(10.0, description="Of who is blocked for good, before it drives around or all are planned anew.")
+    replanner: str | None = Field("lacam", description="Any registered planner; null: none.")
 
 
 class ExecutionChoice(_Strict):
@@ -174,7 +191,11 @@ class ExecutionChoice(_Strict):
     step_length_s: Annotated[float, Field(gt=0, le=1)] = 0.1
     time_limit_s: Positive = Field(300.0, description="Simulated time.")
     goal_tolerance_m: Positive = Field(0.7, description="MRP-Bench's locationTolerance: a robot this near its goal has reached it.")
-    on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': plan anew from where the robots stand.")
+    on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': see recovery.")
+    recovery: RecoveryChoice = RecoveryChoice()
+    mutex_groups: dict[str, list[str]] = Field(
+        {}, description="Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."
+    )
     disturbances: DisturbanceChoice = DisturbanceChoice()
 
 

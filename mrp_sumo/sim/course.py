@@ -73,8 +73,11 @@ def course_of(problem: Problem, plan: Plan, policy: Policy, step_length_s: float
     """
     separation = problem.fleet.separation_m
     lanes_of(problem, plan)
+    if ride := lift_ride(problem, plan):
+        raise ExecutionError(ride)
     _check_room(problem, plan, separation)
     resources = resources_of(problem.graph, separation)
+    _check_groups(problem, resources)
     nothing = np.zeros(plan.num_robots)
     return _course(problem, plan, policy, step_length_s, resources, nothing, None, frozenset(), frozenset())
 
@@ -310,6 +313,30 @@ def _check_room(problem: Problem, plan: Plan, separation: float) -> None:
             f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.label(int(problem.start[i]))}' "
             f"and '{graph.label(int(problem.start[j]))}', expected {separation:.3f} m or more"
         )
+
+
+def lift_ride(problem: Problem, plan: Plan) -> str:
+    """What to say of a plan that rides a lift, which is not executed; '' for others."""
+    lane, graph = _lanes(problem, plan)[0], problem.graph
+    rides = np.flatnonzero((lane >= 0) & np.array(["lift" in options for options in graph.lane_options], np.bool_)[lane])
+    if not len(rides):
+        return ""
+    visit = int(rides[np.argmin(plan.arrive_s[rides])])
+    ends = f"from '{graph.label(int(plan.vertex[visit - 1]))}' to '{graph.label(int(plan.vertex[visit]))}'"
+    lift = graph.lane_options[int(lane[visit])]["lift"]
+    name = problem.fleet.robot_name[int(plan.robot[visit])]
+    return f"{name} rides lift '{lift}' {ends}, and execution has no lifts yet (choose one map.level)"
+
+
+def _check_groups(problem: Problem, resources: Resources) -> None:
+    """Refuse two robots that start in one mutex group."""
+    inside: dict[int, int] = {}
+    for r, vertex in enumerate(problem.start.tolist() if resources.group_name else ()):
+        for zone in resources.zones_of[resources.zones_first[vertex] : resources.zones_first[vertex + 1]].tolist():
+            other = inside.setdefault(zone, r)
+            if zone >= len(resources.zone) and other != r:
+                names, group = problem.fleet.robot_name, resources.group_name[zone - len(resources.zone)]
+                raise ExecutionError(f"{names[other]} and {names[r]} both start in mutex group '{group}', where one robot at a time may be")
 
 
 def _along(first: IntArray, length: FloatArray) -> FloatArray:

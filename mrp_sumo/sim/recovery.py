@@ -15,15 +15,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph
 from mrp_sumo.core.plan import Plan, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.planning.route import reach_m, shortest_route
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.course import Change, Course, Way
 from mrp_sumo.sim.disturber import Disturber
@@ -152,7 +151,7 @@ class Recovery:
                 continue
             back = bool(state.on_lane[r])
             start, goal = int(path.vertex[state.won[r]]), int(path.vertex[path.first[r + 1] - 1])
-            route = _shortest(graph, ~blocked, start, goal)
+            route = shortest_route(graph, ~blocked, start, goal)
             if route is None or (back and not around.free_for(r, around.of_vertex(start))):
                 continue
             follows = np.array(route if back else route[1:], np.int64)
@@ -252,24 +251,9 @@ def _needing(graph: NavGraph, course: Course, resource: BoolArray) -> BoolArray:
     return needing
 
 
-def _shortest(graph: NavGraph, open_: BoolArray, start: int, goal: int) -> list[int] | None:
-    """Vertices of the shortest way over open lanes, None if there is none."""
-    lanes = np.flatnonzero(open_)
-    weights = coo_array((graph.length_m[lanes], (graph.tail[lanes], graph.head[lanes])), shape=(graph.num_vertices,) * 2).tocsr()
-    distance, before = dijkstra(weights, indices=start, return_predecessors=True)
-    if not np.isfinite(distance[goal]):
-        return None
-    route = [goal]
-    while route[-1] != start:
-        route.append(int(before[route[-1]]))
-    return route[::-1]
-
-
 def _goals(graph: NavGraph, open_: BoolArray, start: IntArray, target: IntArray) -> tuple[IntArray, list[int]]:
     """[R] targets that can be reached, or the start, and who has to stay there."""
-    lanes = np.flatnonzero(open_)
-    lengths = coo_array((graph.length_m[lanes], (graph.tail[lanes], graph.head[lanes])), shape=(graph.num_vertices,) * 2).tocsr()
-    reach: FloatArray = dijkstra(lengths, indices=start)
+    reach = reach_m(graph, open_, start)
     goal = np.where(np.isfinite(reach[np.arange(len(start)), target]), target, start)
     while True:  # who stays may stand on another's goal: that one stays too
         values, count = np.unique(goal, return_counts=True)

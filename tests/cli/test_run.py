@@ -136,7 +136,7 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ),
         ("map: {file: office, graph: 4}\nrobots: {count: 3}", "office.building.yaml has no lane in graph 4"),
         ("map: {file: office, level: L7}\nrobots: {count: 3}", "has no level 'L7'"),
-        ("map: office\nrobots: {count: 3}\ndiscretisation: {cell_m: 0.2}", "'turtlebot3_burger' does not fit"),
+        ("map: office\nrobots: {count: 3}\ndiscretisation: {cell_m: 0.2}", "'turtlebot3' does not fit"),
         ("map: office\nrobots: {count: 3, type: turtlebot}", "robots.type: 'turtlebot' is neither a robot type nor a file"),
         (
             "map: office\nrobots: {count: 3}\nrecord: {robots: [robot_3]}",

@@ -4,13 +4,15 @@ Times: a Burger drives a cell of 0.4 m in 1.82 s at 0.22 m/s and turns back in 1
 looked for every half second.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, square_grid
 
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.errors import PlanError
+from mrp_sumo.errors import ExecutionError, PlanError
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
 
@@ -207,3 +209,45 @@ def test_giving_way_works_at_every_step_length_and_with_late_messages(tmp_path, 
     paths = [[0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0]]
     run = recovered(tmp_path, corridor(6, 2), paths, policy, step_length_s=dt, record_period_s=dt, disturbances=late)
     assert run.all_at_goal and "gave_way" in kinds(run)
+
+
+def with_mutex(graph, vertices=(), lanes=()):
+    """The graph with some vertices and lanes in group 'dock'."""
+    vertex_options = [{"mutex": "dock"} if v in vertices else {} for v in range(graph.num_vertices)]
+    pairs = {pair for a, b in lanes for pair in ((a, b), (b, a))}
+    lane_options = [{"mutex": "dock"} if pair in pairs else {} for pair in zip(graph.tail.tolist(), graph.head.tolist())]
+    return dataclasses.replace(graph, vertex_options=tuple(vertex_options), lane_options=tuple(lane_options))
+
+
+@pytest.mark.parametrize("policy", ["adg", "adg_timed", "open_loop", "timed"])
+def test_one_robot_at_a_time_is_in_a_mutex_group(tmp_path, policy):
+    # two rows that never meet; vertices 2 to 4 of both are one group
+    xy = [(0.4 * k, y) for y in (0.0, 2.0) for k in range(7)]
+    graph = graph_of(xy, [(7 * row + k, 7 * row + k + 1) for row in range(2) for k in range(6)])
+    members = {2, 3, 4, 9, 10, 11}
+    paths = [[0, 1, 2, 3, 4, 5, 6], [7, 8, 9, 10, 11, 12, 13]]
+    free = drive(tmp_path, graph, paths, policy)
+    run = drive(tmp_path, with_mutex(graph, members), paths, policy)
+    assert run.all_at_goal
+    inside = (run.x_m > 0.8 - 0.2) & (run.x_m < 1.6 + 0.2)  # of each robot, half a lane and more around its vertices
+    assert not inside.all(1).any()
+    if policy.endswith("timed"):
+        return
+    # robot_1 waits at vertex 8 until robot_0 is a separation past vertex 4
+    assert free.goal_s[1] == pytest.approx(free.goal_s[0]) and run.goal_s[0] == pytest.approx(free.goal_s[0])
+    assert run.goal_s[1] == pytest.approx((4 * 0.4 + 0.325) / 0.22 + 5 * CELL_S, abs=0.5)
+    waited = events(run, "waited")
+    assert [(event.robot, event.other, event.vertex) for event in waited] == [(1, 0, 9)]
+
+
+def test_a_lane_in_a_group_is_left_at_its_end(tmp_path):
+    xy = [(0.4 * k, y) for y in (0.0, 2.0) for k in range(5)]
+    graph = graph_of(xy, [(5 * row + k, 5 * row + k + 1) for row in range(2) for k in range(4)])
+    run = drive(tmp_path, with_mutex(graph, lanes=[(1, 2), (6, 7)]), [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]])
+    assert run.goal_s[0] == pytest.approx(4 * CELL_S, abs=0.2)
+    assert run.goal_s[1] == pytest.approx(2 * CELL_S + 3 * CELL_S, abs=0.3)  # sets out from 6 when robot_0 is at 2
+
+
+def test_two_robots_in_one_group_at_the_start_are_refused(tmp_path):
+    with pytest.raises(ExecutionError, match="robot_0 and robot_1 both start in mutex group 'dock'"):
+        drive(tmp_path, with_mutex(line(5), {0, 4}), [[0, 1], [4, 3]])
