@@ -32,12 +32,35 @@ try {
       for (const part of ["drawTrails", "drawTies", "drawGhosts", "drawRobots", "drawLabels"]) app.scene[part](app.view);
       spent += performance.now() - a;
     }
+    const gl = app.scene.renderer.gl, counted = { calls: 0, bytes: 0 }, own = {}; // what one frame asks of the graphics card
+    const size = (data, length) => (length ? length * data.BYTES_PER_ELEMENT : data.byteLength) || 0;
+    for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced", "bufferData", "bufferSubData"]) {
+      own[name] = gl[name];
+      gl[name] = (...given) => {
+        if (name.startsWith("draw")) counted.calls++;
+        else if (name.startsWith("buffer")) counted.bytes += given.filter((value) => value?.byteLength).reduce((sum, value) => sum + size(value, given[4]), 0);
+        return own[name].apply(gl, given);
+      };
+    }
+    app.view.t = app.motion.end / 2;
+    app.motion.seek(app.view.t);
+    app.scene.draw(app.view, 0);
+    for (const name in own) gl[name] = own[name];
+    const drawn = []; // the frame as a whole, drawn and read back: waits for what draws
+    for (let i = 0; i < 5; i++) {
+      app.view.t = (app.motion.end * (i + 1)) / 6;
+      const a = performance.now();
+      app.motion.seek(app.view.t);
+      app.scene.draw(app.view, 0);
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+      drawn.push(performance.now() - a);
+    }
     const seek = performance.now();
     app.scene.showHeat(true);
-    return { fps, script_ms: spent / 60, heat_ms: performance.now() - seek, memory: performance.memory?.usedJSHeapSize / 1e6, ready: document.documentElement.dataset.ready };
+    return { fps, script_ms: spent / 60, calls: counted.calls, upload_kb: counted.bytes / 1000, frame_ms: drawn.sort((a, b) => a - b)[2], heat_ms: performance.now() - seek, memory: performance.memory?.usedJSHeapSize / 1e6, ready: document.documentElement.dataset.ready };
   });
   const round = (value, digits) => Number(value.toFixed(digits));
-  console.log(JSON.stringify({ browser: `Chromium ${browser.version()}${gpu.length ? ", software drawing" : ""}`, load_time_s: round(load_s, 2), frames_per_s: round(told.fps, 1), script_ms_per_frame: round(told.script_ms, 2), heat_map_ms: round(told.heat_ms, 0), page_heap_mb: round(told.memory || 0, 0), ready: told.ready, console_problems: problems.length }));
+  console.log(JSON.stringify({ browser: `Chromium ${browser.version()}${gpu.length ? ", software drawing" : ""}`, load_time_s: round(load_s, 2), frames_per_s: round(told.fps, 1), script_ms_per_frame: round(told.script_ms, 2), draw_calls: told.calls, upload_kb_per_frame: round(told.upload_kb, 0), frame_ms: round(told.frame_ms, 0), heat_map_ms: round(told.heat_ms, 0), page_heap_mb: round(told.memory || 0, 0), ready: told.ready, console_problems: problems.length }));
   if (problems.length) console.error(problems.slice(0, 3).join("\n"));
 } finally {
   await browser.close();

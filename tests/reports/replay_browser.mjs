@@ -94,7 +94,8 @@ try {
   const row = tab.locator(".rows .row").last();
   const when = await row.locator(".time").textContent();
   await row.click();
-  say("an event leads to its time", (await tab.textContent("#clock")).startsWith(when), [when, await tab.textContent("#clock")]);
+  const jumped = await tab.waitForFunction((t) => document.getElementById("clock").textContent.startsWith(t), when, { timeout: 5000 }).then(() => true, () => false);
+  say("an event leads to its time", jumped, [when, await tab.textContent("#clock")]);
 
   await tab.keyboard.press("/");
   await tab.keyboard.type("robot_3");
