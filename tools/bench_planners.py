@@ -18,6 +18,7 @@ import json
 import sys
 from collections import Counter
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from statistics import mean, median
 from time import perf_counter, process_time
@@ -181,7 +182,7 @@ def scens(folder: Path, name: str, robots: int) -> list[Path]:
 def problem_of(folder: Path, name: str, scen: Path, robots: int) -> Problem | None:
     """The problem of the first robots of a file; None where it is refused."""
     rows = read_problem_file(scen)
-    graph = grid_graph(occupancy(read_text(folder / f"{name}.map")), 1.0, (0.0, 0.0), name=name)
+    graph = grid_graph(free_cells(folder / f"{name}.map"), 1.0, (0.0, 0.0), name=name)
     try:
         return Problem(
             graph=graph,
@@ -193,6 +194,12 @@ def problem_of(folder: Path, name: str, scen: Path, robots: int) -> Problem | No
         )
     except MrpSumoError:
         return None
+
+
+@cache
+def free_cells(path: Path) -> np.ndarray:
+    """[H, W] of a map."""
+    return occupancy(read_text(path))
 
 
 def value(text: str) -> object:

@@ -37,11 +37,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import, and print what came of it."""
+    from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.facts import facts
 
     if options.check:
         return _check(options)
     if options.out is None and not options.json:
+        find_map(options.file, Path())  # that there is no such map comes before what to do with it
         raise MapError("say where to write with --out DIR, or use --json or --check to print only")
     if options.out is not None:
         _require_replaceable(options.out)
@@ -139,7 +141,7 @@ def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
     from mrp_sumo.maps.oddities import oddities
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=f"[bold]{escape(map_.name)}[/]", title_justify="left")
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(map_.name), title_style="bold", title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
 

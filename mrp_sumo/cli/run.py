@@ -74,11 +74,14 @@ def _progress_bar() -> "Iterator[Progress | None]":
 def _print(result: dict[str, Any], out: Path, verbose: bool) -> None:
     """A short table a person likes to read."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     m, scenario = result["metrics"], result["scenario"]
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=f"[bold]{scenario['name']}[/]", title_justify="left")
+    table = Table(
+        show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(scenario["name"]), title_style="bold", title_justify="left"
+    )
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
 

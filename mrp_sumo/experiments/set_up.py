@@ -4,7 +4,7 @@ Refuses names the map does not have, robots that do not fit, goals that cannot b
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -22,7 +22,7 @@ from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
-from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.planning.registry import assigner, assigner_names, planner, planner_names
 from mrp_sumo.planning.route import shortest_route
 from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.sim.policy import policy_of
@@ -95,10 +95,18 @@ def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, Execution
     scenario = file.scenario
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
-        _located(file, ("planner", "name"), lambda: planner(scenario.planner.name, scenario.planner.parameters)),
-        _located(file, ("assignment", "solver"), lambda: assigner(scenario.assignment.solver, scenario.assignment.parameters)),
+        _plug_in(file, ("planner", "name"), planner, scenario.planner.name, scenario.planner.parameters),
+        _plug_in(file, ("assignment", "solver"), assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
     )
+
+
+def _plug_in(file: ScenarioFile, place: tuple[str, str], make: Callable[..., Any], name: str, parameters: Mapping[str, Any]) -> Any:
+    """The plug-in of a name; what is wrong with its parameters is told at their place."""
+    if not parameters:
+        return _located(file, place, lambda: make(name, {}))
+    known = planner_names() if make is planner else assigner_names()
+    return _located(file, (place[0], "parameters") if name in known else place, lambda: make(name, parameters))
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:

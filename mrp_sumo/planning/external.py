@@ -24,7 +24,7 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import PlanError, nearest
-from mrp_sumo.planning.peers import cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
+from mrp_sumo.planning.peers import Cells, cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
 
 PLACES = ("map", "scen", "yaml", "yaml_free", "agents", "time_limit", "seed", "out")
 TAIL_BYTES = 65536  # of what a program prints, enough for its last words
@@ -89,11 +89,8 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
         folder = Path(name)
         files = {key: folder / f"instance.{key}" for key in ("map", "scen", "yaml")}
         files |= {"yaml_free": folder / "instance_free.yaml", "out": folder / "plan"}
-        if cells:
-            files["map"].write_text(movingai_map(cells))
-            files["scen"].write_text(movingai_scen(problem, cells, files["map"].name))
-        files["yaml"].write_text(yaml_instance(problem, cells))
-        files["yaml_free"].write_text(yaml_instance(problem, cells, free=True))
+        for key, text in _instance(command, problem, cells).items():
+            files[key].write_text(text)
         values = {
             **{key: str(file) for key, file in files.items()},
             "agents": str(problem.num_robots),
@@ -130,6 +127,17 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
         return PlanResult(Status.TIMED_OUT, plan, goal_of, ran.time_s, stats=stats, message=late.message) if verdict.valid else late
     message = "" if verdict.valid else verdict.summary(problem)
     return PlanResult(Status.SOLVED, plan, goal_of, ran.time_s, stats=stats, message=message)
+
+
+def _instance(command: str, problem: Problem, cells: Cells | None) -> dict[str, str]:
+    """Texts of the instance by place, those that the command has."""
+    texts = {
+        "map": lambda: movingai_map(cells) if cells else "",
+        "scen": lambda: movingai_scen(problem, cells, "instance.map") if cells else "",
+        "yaml": lambda: yaml_instance(problem, cells),
+        "yaml_free": lambda: yaml_instance(problem, cells, free=True),
+    }
+    return {key: text() for key, text in texts.items() if f"{{{key}}}" in command}
 
 
 @dataclass(frozen=True)

@@ -109,3 +109,8 @@ def test_bad_requests_end_with_one_line_and_nothing_written(square, tmp_path, mo
 def test_missing_files_name_the_nearest_bundled_map(capsys):
     assert main(["import", "ofice", "--json"]) == 2
     assert "did you mean 'office'" in capsys.readouterr().err
+
+
+def test_that_there_is_no_such_map_comes_first(capsys):
+    assert main(["import", "ofice"]) == 2
+    assert "no map 'ofice': neither a file nor a bundled map (did you mean 'office'?)" in capsys.readouterr().err

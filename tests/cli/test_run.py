@@ -119,7 +119,7 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ("map: office\nrobots: {count: 3}\nplanner: cbz", "case.yaml:3: planner.name: unknown planner 'cbz' (did you mean 'cbs'?)"),
         (
             "map: office\nrobots: {count: 3}\nplanner: {name: cbs, parameters: {bypas: true}}",
-            "case.yaml:3: planner.name: planner 'cbs': unknown parameter 'bypas' (did you mean 'bypass'?)",
+            "case.yaml:3: planner.parameters: planner 'cbs': unknown parameter 'bypas' (did you mean 'bypass'?)",
         ),
         ("map: office\nrobots: {count: 400}", "case.yaml:2: robots.count: cannot draw 400 robots"),
         ("map: office\nrobots: {count: 30, draw: mrp_bench}", "case.yaml:2: robots.count: cannot draw 30 robots: there are 29 vertices"),
