@@ -14,6 +14,7 @@ import shlex
 import signal
 import subprocess
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil
@@ -131,7 +132,7 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
 
 def _instance(command: str, problem: Problem, cells: Cells | None) -> dict[str, str]:
     """Texts of the instance by place, those that the command has."""
-    texts = {
+    texts: dict[str, Callable[[], str]] = {
         "map": lambda: movingai_map(cells) if cells else "",
         "scen": lambda: movingai_scen(problem, cells, "instance.map") if cells else "",
         "yaml": lambda: yaml_instance(problem, cells),
