@@ -9,11 +9,13 @@ A record that is there is complete: it is written under another name, synced, an
 """
 
 import csv
+import gc
 import json
 import os
 import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -276,10 +278,23 @@ def _load_table(path: Path, told: Callable[[str], None]) -> "pyarrow.Table":
     if not path.is_dir():
         raise BatchError(f"{path}: no such folder")
     order = {key: i for i, key in enumerate(read_plan(path)["keys"])}
-    records = sorted((r for r in records_in(path, told) if r["key"] in order), key=lambda record: order[record["key"]])
-    if not records:
-        raise BatchError(f"{path}: no run has ended yet")
-    return _table(records)
+    with _no_collection():
+        records = sorted((r for r in records_in(path, told) if r["key"] in order), key=lambda record: order[record["key"]])
+        if not records:
+            raise BatchError(f"{path}: no run has ended yet")
+        return _table(records)
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Garbage is not looked for among 100,000 records that all stay: a third of the time of reading them."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def _table(records: Iterable[Record]) -> "pyarrow.Table":
