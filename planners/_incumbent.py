@@ -19,6 +19,7 @@ CHANCE = 14  # purpose of the stream of chance
 NEIGHBOURHOOD = 8  # robots planned again at a time while there are collisions, half of it afterwards
 AT_ONCE = 4  # neighbourhoods between looks at the work done
 LABELS_AT_ONCE = 10_000
+CELLS_A_LABEL = 4
 MOST_BYTES = 1 << 30
 
 
@@ -29,6 +30,9 @@ class Incumbent:
         """`table` [R, V] is the steps to each robot's goal."""
         self.cost: int | None = None  # sum of costs in steps, None without a plan
         self.labels = 0  # work done
+        self.entry = (
+            _horizon(problem, table) * problem.graph.num_vertices // CELLS_A_LABEL
+        )  # labels that take as long as laying out the tables
         self._deadline_s = deadline_s
         self._path = np.empty((0, problem.num_robots), np.int32)
         self._refinement: Refinement | None = None
@@ -57,7 +61,7 @@ class Incumbent:
     def _search(self, problem: Problem, table: np.ndarray) -> Iterator[int]:
         """Labels made, again and again."""
         steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
-        horizon = (2 * int(steps.max(initial=0)) + 128 + problem.num_robots // 2 + 31) // 32 * 32
+        horizon = _horizon(problem, table)
         if horizon * (18 * problem.graph.num_vertices + 2 * problem.graph.num_lanes + 4 * problem.num_robots) > MOST_BYTES:
             return
         rng = np.random.default_rng([problem.seed, CHANCE])
@@ -85,6 +89,12 @@ class Incumbent:
             refinement.until(self._deadline_s, most_labels=made)
             self.cost = refinement.cost
             yield LABELS_AT_ONCE
+
+
+def _horizon(problem: Problem, table: np.ndarray) -> int:
+    """Steps to plan for: twice the longest way, and some."""
+    longest = int(table[np.arange(problem.num_robots), problem.start].max(initial=0))
+    return (2 * longest + 128 + problem.num_robots // 2 + 31) // 32 * 32
 
 
 def prepare() -> None:

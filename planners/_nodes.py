@@ -4,7 +4,9 @@ import numpy as np
 from numba import njit
 
 from mrp_sumo.planning._conflicts import conflicts_of
-from mrp_sumo.planning._space_time import MDD0, OK, ORIGIN, RECORDS, STORE_FULL, add_record, install_all, replan
+from mrp_sumo.planning._occupancy import install_all
+from mrp_sumo.planning._records import MDD0, OK, ORIGIN, RECORDS, STORE_FULL, add_record
+from mrp_sumo.planning._space_time import replan
 
 
 @njit(cache=True)
@@ -30,7 +32,7 @@ def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, ro
     record = add_record(store, records[robot], robot, row0, row1)
     if record < 0:
         return STORE_FULL, record, conflicts
-    code = install_all(world, store, occupancy, records, robot)
+    code = install_all(store, occupancy, records, robot)
     if code == OK:
         code = replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
     if code != OK:

@@ -10,17 +10,9 @@ from numba import njit
 from mrp_sumo.planning._conflicts import A0, A1, B0, B1, WIDTH, conflicts_of
 from mrp_sumo.planning._heap import pop, push
 from mrp_sumo.planning._mdd import mdd_of
-from mrp_sumo.planning._space_time import (
-    COST,
-    MDD0,
-    NO_PATH,
-    OK,
-    ROBOT,
-    STORE_FULL,
-    add_record,
-    install_all,
-    replan,
-)
+from mrp_sumo.planning._occupancy import install_all
+from mrp_sumo.planning._records import COST, MDD0, NO_PATH, OK, ROBOT, STORE_FULL, add_record
+from mrp_sumo.planning._space_time import replan
 from planners._symmetry import choose
 
 PAIR_PATIENCE = 20
@@ -62,7 +54,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
     i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]
     base = store.meta[one, COST] + store.meta[other, COST]
     records = np.full(num_robots, -1, np.int64)
-    nothing = np.empty((0, WIDTH), np.int64)
+    nothing = np.empty((0, WIDTH), np.int32)
     node = np.empty((2 * most_nodes + 3, 2), np.int64)
     heap = np.empty(2 * most_nodes + 3, np.int64)
     node[0, 0], node[0, 1] = one, other
@@ -81,7 +73,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
             break
         k = key & 0xFFFFF
         records[i], records[j] = node[k, 0], node[k, 1]
-        code = install_all(world, store, occupancy, records, i)
+        code = install_all(store, occupancy, records, i)
         if code != OK:
             break
         conflicts = conflicts_of(world, store, occupancy, i, records[i], nothing)
@@ -99,7 +91,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
             if record < 0:
                 code = STORE_FULL
                 break
-            code = install_all(world, store, occupancy, records, robot)
+            code = install_all(store, occupancy, records, robot)
             if code != OK:
                 break
             code = replan(world, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], PAIR_PATIENCE, budget)
@@ -118,7 +110,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
             break
         weight = np.int64(IMPOSSIBLE)
     records[i], records[j] = -1, -1
-    install_all(world, store, occupancy, records, -1)
+    install_all(store, occupancy, records, -1)
     return code, weight
 
 

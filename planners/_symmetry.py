@@ -14,9 +14,11 @@ import numpy as np
 from numba import njit
 
 from mrp_sumo.planning._conflicts import A0, A1, AT, B0, B1, FOLLOW, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, TAIL, TARGET, UNKNOWN
+from mrp_sumo.planning._constraints import load
+from mrp_sumo.planning._earliest import earliest_arrival
 from mrp_sumo.planning._kernels import UNREACHABLE
 from mrp_sumo.planning._mdd import mdd_cost, mdd_of, only, raises_cost
-from mrp_sumo.planning._space_time import (
+from mrp_sumo.planning._records import (
     COST,
     EDGE,
     FOREVER,
@@ -29,8 +31,6 @@ from mrp_sumo.planning._space_time import (
     ROWS,
     STORE_FULL,
     add_row,
-    earliest_arrival,
-    load,
     place,
 )
 

@@ -13,12 +13,14 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning import _space_time as st
+from mrp_sumo.planning import _records as st
 from mrp_sumo.planning._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, SWAP, WIDTH
+from mrp_sumo.planning._constraints import EXPANSIONS
 from mrp_sumo.planning.distance import distances
 from mrp_sumo.planning.solvable import unsolvable
 from planners._nodes import branch, same_path
 from planners._pairs import cover, pair_weight
+from planners._room import Room
 from planners._symmetry import choose
 
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
@@ -28,7 +30,7 @@ NODE_WORK = 300  # expansions that take as long as a node does besides its searc
 PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
 SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
 MOST_BYTES = 6 << 30
-NO_CONFLICTS = np.empty((0, WIDTH), np.int64)
+NO_CONFLICTS = np.empty((0, WIDTH), np.int32)
 
 
 class OutOfTime(Exception):
@@ -80,7 +82,7 @@ class Tree:
         self.symmetries = symmetries
         self.num_robots = problem.num_robots
         longest = int(self.world.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
-        self._tables = like._tables if like else _Tables(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
+        self._tables = like._tables if like else Room(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = {}
         self.generated = 0
         self._problem, self._num_split, self._unsolvable = problem, 0, False
@@ -92,7 +94,7 @@ class Tree:
     @property
     def expansions(self) -> int:
         """Low-level expansions so far."""
-        return int(self._tables.scratch.number[st.EXPANSIONS])
+        return int(self._tables.scratch.number[EXPANSIONS])
 
     @property
     def work(self) -> int:
@@ -327,93 +329,6 @@ class Tree:
                 raise OutOfTime
             return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
-
-
-class _Tables:
-    """The room kernels work in, by what makes it too small."""
-
-    def __init__(self, num_vertices: int, num_robots: int, horizon: int) -> None:
-        self._num_vertices, self._num_robots, self._horizon = num_vertices, num_robots, horizon
-        self.store = st.Store(
-            np.empty((4096, 9), np.int64),
-            np.empty((1 << 14, 5), np.int32),
-            np.empty(1 << 18, np.int32),
-            np.empty(1 << 16, np.int64),
-            np.empty(1 << 18, np.int32),
-            np.zeros(5, np.int64),
-        )
-        self.generated = 0  # nodes, of all trees
-        self._states = 1 << 16
-        self._members = 1 << 16
-        self._number = np.zeros(8, np.int64)
-        self._by_horizon()
-
-    @property
-    def pair(self) -> st.Occupancy:
-        """For two robots alone; not all problems need it."""
-        if self._pair is None:
-            self._pair = _nobody(self._num_vertices, self._num_robots, self._horizon)
-        return self._pair
-
-    def grow_store(self) -> None:
-        """Twice the room in every pool that is a quarter full."""
-        *pools, used = self.store
-        self.store = st.Store(*(_longer(pool) if 4 * used[k] > len(pool) else pool for k, pool in enumerate(pools)), used)
-        self._measure()
-
-    def _measure(self) -> None:
-        self.num_bytes = sum(array.nbytes for array in (*self.store, self.scratch.state, self.scratch.heap))
-
-    def grow_scratch(self) -> None:
-        self._states *= 2
-        self._members *= 2
-        self._by_horizon()
-
-    def grow_horizon(self) -> None:
-        self._horizon *= 2
-        self._by_horizon()
-
-    def _by_horizon(self) -> None:
-        num_vertices, num_robots, horizon = self._num_vertices, self._num_robots, self._horizon
-        self.occupancy = _nobody(num_vertices, num_robots, horizon)
-        self._pair: st.Occupancy | None = None
-        self._number[[st.STAMP, st.NUM_CLOSED, st.NUM_EDGES, st.MARK]] = 0
-        self.scratch = st.Scratch(
-            np.zeros(horizon * num_vertices, np.int32),
-            np.zeros(horizon * num_vertices, np.int64),
-            np.zeros(horizon, np.int64),
-            np.zeros(num_vertices, np.int64),
-            np.full(num_vertices, st.FOREVER, np.int32),
-            np.zeros(num_vertices, np.int64),
-            np.zeros((max(1024, self._states >> 6), 3), np.int32),
-            np.empty((self._states, 5), np.int32),
-            np.empty(2 * self._states, np.int64),
-            np.zeros(horizon, np.int32),
-            np.zeros(num_vertices, np.int64),
-            np.zeros(num_vertices, np.int64),
-            np.zeros(num_vertices, np.int32),
-            np.zeros(4 * horizon, np.int64),
-            np.empty(self._members, np.int32),
-            self._number,
-            np.zeros(5, np.int64),
-        )
-        self._measure()
-
-
-def _nobody(num_vertices: int, num_robots: int, horizon: int) -> st.Occupancy:
-    return st.Occupancy(
-        np.zeros(horizon * num_vertices, np.int32),
-        np.zeros(num_robots * horizon, np.int32),
-        np.full(num_vertices, -1, np.int32),
-        np.zeros(num_vertices, np.int32),
-        np.full(num_robots, -1, np.int64),
-    )
-
-
-def _longer(array: Any) -> Any:
-    longer = np.empty((2 * len(array), *array.shape[1:]), array.dtype)
-    longer[: len(array)] = array
-    return longer
 
 
 def _cells(graph: PlanGraph) -> tuple[IntArray, IntArray]:

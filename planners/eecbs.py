@@ -68,7 +68,7 @@ class Eecbs:
         try:
             if root := tree.root(self.w):
                 nodes.insert(root)
-            turn = ROOTS * tree.work
+            turn = max(ROOTS * tree.work, other.entry if other else 0)
             while True:
                 tree.check_clock()
                 if other and tree.work >= turn:

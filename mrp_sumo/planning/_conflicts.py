@@ -7,7 +7,8 @@ choose between conflicts, its priority and the constraints to split on: rows A0.
 import numpy as np
 from numba import njit
 
-from mrp_sumo.planning._space_time import COST, PATH0, place
+from mrp_sumo.planning._occupancy import steps_known, visitor
+from mrp_sumo.planning._records import COST, PATH0, place
 
 WIDTH = 11
 ONE, OTHER, KIND, TAIL, AT, STEP, PRIORITY, A0, A1, B0, B1 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
@@ -21,7 +22,7 @@ UNKNOWN = -1  # a priority not yet looked at
 @njit(cache=True)
 def _add(found, count, i, j, kind, tail, at, step):
     if count == len(found):
-        longer = np.empty((2 * count, WIDTH), np.int64)
+        longer = np.empty((2 * count, WIDTH), np.int32)
         longer[:count] = found
         found = longer
     row = found[count]
@@ -44,61 +45,62 @@ def conflicts_of(world, store, occupancy, robot, record, old):
     conflicts
         [K', WIDTH] in a new array.
     """
-    num_vertices = len(world.first) - 1
-    horizon = len(occupancy.someone) // num_vertices
+    horizon = steps_known(occupancy)
+    num_robots = len(occupancy.record)
     path0, cost = store.meta[record, PATH0], store.meta[record, COST]
-    found = np.empty((len(old) + 16, WIDTH), np.int64)
+    found = np.empty((len(old) + 16, WIDTH), np.int32)
     count = 0
     for k in range(len(old)):
         if old[k, ONE] != robot and old[k, OTHER] != robot:
             found[count] = old[k]
             count += 1
     latest = np.int64(0)
-    for r in range(len(occupancy.record)):
+    for r in range(num_robots):
         if occupancy.record[r] >= 0:
             latest = max(latest, store.meta[occupancy.record[r], COST])
     u = np.int64(store.path[path0])
     for t in range(max(cost, latest) + 1):
         v = np.int64(store.path[path0 + min(t, cost)])
         if t < horizon:
-            other = np.int64(occupancy.someone[t * num_vertices + v])
-            while other:
+            visit = visitor(occupancy, v, t, 0)
+            while visit:
+                other = visit - t * num_robots - 1
                 if t < cost:
-                    found = _add(found, count, min(robot, other - 1), max(robot, other - 1), MEET, -1, v, t)
+                    found = _add(found, count, min(robot, other), max(robot, other), MEET, -1, v, t)
                 else:
-                    found = _add(found, count, robot, other - 1, TARGET, -1, v, t)
+                    found = _add(found, count, robot, other, TARGET, -1, v, t)
                 count += 1
-                other = np.int64(occupancy.another[(other - 1) * horizon + t])
-        if t <= cost:
-            parked = np.int64(occupancy.parked[v])
-            if parked >= 0 and occupancy.since[v] <= t:
-                found = _add(found, count, parked, robot, TARGET, -1, v, t)
-                count += 1
+                visit = visitor(occupancy, v, t, visit)
+        if t <= cost and occupancy.since[v] <= t:
+            found = _add(found, count, np.int64(occupancy.parked[v]), robot, TARGET, -1, v, t)
+            count += 1
         if u != v:
             if t - 1 < horizon:
-                other = np.int64(occupancy.someone[(t - 1) * num_vertices + v])
-                while other:
-                    went = place(store, occupancy.record[other - 1], t)
+                visit = visitor(occupancy, v, t - 1, 0)
+                while visit:
+                    other = visit - (t - 1) * num_robots - 1
+                    went = place(store, occupancy.record[other], t)
                     if world.following:
                         if went != v:
-                            found = _add(found, count, other - 1, robot, FOLLOW, -1, v, t - 1)
+                            found = _add(found, count, other, robot, FOLLOW, -1, v, t - 1)
                             count += 1
                     elif went == u:
-                        if robot < other - 1:
-                            found = _add(found, count, robot, other - 1, SWAP, u, v, t)
+                        if robot < other:
+                            found = _add(found, count, robot, other, SWAP, u, v, t)
                         else:
-                            found = _add(found, count, other - 1, robot, SWAP, v, u, t)
+                            found = _add(found, count, other, robot, SWAP, v, u, t)
                         count += 1
-                    other = np.int64(occupancy.another[(other - 1) * horizon + t - 1])
+                    visit = visitor(occupancy, v, t - 1, visit)
             if world.following:  # others that come in where this robot goes out; two that swap are found once
                 if t < horizon:
-                    other = np.int64(occupancy.someone[t * num_vertices + u])
-                    while other:
-                        came = place(store, occupancy.record[other - 1], t - 1)
+                    visit = visitor(occupancy, u, t, 0)
+                    while visit:
+                        other = visit - t * num_robots - 1
+                        came = place(store, occupancy.record[other], t - 1)
                         if came != u and came != v:
-                            found = _add(found, count, robot, other - 1, FOLLOW, -1, u, t - 1)
+                            found = _add(found, count, robot, other, FOLLOW, -1, u, t - 1)
                             count += 1
-                        other = np.int64(occupancy.another[(other - 1) * horizon + t])
+                        visit = visitor(occupancy, u, t, visit)
                 parked = np.int64(occupancy.parked[u])
                 if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
                     found = _add(found, count, robot, parked, FOLLOW, -1, u, t - 1)

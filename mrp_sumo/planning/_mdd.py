@@ -6,16 +6,13 @@ Source: Sharon, Stern, Goldenberg, Felner, "The increasing cost tree search", AI
 import numpy as np
 from numba import njit
 
-from mrp_sumo.planning._space_time import (
+from mrp_sumo.planning._constraints import EARLIEST, LAST_MUST, MARK, STAMP, forbidden, load
+from mrp_sumo.planning._records import (
     BOUND,
     COST,
-    EARLIEST,
     EDGE,
     FOREVER,
-    HAS_MUST,
-    LAST,
     LEVELS,
-    MARK,
     MDD0,
     MEMBERS,
     MIN_COST,
@@ -25,10 +22,7 @@ from mrp_sumo.planning._space_time import (
     RANGE,
     ROBOT,
     SCRATCH_FULL,
-    STAMP,
     STORE_FULL,
-    forbidden,
-    load,
 )
 
 TOO_LARGE = -2  # in MDD0: more members than are worth building
@@ -39,8 +33,7 @@ MOST_MEMBERS = 20_000
 def _levels(world, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
-    first, head, blocked, closed_since = world.first, world.head, scratch.blocked, scratch.closed_since
-    num_vertices, last, has_must, stamp = len(first) - 1, scratch.limit[LAST], scratch.limit[HAS_MUST], number[STAMP]
+    first, head, touched, stamp, last_must = world.first, world.head, scratch.touched, number[STAMP], scratch.limit[LAST_MUST]
     if cost + 3 > len(level):
         return -2
     level[0], level[1] = 0, 1
@@ -56,9 +49,9 @@ def _levels(world, scratch, start, goal, distance, cost):
                 return -2
             for lane in range(first[u], lanes_end + 1):
                 v = head[lane] if lane < lanes_end else u
-                if mark[v] == now or t + distance[v] > cost or t >= closed_since[v]:
+                if mark[v] == now or t + distance[v] > cost:
                     continue
-                if t <= last and (has_must or blocked[t * num_vertices + v] >> 2 == stamp) and forbidden(world, scratch, u, v, t):
+                if (touched[v] == stamp or t <= last_must) and forbidden(scratch, u, v, t):
                     continue
                 mark[v] = now
                 member[end] = v
@@ -95,8 +88,7 @@ def _levels(world, scratch, start, goal, distance, cost):
                 v = head[lane] if lane < lanes_end else u
                 if mark[v] != later:
                     continue
-                touched = t + 1 <= last and (has_must or blocked[(t + 1) * num_vertices + v] >> 2 == stamp)
-                if not (touched and forbidden(world, scratch, u, v, t + 1)):
+                if not ((touched[v] == stamp or t < last_must) and forbidden(scratch, u, v, t + 1)):
                     member[end] = u
                     end += 1
                     break

@@ -134,10 +134,10 @@ def test_plans_without_following_conflicts_can_be_had():
 
 
 def crowd(seed):
-    """Twenty robots on a 9 x 9 grid with a few obstacles."""
+    """Thirty robots on a 9 x 9 grid with a few obstacles."""
     free = np.random.default_rng(seed).random((9, 9)) > 0.1
     graph = grid_graph(free, 1.0, (0.0, 0.0))
-    start, goal = uniform_draw(graph, 20, seed)
+    start, goal = uniform_draw(graph, 30, seed)
     return Problem(graph, fleet_of(ROBOT, len(start)), start, goal, np.arange(len(start)), 1.0, seed)
 
 
@@ -163,7 +163,7 @@ def test_incumbent_is_the_same_in_one_turn_and_in_many():
     problem = crowd(2)
     table = steps_table(problem, np.inf)
     costs = []
-    for turns in ([120_000], range(10_000, 130_000, 10_000)):
+    for turns in ([220_000], range(10_000, 230_000, 10_000)):
         other = Incumbent(problem, table, np.inf)
         for labels in turns:
             other.work(labels, 0.0)
