@@ -83,7 +83,14 @@ def schedule_of(problem: Problem, plan: Plan, needs: Needs | None = None) -> Sch
     """
     needs = needs if needs is not None else vertex_needs(plan, problem.graph.num_vertices)
     schedule = order_of(plan, needs)
-    _check(problem, plan, schedule)
+    fault = _fault(problem, plan, schedule)
+    if fault:
+        from mrp_sumo.core.reorder import reordered
+
+        schedule = reordered(plan, schedule, problem.graph.num_vertices)
+        fault = _fault(problem, plan, schedule)
+    if fault:
+        raise PlanError(fault)
     return schedule
 
 
@@ -117,15 +124,14 @@ def order_of(plan: Plan, needs: Needs) -> Schedule:
     )
 
 
-def _check(problem: Problem, plan: Plan, schedule: Schedule) -> None:
-    """Refuse an order that leads past somebody who stays, or in which somebody waits for himself."""
+def _fault(problem: Problem, plan: Plan, schedule: Schedule) -> str:
+    """What to say of an order that leads past somebody who stays, or in which somebody waits for himself; else ''."""
     after, left_at = _waits(schedule)
     stays = left_at == plan.num_visits
     if stays.any():
-        raise PlanError(_about_staying(problem, plan, schedule.last_visit[after - 1][stays], schedule.visit[after][stays]))
+        return _about_staying(problem, plan, schedule.last_visit[after - 1][stays], schedule.visit[after][stays])
     cycle = waiting_cycle(plan, schedule)
-    if len(cycle):
-        raise PlanError(_about_cycle(problem, plan, cycle))
+    return _about_cycle(problem, plan, cycle) if len(cycle) else ""
 
 
 def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
@@ -134,12 +140,7 @@ def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
     Waiting goes along two kinds of arcs between visits: a robot's visits one after the other; and where a
     passage of i is directly before one of j, j's first visit waits for the visit at whose arrival i has left.
     """
-    after, left_at = _waits(schedule)
-    ever = left_at < plan.num_visits
-    along = np.ones(plan.num_visits, np.bool_)
-    along[plan.first[1:] - 1] = False
-    source = np.concatenate([np.flatnonzero(along), left_at[ever]])
-    target = np.concatenate([np.flatnonzero(along) + 1, schedule.visit[after][ever]])
+    source, target = waiting_arcs(plan, schedule)
     waiting = coo_array((np.ones(len(source), np.int8), (source, target)), shape=(plan.num_visits,) * 2)
     num_components, component = connected_components(waiting, connection="strong")
     if num_components == plan.num_visits:
@@ -155,6 +156,17 @@ def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
         seen[at] = len(seen)
         at = before[at]
     return np.array(list(seen)[seen[at] :], np.int64)
+
+
+def waiting_arcs(plan: Plan, schedule: Schedule) -> tuple[IntArray, IntArray]:
+    """Arcs between visits: the second of each waits for the first. See `waiting_cycle`."""
+    after, left_at = _waits(schedule)
+    ever = left_at < plan.num_visits
+    along = np.ones(plan.num_visits, np.bool_)
+    along[plan.first[1:] - 1] = False
+    source = np.concatenate([np.flatnonzero(along), left_at[ever]])
+    target = np.concatenate([np.flatnonzero(along) + 1, schedule.visit[after][ever]])
+    return source, target
 
 
 def _waits(schedule: Schedule) -> tuple[IntArray, IntArray]:
@@ -187,4 +199,14 @@ def _about_cycle(problem: Problem, plan: Plan, cycle: IntArray) -> str:
         names.pop()
     told = [name for _, name in names]
     listed = " waits for ".join(told[:6] + (["..."] if len(told) > 6 else []) + told[:1])
-    return f"the plan's order of passages is cyclic: {listed}"
+    return f"the plan's order of passages is cyclic: {listed}{_how_to_avoid(problem, plan, cycle)}"
+
+
+def _how_to_avoid(problem: Problem, plan: Plan, cycle: IntArray) -> str:
+    """Robots that rotate, each to where the next stands, need a planner that does not do that."""
+    robots = [int(plan.robot[visit]) for visit in cycle]
+    onward = [int(plan.vertex[k + 1]) if k + 1 < plan.first[r + 1] else -1 for k, r in zip(cycle.tolist(), robots)]
+    stands = {int(plan.vertex[k]) for k in cycle}
+    if len(set(robots)) > 1 and sum(v in stands for v in onward) >= len(set(robots)):
+        return "; they rotate, which the planner's parameters rotations: false or following: true avoid, where it has them"
+    return ""

@@ -7,7 +7,7 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.schedule import Needs, order_of, schedule_of
+from mrp_sumo.core.schedule import Needs, order_of, schedule_of, waiting_cycle
 from mrp_sumo.errors import PlanError
 
 ROBOT = RobotType("cube", 0.2, 0.2, 0.5, 1.0, 1.0, 2.0)
@@ -106,7 +106,24 @@ def test_a_zone_orders_robots_that_share_no_vertex():
     assert schedule.left_at[schedule.first[4]] == 1  # where the lane ends
 
 
-def test_a_robot_that_stays_in_a_zone_blocks_it():
+def test_a_robot_that_stays_in_a_zone_comes_last_there():
     problem, plan = world(*CROSS, [[0, 1], [2, 2, 3]])
-    with pytest.raises(PlanError, match="robot_0 stays at 'v1' from 1 s on, and robot_1 has to pass within reach of it, to 'v3' at 2 s"):
-        schedule_of(problem, plan, needs_of([0], [1, 4], [2], [3, 4], num_resources=5, on_lane=[5]))
+    schedule = schedule_of(problem, plan, needs_of([0], [1, 4], [2], [3, 4], num_resources=5, on_lane=[5]))
+    assert passing(plan, schedule, 4) == [1, 0]
+
+
+def test_a_robot_that_stays_in_a_zone_from_the_beginning_blocks_it():
+    problem, plan = world(*CROSS, [[1], [2, 2, 3]])
+    with pytest.raises(PlanError, match="robot_0 stays at 'v1' from 0 s on, and robot_1 has to pass within reach of it, to 'v3' at 2 s"):
+        schedule_of(problem, plan, needs_of([0, 4], [2], [3, 4], num_resources=5, on_lane=[4]))
+
+
+def test_zones_in_a_circle_get_an_order_that_can_be_kept():
+    # robot_0 is planned into zone 5 first, but can only leave it at vertex 2, where robot_1 is planned to pass before
+    problem, plan = world([(k, 0) for k in range(5)], [(k, k + 1) for k in range(4)], [[0, 1, 1, 1, 1, 2], [4, 3, 3, 2, 3]])
+    kept = schedule_of(problem, plan)
+    needs = needs_of([0], [1, 5], [2], [4], [3], [2, 5], [3], num_resources=6)
+    assert len(waiting_cycle(plan, order_of(plan, needs)))
+    schedule = schedule_of(problem, plan, needs)
+    assert passing(plan, schedule, 5) == [1, 0]
+    assert [passing(plan, schedule, v) for v in range(5)] == [passing(plan, kept, v) for v in range(5)]
