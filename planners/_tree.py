@@ -83,7 +83,9 @@ class Tree:
         self.num_robots = problem.num_robots
         longest = int(self.world.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
         self._tables = like._tables if like else Room(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
-        self._weights: dict[tuple[int, int], int] = {}
+        self._weights: dict[tuple[int, int], int] = like._weights if like else {}
+        # (robot, goal) -> its record without constraints: what is known of one tree's serves the others
+        self._free: dict[tuple[int, int], int] = like._free if like else {}
         self.generated = 0
         self._problem, self._num_split, self._unsolvable = problem, 0, False
 
@@ -109,6 +111,10 @@ class Tree:
             if child is None:
                 return None
             node = child
+            record = int(node.records[robot])
+            meta = self._tables.store.meta
+            free = self._free.setdefault((robot, int(self.world.goal[robot])), record)
+            meta[record, st.ORIGIN], meta[record, st.MDD0] = free, meta[free, st.MDD0]
         node.depth = 0
         return node
 
