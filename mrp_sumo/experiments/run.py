@@ -192,7 +192,7 @@ def _silent(stage: str, done: float, of: float) -> None:
 def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.sim import warm
-    from mrp_sumo.sim.course import lift_ride
+    from mrp_sumo.sim.fit import lift_ride
     from mrp_sumo.sim.loop import simulate
 
     warm.prepare()

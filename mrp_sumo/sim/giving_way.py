@@ -19,7 +19,8 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
 from mrp_sumo.core.resources import Resources
 from mrp_sumo.sim import _control
-from mrp_sumo.sim.course import Course, Way
+from mrp_sumo.sim.change import Way
+from mrp_sumo.sim.course import Course
 
 INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
 SEARCHED = 2000  # vertices, before a robot gives up looking for a place

@@ -1,7 +1,7 @@
 """The co-simulation: a plan driven in SUMO, step by step, under a policy.
 
 Each step: see what robots did, let them claim what they need next, command speeds, let SUMO move. Refuses plans
-and robots that cannot be driven (`sim.course`) before the first step. Robots at their goals stay there as
+and robots that cannot be driven (`sim.fit`) before the first step. Robots at their goals stay there as
 obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
@@ -19,7 +19,8 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.sim import _control
 from mrp_sumo.sim.blocking import LOOK_EVERY_S, DeadlockWatch, deadlock_event, events_of, waits_at_the_end
-from mrp_sumo.sim.course import Change, Course, changed_course, course_of, empty_log, empty_news, fresh_state
+from mrp_sumo.sim.change import Change, changed_course
+from mrp_sumo.sim.course import Course, course_of, empty_log, empty_news, fresh_state
 from mrp_sumo.sim.disturber import Disturber
 from mrp_sumo.sim.localisation import believed_poses
 from mrp_sumo.sim.policy import Policy, policy_of

@@ -24,7 +24,8 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.planning.route import reach_m, shortest_route
 from mrp_sumo.sim import _control
-from mrp_sumo.sim.course import Change, Course, Way
+from mrp_sumo.sim.change import Change, Way
+from mrp_sumo.sim.course import Course
 from mrp_sumo.sim.disturber import Disturber
 from mrp_sumo.sim.giving_way import GivingWay, Surroundings, still_to_pass, who_gives_way
 from mrp_sumo.sim.settings import ExecutionSettings
