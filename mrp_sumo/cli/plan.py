@@ -102,6 +102,7 @@ def _instance(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Pl
     from mrp_sumo.core.referee import judge
     from mrp_sumo.io.instances import read_instance
     from mrp_sumo.planning import distance
+    from mrp_sumo.planning.answers import answer_of
     from mrp_sumo.planning.costs import cost_matrix
     from mrp_sumo.planning.registry import assigner, planner
 
@@ -117,7 +118,7 @@ def _instance(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Pl
     prepare_time_s = perf_counter() - begin_s
     if not problem.is_assigned and not chosen.assigns:
         problem = problem.assigned(solver.assign(cost_matrix(problem.graph, problem.start, problem.goal, "path"), time_limit_s))
-    result = replace(chosen.plan(problem, time_limit_s), prepare_time_s=prepare_time_s)
+    result = replace(answer_of(chosen, problem, time_limit_s), prepare_time_s=prepare_time_s)
     if result.goal_of is not None:
         problem = problem.assigned(result.goal_of)
     verdict = judge(problem, result.plan) if result.plan is not None else None

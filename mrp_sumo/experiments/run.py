@@ -22,6 +22,7 @@ from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.experiments.workshop import Workshop
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.planning import distance
+from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.sim.policy import needs_sound_plan
 from mrp_sumo.sim.settings import ExecutionSettings
@@ -69,7 +70,7 @@ def solve(setup: SetUp) -> Solution:
         result = PlanResult(Status.INFEASIBLE, prepare_time_s=prepare_time_s, message=str(error))
         return Solution(problem, result, None, time.perf_counter() - began)
     assignment_time_s = time.perf_counter() - began
-    result = setup.planner.plan(problem, scenario.planner.time_limit_s)
+    result = answer_of(setup.planner, problem, scenario.planner.time_limit_s)
     result = replace(result, prepare_time_s=prepare_time_s)
     verdict = None
     if result.goal_of is not None:

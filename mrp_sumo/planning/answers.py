@@ -1,8 +1,10 @@
-"""Answers a planner gives before it searches, so that all give the same: goals out of reach, goals held
-twice, robots that cannot pass each other.
+"""Answers that all planners give alike: goals out of reach, goals held twice, robots that cannot pass each other, before
+they search; no memory left, while they do.
 
 Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
 """
+
+from time import perf_counter
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.distance import UNREACHABLE, distances
+from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.solvable import order_broken
 
 
@@ -58,6 +61,22 @@ def goals_clash(problem: Problem) -> PlanResult | None:
     vertex = int(values[count > 1][0])
     a, b = np.flatnonzero(problem.target == vertex)[:2]
     return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} both have to end at '{label(vertex)}'")
+
+
+def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:
+    """What a planner comes to; GAVE_UP where it is refused memory.
+
+    Parameters
+    ----------
+    chosen, problem, time_limit_s
+        As `Planner.plan` takes them.
+    """
+    began = perf_counter()
+    try:
+        return chosen.plan(problem, time_limit_s)
+    except MemoryError:
+        time_s = perf_counter() - began
+        return PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
 
 
 def require_limit(time_limit_s: float) -> None:
