@@ -26,6 +26,7 @@ class Room:
             np.zeros(5, np.int64),
         )
         self.generated = 0  # nodes, of all trees
+        self.node_bytes = 0  # what these took when they were made
         self._states = 1 << 16
         self._members = 1 << 16
         self._visited = max(num_vertices, min(DELAYS * num_vertices, MOST_VISITED))
@@ -37,18 +38,19 @@ class Room:
         """For two robots alone; not all problems need it."""
         if self._pair is None:
             self._pair = empty_occupancy(self._num_vertices, self._num_robots, self._horizon)
+            self._measure()
         return self._pair
 
     @property
     def num_bytes(self) -> int:
-        """What the tables take."""
-        tables = (*self.store, *self.scratch, *self.occupancy, *(self._pair or ()))
-        return sum(array.nbytes for array in tables)
+        """What tables and nodes take."""
+        return self._table_bytes + self.node_bytes
 
     def grow_store(self) -> None:
         """Twice the room in every pool that is a quarter full."""
         *pools, used = self.store
         self.store = Store(*(_longer(pool) if 4 * used[k] > len(pool) else pool for k, pool in enumerate(pools)), used)
+        self._measure()
 
     def grow_scratch(self) -> None:
         """Twice the room for searches and MDDs."""
@@ -87,6 +89,11 @@ class Room:
             self._number,
             np.zeros(4, np.int64),
         )
+        self._measure()
+
+    def _measure(self) -> None:
+        tables = (*self.store, *self.scratch, *self.occupancy, *(self._pair or ()))
+        self._table_bytes = sum(array.nbytes for array in tables)
 
 
 def _longer(array: Any) -> Any:

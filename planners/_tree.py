@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray, PlanGraph
+from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning import _records as st
 from mrp_sumo.planning._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, SWAP, WIDTH
 from mrp_sumo.planning._constraints import EXPANSIONS
+from mrp_sumo.planning.answers import require_limit
 from mrp_sumo.planning.distance import distances
 from mrp_sumo.planning.solvable import unsolvable
 from planners._nodes import branch, same_path
@@ -26,15 +28,47 @@ from planners._symmetry import choose
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000
 PAIR_NODES = 64
+NODE_BYTES = 500  # of a node besides its arrays
 NODE_WORK = 300  # expansions that take as long as a node does besides its search, about
 PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
 SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
-MOST_BYTES = 6 << 30
 NO_CONFLICTS = np.empty((0, WIDTH), np.int32)
 
 
-class OutOfTime(Exception):
-    """The time limit, or the memory limit, is reached."""
+class OutOfReach(Exception):
+    """The time limit or the memory limit is reached: how the search ends, and why."""
+
+    def __init__(self, status: Status, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a search may take, from now on."""
+
+    time_limit_s: float
+    memory_mb: int
+    deadline: float  # on the clock of `perf_counter`
+
+    def check(self, num_bytes: int = 0) -> None:
+        """Raise OutOfReach when the time is up, or the tables and nodes take more than is allowed."""
+        if perf_counter() > self.deadline:
+            raise OutOfReach(Status.TIMED_OUT, f"no plan within {self.time_limit_s:g} s")
+        if num_bytes > self.memory_mb * 1_000_000:
+            raise OutOfReach(Status.GAVE_UP, f"no plan within {self.memory_mb} MB")
+
+
+def limits(time_limit_s: float, memory_mb: int) -> Limits:
+    """Limits that begin now.
+
+    Raises
+    ------
+    PlanError
+        When the time is not above 0.
+    """
+    require_limit(time_limit_s)
+    return Limits(time_limit_s, memory_mb, perf_counter() + time_limit_s)
 
 
 @dataclass(slots=True, eq=False)
@@ -60,7 +94,7 @@ class Tree:
     """Makes nodes of one problem with one assignment; several may share their tables."""
 
     def __init__(
-        self, problem: Problem, deadline: float, *, following: bool = False, symmetries: bool = True, like: "Tree | None" = None
+        self, problem: Problem, limits: Limits, *, following: bool = False, symmetries: bool = True, like: "Tree | None" = None
     ) -> None:
         tables = distances(problem.graph)
         target = problem.target
@@ -78,7 +112,7 @@ class Tree:
             line,
             following,
         )
-        self.deadline = deadline
+        self.limits = limits
         self.symmetries = symmetries
         self.num_robots = problem.num_robots
         longest = int(self.world.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
@@ -91,7 +125,7 @@ class Tree:
 
     def again(self) -> "Tree":
         """Another tree of the same problem, in the same room."""
-        return Tree(self._problem, self.deadline, following=bool(self.world.following), symmetries=self.symmetries, like=self)
+        return Tree(self._problem, self.limits, following=bool(self.world.following), symmetries=self.symmetries, like=self)
 
     @property
     def expansions(self) -> int:
@@ -220,9 +254,8 @@ class Tree:
         return found
 
     def check_clock(self) -> None:
-        """Raise OutOfTime when the time is up or memory runs short."""
-        if perf_counter() > self.deadline or self._tables.num_bytes > MOST_BYTES:
-            raise OutOfTime
+        """Raise OutOfReach when the time is up or memory runs short."""
+        self.limits.check(self._tables.num_bytes)
 
     def _branch(self, node: Node, robot: int, row0: int, row1: int, w: float) -> Node | None:
         store = self._tables.store
@@ -236,6 +269,7 @@ class Tree:
         if found is None:
             return None
         record, conflicts = found
+        self._tables.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
         store = self._tables.store
         records = node.records.copy()
         records[robot] = record
@@ -330,9 +364,8 @@ class Tree:
         elif code == st.TOO_LATE:
             self._tables.grow_horizon()
         else:
-            left = self.deadline - perf_counter()
-            if left <= 0:
-                raise OutOfTime
+            self.limits.check()
+            left = self.limits.deadline - perf_counter()
             return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
 

@@ -9,14 +9,14 @@ from mrp_sumo.core.graph import PlanGraph, frozen, nav_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.solvable import unsolvable
-from planners._tree import Tree
+from planners._tree import Tree, limits
 
 
 def warm(planner: Planner) -> None:
     """Plan a swap on a line with a bay, and take every step of a tree on it."""
     problem = _swap_at_a_bay()
     planner.plan(problem, math.inf)
-    tree = Tree(problem, math.inf)
+    tree = Tree(problem, limits(math.inf, 1000))
     root = tree.root()
     assert root is not None
     tree.heuristic(root)

@@ -13,7 +13,8 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import impossible
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,14 @@ class Cbs:
     bypass: bool = True
     disjoint: bool = False
     following: bool = False  # following conflicts count too
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "optimal"
+
+    def __post_init__(self) -> None:
+        if self.memory_mb < 1:
+            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""
@@ -37,15 +43,15 @@ class Cbs:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners._tree import Node, OutOfTime, Tree
+        from planners._tree import Node, OutOfReach, Tree, limits
 
-        require_limit(time_limit_s)
         began = perf_counter()
+        limit = limits(time_limit_s, self.memory_mb)
         if refusal := impossible(problem):
             return refusal
         number = count()
         best, expanded, lower = None, 0, 0
-        tree = Tree(problem, began + time_limit_s, following=self.following, symmetries=self.symmetries)
+        tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
         open_nodes: list[tuple[int, int, int, Node]] = []
 
         def insert(node: Node) -> None:
@@ -75,8 +81,8 @@ class Cbs:
                     insert(child)
             if best is None:
                 status, message = Status.INFEASIBLE, "no plan exists: every way to end the conflicts fails"
-        except OutOfTime:
-            status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
+        except OutOfReach as reached:
+            status, message = reached.status, str(reached)
         return PlanResult(
             status,
             plan=plan_of_paths(tree.paths(best), problem.step_s) if best else None,

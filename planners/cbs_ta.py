@@ -13,7 +13,8 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import goals_clash, impossible, require_limit
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import goals_clash, impossible
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.ranking import ranked_assignments
 
@@ -28,9 +29,14 @@ class CbsTa:
     symmetries: bool = True  # rectangles, corridors, targets
     bypass: bool = True
     following: bool = False  # following conflicts count too
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 
     assigns: ClassVar[bool] = True
     guarantee: ClassVar[str] = "optimal with assignment"
+
+    def __post_init__(self) -> None:
+        if self.memory_mb < 1:
+            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""
@@ -40,21 +46,16 @@ class CbsTa:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners._tree import Node, OutOfTime, Tree
+        from planners._tree import Node, OutOfReach, Tree, limits
 
-        require_limit(time_limit_s)
         began = perf_counter()
+        limit = limits(time_limit_s, self.memory_mb)
         if clash := goals_clash(problem):
             return clash
-        deadline = began + time_limit_s
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0
 
-        def check_clock() -> None:
-            if perf_counter() > deadline:
-                raise OutOfTime
-
-        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), check_clock)
+        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), limit.check)
         first: Tree | None = None
         # (f, conflicts, serial, node, its tree, its assignment); a root to be made comes last among equals and has no node
         open_nodes: list[tuple[float, int, int, Node | None, Tree | None, Problem | None]] = []
@@ -73,10 +74,10 @@ class CbsTa:
                 f, _, _, node, tree, assigned = heappop(open_nodes)
                 lower = max(lower, f)
                 if node is None:
-                    check_clock()
+                    limit.check()
                     await_next()
                     if impossible(assigned) is None:
-                        tree = Tree(assigned, deadline, following=self.following, symmetries=self.symmetries, like=first)
+                        tree = Tree(assigned, limit, following=self.following, symmetries=self.symmetries, like=first)
                         first = first or tree
                         roots += 1
                         if root := tree.root():
@@ -98,8 +99,8 @@ class CbsTa:
                     insert(child, tree, assigned)
             if best is None:
                 status, message = Status.INFEASIBLE, "no plan exists for any assignment of the goals"
-        except OutOfTime:
-            status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
+        except OutOfReach as reached:
+            status, message = reached.status, str(reached)
         return PlanResult(
             status,
             plan=plan_of_paths(best[1].paths(best[0]), problem.step_s) if best else None,

@@ -14,7 +14,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import impossible
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class Ecbs:
     w: float = 1.2
     symmetries: bool = True  # rectangles, corridors, targets
     following: bool = False  # following conflicts count too
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "w-bounded"
@@ -31,6 +32,8 @@ class Ecbs:
     def __post_init__(self) -> None:
         if not 1 <= self.w < float("inf"):
             raise PlanError(f"w is {self.w}, expected a finite number of 1 or more")
+        if self.memory_mb < 1:
+            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""
@@ -40,15 +43,15 @@ class Ecbs:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners._tree import Node, OutOfTime, Tree
+        from planners._tree import Node, OutOfReach, Tree, limits
 
-        require_limit(time_limit_s)
         began = perf_counter()
+        limit = limits(time_limit_s, self.memory_mb)
         if refusal := impossible(problem):
             return refusal
         number = count()
         best, expanded, lower = None, 0, 0
-        tree = Tree(problem, began + time_limit_s, following=self.following, symmetries=self.symmetries)
+        tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
         by_bound: list[tuple[int, int, Node]] = []  # all open nodes, and closed ones not yet noticed
         focal: list[tuple[int, int, int, Node]] = []  # those that cost at most w times the least bound
         beyond: list[tuple[int, int, Node]] = []  # the others
@@ -83,8 +86,8 @@ class Ecbs:
                 expanded += 1
                 for child in tree.children(node, self.w, bypass=False):
                     insert(child)
-        except OutOfTime:
-            status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
+        except OutOfReach as reached:
+            status, message = reached.status, str(reached)
         return PlanResult(
             status,
             plan=plan_of_paths(tree.paths(best), problem.step_s) if best else None,

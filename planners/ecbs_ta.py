@@ -15,7 +15,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import goals_clash, impossible, require_limit
+from mrp_sumo.planning.answers import goals_clash, impossible
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.ranking import ranked_assignments
 
@@ -27,6 +27,7 @@ class EcbsTa:
     w: float = 1.2
     symmetries: bool = True  # rectangles, corridors, targets
     following: bool = False  # following conflicts count too
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 
     assigns: ClassVar[bool] = True
     guarantee: ClassVar[str] = "w-bounded with assignment"
@@ -34,6 +35,8 @@ class EcbsTa:
     def __post_init__(self) -> None:
         if not 1 <= self.w < float("inf"):
             raise PlanError(f"w is {self.w}, expected a finite number of 1 or more")
+        if self.memory_mb < 1:
+            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""
@@ -43,21 +46,16 @@ class EcbsTa:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners._tree import Node, OutOfTime, Tree
+        from planners._tree import Node, OutOfReach, Tree, limits
 
-        require_limit(time_limit_s)
         began = perf_counter()
+        limit = limits(time_limit_s, self.memory_mb)
         if clash := goals_clash(problem):
             return clash
-        deadline = began + time_limit_s
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0
 
-        def check_clock() -> None:
-            if perf_counter() > deadline:
-                raise OutOfTime
-
-        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), check_clock)
+        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), limit.check)
         waiting = next(ranked, None)  # the assignment whose root comes next
         first: Tree | None = None
         by_bound: list[tuple[int, int]] = []
@@ -73,7 +71,7 @@ class EcbsTa:
         status, message = Status.SOLVED, ""
         try:
             while True:
-                check_clock()
+                limit.check()
                 while by_bound and by_bound[0][1] in closed:
                     heappop(by_bound)
                 if not by_bound and waiting is None:
@@ -98,13 +96,13 @@ class EcbsTa:
                     assigned = problem.assigned(waiting[1])
                     waiting = next(ranked, None)
                     if impossible(assigned) is None:
-                        tree = Tree(assigned, deadline, following=self.following, symmetries=self.symmetries, like=first)
+                        tree = Tree(assigned, limit, following=self.following, symmetries=self.symmetries, like=first)
                         first = first or tree
                         roots += 1
                         if root := tree.root(self.w):
                             insert(root, tree, assigned)
-        except OutOfTime:
-            status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
+        except OutOfReach as reached:
+            status, message = reached.status, str(reached)
         return PlanResult(
             status,
             plan=plan_of_paths(best[1].paths(best[0]), problem.step_s) if best else None,

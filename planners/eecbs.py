@@ -20,7 +20,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import impossible
 
 ROOTS = 3  # the incumbent's first turn comes when the tree has done this many times the work of its root
 
@@ -33,6 +33,7 @@ class Eecbs:
     symmetries: bool = True  # rectangles, corridors, targets
     bypass: bool = True
     following: bool = False  # following conflicts count too; there is no incumbent then
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
     incumbent: bool = True  # look for a plan by large neighbourhood search too; without, the search is the paper's alone
 
     assigns: ClassVar[bool] = False
@@ -41,6 +42,8 @@ class Eecbs:
     def __post_init__(self) -> None:
         if not 1 <= self.w < float("inf"):
             raise PlanError(f"w is {self.w}, expected a finite number of 1 or more")
+        if self.memory_mb < 1:
+            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
 
     def prepare(self) -> None:
         """See `Planner`."""
@@ -53,16 +56,16 @@ class Eecbs:
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
         from planners._incumbent import Incumbent
-        from planners._tree import OutOfTime, Tree
+        from planners._tree import OutOfReach, Tree, limits
 
-        require_limit(time_limit_s)
         began = perf_counter()
+        limit = limits(time_limit_s, self.memory_mb)
         if refusal := impossible(problem):
             return refusal
-        tree = Tree(problem, began + time_limit_s, following=self.following, symmetries=self.symmetries)
+        tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
         nodes = _Open(self.w, _Bound(tree))
         paths, from_incumbent, expanded = None, False, 0
-        other = Incumbent(problem, tree.world.distance, tree.deadline) if self.incumbent and not self.following else None
+        other = Incumbent(problem, tree.world.distance, limit.deadline) if self.incumbent and not self.following else None
         turn = 0  # work of the tree at which the incumbent's turn comes
         status, message = Status.SOLVED, ""
         try:
@@ -89,8 +92,8 @@ class Eecbs:
                 nodes.learn(node, children)
                 for child in children:
                     nodes.insert(child)
-        except OutOfTime:
-            status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
+        except OutOfReach as reached:
+            status, message = reached.status, str(reached)
         return PlanResult(
             status,
             plan=plan_of_paths(paths, problem.step_s) if paths is not None else None,

@@ -177,3 +177,16 @@ def trimmed(path):
     """A path without the waits at its end."""
     moves = np.flatnonzero(path[1:] != path[:-1])
     return path[: moves[-1] + 2] if len(moves) else path[:1]
+
+
+@pytest.mark.parametrize("name", ["cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta"])
+def test_search_that_may_take_no_memory_gives_up_with_what_it_knows(name):
+    result = planner(name, {"memory_mb": 1}).plan(crowd(1), 20.0)
+    assert (result.status, result.plan) == (Status.GAVE_UP, None)
+    assert result.message == "no plan within 1 MB"
+
+
+@pytest.mark.parametrize("name", ["cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta"])
+def test_memory_limit_that_is_none_is_refused(name):
+    with pytest.raises(ScenarioError, match="memory_mb is 0, expected 1 or more"):
+        planner(name, {"memory_mb": 0})
