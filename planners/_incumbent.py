@@ -12,7 +12,9 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from planners import _lns
-from planners._refinement import Refinement, task_of
+from planners._collisions import find_collisions
+from planners._refinement import Refinement, room_bytes, room_to_repair, task_of
+from planners._traffic import path_of
 from planners._world import small_problem, steps_table, sum_of_costs
 
 CHANCE = 14  # purpose of the stream of chance
@@ -62,11 +64,11 @@ class Incumbent:
         """Labels made, again and again."""
         steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
         horizon = _horizon(problem, table)
-        if horizon * (18 * problem.graph.num_vertices + 2 * problem.graph.num_lanes + 4 * problem.num_robots) > MOST_BYTES:
+        task = task_of(problem, table)
+        if room_bytes(task, horizon) > MOST_BYTES:
             return
         rng = np.random.default_rng([problem.seed, CHANCE])
-        task = task_of(problem, table)
-        traffic, labels, hood = _lns.room_for(task, horizon, NEIGHBOURHOOD, with_hits=True)
+        traffic, labels, hood = room_to_repair(task, horizon, NEIGHBOURHOOD)
         before = 0
         order = rng.permutation(problem.num_robots)
         for robot in range(problem.num_robots):
@@ -74,12 +76,12 @@ class Incumbent:
                 return
             yield int(labels.stamp[1]) - before
             before = int(labels.stamp[1])
-        pairs = _lns.find_collisions(task, traffic, hood)
+        pairs = find_collisions(task, traffic, hood)
         while pairs:
             pairs = _lns.repair(task, traffic, labels, hood, NEIGHBOURHOOD, pairs, AT_ONCE, rng)
             yield int(labels.stamp[1]) - before
             before = int(labels.stamp[1])
-        self._path = traffic.at[: int(traffic.end.max(initial=0)) + 1].copy()
+        self._path = path_of(traffic)
         self.cost = sum_of_costs(self._path, task.goal)
         del traffic, labels, hood
         self._refinement = refinement = Refinement(task, self._path, NEIGHBOURHOOD // 2, rng)
@@ -102,6 +104,6 @@ def prepare() -> None:
     problem = small_problem()
     table = steps_table(problem, np.inf)
     task = task_of(problem, table)
-    traffic, labels, hood = _lns.room_for(task, 32, 2, with_hits=True)
-    _lns.repair(task, traffic, labels, hood, 2, _lns.find_collisions(task, traffic, hood), 0, np.random.default_rng(0))
+    traffic, labels, hood = room_to_repair(task, 32, 2)
+    _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))
     Incumbent(problem, table, np.inf).work(LABELS_AT_ONCE, 0.0)

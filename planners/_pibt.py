@@ -3,6 +3,9 @@
 Source: Okumura, Machida, Défago, Tamura, "Priority inheritance with backtracking for iterative multi-agent
 path finding", AIJ 2022 (algorithm 1), and the swap operation of Okumura, "Improving LaCAM for scalable
 eventually optimal multi-agent pathfinding", IJCAI 2023 (section 4). Recursion is an explicit stack.
+
+Where rings may not move at once, a move that would close one is refused when it is proposed. Where following is
+refused, a robot that wants an occupied vertex pushes who is on it, as ever, but waits until it has gone.
 """
 
 from typing import NamedTuple
@@ -27,8 +30,10 @@ class World(NamedTuple):
     queue: np.ndarray
     bound: np.ndarray
     two_way: bool  # every lane has its opposite: robots can swap in corridors
-    guided: bool  # robots keep to `guide` where it says something
-    guide: np.ndarray  # [R, V] int32 vertex to go to next from each, -1 where it says nothing; [1, 1] unless guided
+    guided: bool  # robots go by `guide`, not by steps
+    guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
+    following: bool  # nobody may enter a vertex in the step in which another leaves it
+    rotations: bool  # rings of robots may move at once
 
 
 class Scratch(NamedTuple):
@@ -54,6 +59,37 @@ def nearer(world, robot, u, v):
         return np.int64(0)
     d = (a - b + 3) % 3
     return np.int64(d if d < 2 else -1)
+
+
+@njit(cache=True)
+def _drawn(world, robot, u, v):
+    """Whether a robot would rather be on u than on v. They are neighbours or the same."""
+    if world.guided:
+        return world.guide[robot, u] < world.guide[robot, v]
+    return nearer(world, robot, u, v) < 0
+
+
+@njit(cache=True)
+def _refused(world, scratch, here, to, i, u):
+    """Whether i may not go to u, given who has chosen already: taken, a swap, following or a ring."""
+    if scratch.next[u] >= 0 and scratch.next[u] != i:
+        return True
+    j = scratch.now[u]
+    if j < 0 or j == i:
+        return False
+    if world.following:
+        return to[j] >= 0  # who has chosen has been pushed already
+    if to[j] == here[i]:
+        return True
+    if world.rotations:
+        return False
+    for _ in range(len(here)):
+        if j < 0 or to[j] < 0 or to[j] == here[j]:
+            return False
+        if to[j] == here[i]:
+            return True
+        j = scratch.now[to[j]]
+    return False
 
 
 @njit(cache=True)
@@ -88,8 +124,7 @@ def step(world, scratch, here, to, order, hindrance, rng):
         u = to[i]
         if u < 0:
             continue
-        j = scratch.now[u]
-        if scratch.next[u] >= 0 or (j >= 0 and j != i and to[j] == here[i]):
+        if _refused(world, scratch, here, to, i, u) or (world.following and scratch.now[u] >= 0 and u != here[i]):
             fine = False
             break
         scratch.next[u] = i
@@ -131,12 +166,15 @@ def _inherit(world, scratch, here, to, root, hindrance, rng):
         pushed = False
         while not done and scratch.choice[i] < scratch.num[i]:
             u = scratch.candidate[i, scratch.choice[i]]
-            j = scratch.now[u]
-            if scratch.next[u] >= 0 or (j >= 0 and j != i and to[j] == here[i]):
+            if _refused(world, scratch, here, to, i, u):
                 scratch.choice[i] += 1
                 continue
+            j = scratch.now[u]
             scratch.next[u] = i
             to[i] = u
+            if world.following and j >= 0 and j != i:  # waits; who is pushed may not stay, since u is taken
+                scratch.next[here[i]] = i
+                to[i] = here[i]
             if j >= 0 and j != i and to[j] < 0:
                 depth += 1
                 scratch.stack[depth] = j
@@ -148,7 +186,8 @@ def _inherit(world, scratch, here, to, root, hindrance, rng):
             continue
         if done:
             p = scratch.partner[i]
-            if scratch.choice[i] == 0 and p >= 0 and to[p] < 0 and scratch.next[here[i]] < 0 and to[i] != here[p]:
+            follows = scratch.choice[i] == 0 and p >= 0 and to[p] < 0 and not world.following
+            if follows and not _refused(world, scratch, here, to, p, here[i]):
                 scratch.next[here[i]] = p  # the partner follows at once, so that the pair can turn round ahead
                 to[p] = here[i]
             moved = True
@@ -175,9 +214,7 @@ def _prefer(world, scratch, here, to, i, hindrance, rng):
     num = b - a + 1
     for k in range(num):
         u = world.head[a + k] if k < num - 1 else v
-        key = 64.0 * nearer(world, i, u, v) + rng.random()
-        if world.guided and world.guide[i, v] == u:
-            key -= 256.0
+        key = rng.random() + (world.guide[i, u] if world.guided else 64.0 * nearer(world, i, u, v))
         if hindrance and num > 2:
             key += _num_wanting(world, scratch, i, u)
         p = k
@@ -202,12 +239,12 @@ def _prefer(world, scratch, here, to, i, hindrance, rng):
 
 @njit(cache=True)
 def _num_wanting(world, scratch, i, u):
-    """How many other robots would come nearer to their goals on u."""
+    """How many other robots are drawn to u."""
     num = 0
     for k in range(world.first[u], world.first[u + 1]):
         w = world.head[k]
         j = scratch.now[w]
-        if j >= 0 and j != i and nearer(world, j, u, w) < 0:
+        if j >= 0 and j != i and _drawn(world, j, u, w):
             num += 1
     return num
 
@@ -235,7 +272,7 @@ def _swap_partner(world, scratch, here, to, i):
 def _must_swap(world, scratch, pusher, puller, at, ahead):
     """Walk the corridor that the pusher wants to push the puller through: do both want the other's side?"""
     steps = 0
-    while nearer(world, pusher, ahead, at) < 0:
+    while _drawn(world, pusher, ahead, at):
         num, onward = _ways_on(world, scratch, at, ahead)
         if num >= 2:
             return False
@@ -246,7 +283,7 @@ def _must_swap(world, scratch, pusher, puller, at, ahead):
         if steps > len(scratch.now):
             return False
     pusher_there = at == world.goal[pusher]
-    return nearer(world, puller, at, ahead) < 0 and (pusher_there or nearer(world, pusher, ahead, at) < 0)
+    return _drawn(world, puller, at, ahead) and (pusher_there or _drawn(world, pusher, ahead, at))
 
 
 @njit(cache=True)

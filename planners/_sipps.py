@@ -3,7 +3,7 @@
 Source: SIPPS of Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2: fast repairing for multi-agent path finding via
 large neighborhood search", AAAI 2022 (section 4), after Phillips and Likhachev, "SIPP", ICRA 2011. A vertex's
 time falls into runs in which it is free or somebody is on it. A path is rated by the runs of others it enters
-and the swaps it makes, then by its length; or, when crossing is forbidden, by its length alone.
+and the swaps and rings it makes, then by its length; or, when crossing is forbidden, by its length alone.
 """
 
 from typing import NamedTuple
@@ -11,21 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
-_LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
-for _k in range(32):
-    _LOWEST[((0x077CB531 << _k) & 0xFFFFFFFF) >> 27] = _k
-
-
-class Traffic(NamedTuple):
-    """Who is where. V vertices, L lanes, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
-
-    at: np.ndarray  # [T, R] int32 position of each robot, -1 where a robot has no path
-    end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
-    num_on: np.ndarray  # [V, T] uint8 robots on a vertex
-    busy: np.ndarray  # [V, W] int64 bits: somebody is on it
-    num_along: np.ndarray  # [L, T] uint8 robots that arrive by a lane at a step
-    along: np.ndarray  # [L, W] int64 bits: somebody does
+from planners._traffic import closes_ring, run_end
 
 
 class Labels(NamedTuple):
@@ -38,74 +24,16 @@ class Labels(NamedTuple):
     parent: np.ndarray  # [N] int64
     heap_key: np.ndarray  # [N] int64
     heap_label: np.ndarray  # [N] int64
+    link: np.ndarray  # [N] int64 the next label of the same length, where crossing is forbidden
+    queue: np.ndarray  # [T] int64 the first label of each length, likewise
     pushed: np.ndarray  # [V, T] int64 stamp, cost and arrival of the last label that was worth it
     closed: np.ndarray  # [V, T] int64 stamp and earliest arrival that was expanded
     stamp: np.ndarray  # [2] int64 number of searches, number of labels in all of them
 
 
 @njit(cache=True)
-def run_end(bits, t):
-    """(whether the bit at t is set, the last step of the run of equal bits around t)."""
-    word = t >> 5
-    shift = t & 31
-    bit = (bits[word] >> shift) & 1
-    flip = 0xFFFFFFFF if bit else 0
-    rest = (bits[word] ^ flip) >> shift
-    if rest:
-        return bit == 1, t + _LOWEST[(((rest & -rest) * 0x077CB531) & 0xFFFFFFFF) >> 27] - 1
-    for k in range(word + 1, len(bits)):
-        rest = bits[k] ^ flip
-        if rest:
-            return bit == 1, (k << 5) + _LOWEST[(((rest & -rest) * 0x077CB531) & 0xFFFFFFFF) >> 27] - 1
-    return bit == 1, (len(bits) << 5) - 1
-
-
-@njit(cache=True)
-def lane_between(first, head, u, v):
-    """The lane from u to v, -1 where there is none."""
-    for lane in range(first[u], first[u + 1]):
-        if head[lane] == v:
-            return lane
-    return np.int64(-1)
-
-
-@njit(cache=True)
-def add_path(first, head, traffic, robot):
-    """Enter the robot's column of `at` in the rest of the traffic."""
-    horizon = len(traffic.at)
-    before = np.int64(-1)
-    for t in range(horizon):
-        v = np.int64(traffic.at[t, robot])
-        traffic.num_on[v, t] += 1
-        traffic.busy[v, t >> 5] |= np.int64(1) << (t & 31)
-        if t > 0 and v != before:
-            lane = lane_between(first, head, before, v)
-            traffic.num_along[lane, t] += 1
-            traffic.along[lane, t >> 5] |= np.int64(1) << (t & 31)
-        before = v
-
-
-@njit(cache=True)
-def remove_path(first, head, traffic, robot):
-    """Take the robot's path out of the traffic; its column of `at` stays."""
-    horizon = len(traffic.at)
-    before = np.int64(-1)
-    for t in range(horizon):
-        v = np.int64(traffic.at[t, robot])
-        traffic.num_on[v, t] -= 1
-        if traffic.num_on[v, t] == 0:
-            traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
-        if t > 0 and v != before:
-            lane = lane_between(first, head, before, v)
-            traffic.num_along[lane, t] -= 1
-            if traffic.num_along[lane, t] == 0:
-                traffic.along[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
-        before = v
-
-
-@njit(cache=True)
 def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
-    """The best path of a robot that is not in the traffic, written to its column of `at`.
+    """The best path of a robot that is not in the traffic, written to its row of `at`.
 
     Parameters
     ----------
@@ -129,20 +57,89 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, l
     int
         Step of arrival, -1 when there is no path. `labels.stamp[1]` goes up by the number of labels.
     """
-    end, num_labels = _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most)
+    if crossing:
+        end, num_labels = _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
+    else:
+        end, num_labels = _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
     labels.stamp[1] += num_labels
     return end
 
 
 @njit(cache=True)
-def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
-    """(step of arrival or -1, number of labels); see `plan_one`."""
-    horizon = len(traffic.at)
+def _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
+    """`plan_one` where nobody may be crossed: only arrivals count, so that a queue of lengths does for a heap.
+
+    Of labels of one length the last is the first to be expanded, which goes straight on.
+    """
+    busy, along, following = traffic.busy, traffic.along, traffic.following
+    vertex, lows, highs, parent, link, queue, seen = (
+        labels.vertex, labels.low, labels.high, labels.parent, labels.link, labels.queue, labels.pushed,
+    )  # fmt: skip
+    horizon = traffic.at.shape[1]
+    rings = not traffic.rotations and not following
+    labels.stamp[0] += 1
+    stamp = labels.stamp[0] << 32
+    room = min(len(vertex), most)
+    occupied, high = run_end(busy[start], 0)
+    if occupied or steps[start] > limit:
+        return np.int64(-1), 1
+    length = np.int64(steps[start])
+    queue[length : limit + 1] = -1
+    vertex[0], lows[0], highs[0], parent[0], link[0] = start, 0, high, -1, -1
+    queue[length] = 0
+    num_labels = 1
+    while True:
+        while length <= limit and queue[length] < 0:
+            length += 1
+        if length > limit:
+            return np.int64(-1), num_labels
+        x = queue[length]
+        queue[length] = link[x]
+        v, low, high = vertex[x], lows[x], highs[x]
+        if v == goal and high == horizon - 1:
+            _write(labels, traffic, robot, x)
+            return low, num_labels
+        mark = seen[v, high]
+        if mark >= stamp and mark - stamp < low:
+            continue
+        leave = high if following else high + 1
+        for lane in range(first[v], first[v + 1]):
+            u = head[lane]
+            to_go = np.int64(steps[u])
+            t = low + 1
+            last = min(leave, limit - to_go)
+            back = reverse[lane]
+            while t <= last:
+                occupied, end = run_end(busy[u], t)
+                if not occupied:
+                    until = min(end, last)
+                    while t <= until and (
+                        (back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1) or (rings and closes_ring(traffic, v, u, t))
+                    ):
+                        t += 1
+                    mark = seen[u, end]
+                    if t <= until and (mark < stamp or mark - stamp > t):
+                        if num_labels >= room:
+                            return np.int64(-1), num_labels
+                        seen[u, end] = stamp + t
+                        vertex[num_labels], lows[num_labels], highs[num_labels], parent[num_labels] = u, t, end, x
+                        link[num_labels] = queue[t + to_go]
+                        queue[t + to_go] = num_labels
+                        num_labels += 1
+                t = end + 1
+
+
+@njit(cache=True)
+def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
+    """`plan_one` where others may be crossed."""
+    busy, along, following = traffic.busy, traffic.along, traffic.following
+    horizon = traffic.at.shape[1]
+    rings = not traffic.rotations and not following
     labels.stamp[0] += 1
     stamp = labels.stamp[0] << 32
     room = min(len(labels.vertex) - 2, most)
-    occupied, high = run_end(traffic.busy[start], 0)
-    if (occupied and not crossing) or steps[start] > limit:
+    occupied, high = run_end(busy[start], 0)
+    if steps[start] > limit:
         return np.int64(-1), 1
     labels.vertex[0], labels.low[0], labels.high[0], labels.parent[0] = start, 0, high, -1
     labels.cost[0] = 1 if occupied else 0
@@ -166,44 +163,40 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
         if v == goal:
             later, t = cost, high + 1
             while t < horizon:
-                occupied, t = run_end(traffic.busy[v], t)
+                occupied, t = run_end(busy[v], t)
                 later += 1 if occupied else 0
                 t += 1
             if later == cost:  # nobody comes by any more
                 _write(labels, traffic, robot, x)
                 return low, num_labels
-            if crossing:
-                num_heap = _push(labels, num_heap, (later << 40) + (low << 20), -1 - x)
+            num_heap = _push(labels, num_heap, (later << 40) + (low << 20), -1 - x)
         if num_labels + 8 * (first[v + 1] - first[v] + 1) > room or num_heap + 8 * (first[v + 1] - first[v] + 1) > room:
             return np.int64(-1), num_labels
-        if crossing and high + 1 + steps[v] <= limit:
-            occupied, end = run_end(traffic.busy[v], high + 1)
+        if high + 1 + steps[v] <= limit:
+            occupied, end = run_end(busy[v], high + 1)
             num_labels, num_heap = _reach(
                 labels, num_labels, num_heap, stamp, x, v, high + 1, end, cost + (1 if occupied else 0), np.int64(steps[v])
             )
+        leave = high if following else high + 1
         for lane in range(first[v], first[v + 1]):
             u = head[lane]
             to_go = np.int64(steps[u])
             t = low + 1
-            last = min(high + 1, limit - to_go)
+            last = min(leave, limit - to_go)
             back = reverse[lane]
             while t <= last:
-                occupied, end = run_end(traffic.busy[u], t)
-                if occupied and not crossing:
-                    t = end + 1
-                    continue
-                arrive, swaps = t, 0
-                if back >= 0:
-                    until = min(end, last)
-                    while arrive <= until and (traffic.along[back, arrive >> 5] >> (arrive & 31)) & 1:
-                        arrive += 1
-                    if arrive > until:
-                        arrive, swaps = t, 1
-                if swaps == 0 or crossing:
-                    if num_labels >= room or num_heap >= room:
-                        return np.int64(-1), num_labels
-                    price = cost + swaps + (1 if occupied else 0)
-                    num_labels, num_heap = _reach(labels, num_labels, num_heap, stamp, x, u, arrive, end, price, to_go)
+                occupied, end = run_end(busy[u], t)
+                arrive, price = t, cost + (1 if occupied else 0)
+                until = min(end, last)
+                while arrive <= until and (
+                    (back >= 0 and (along[back, arrive >> 5] >> (arrive & 31)) & 1) or (rings and closes_ring(traffic, v, u, arrive))
+                ):
+                    arrive += 1
+                if arrive > until:
+                    arrive, price = t, price + 1
+                if num_labels >= room or num_heap >= room:
+                    return np.int64(-1), num_labels
+                num_labels, num_heap = _reach(labels, num_labels, num_heap, stamp, x, u, arrive, end, price, to_go)
                 t = end + 1
     return np.int64(-1), num_labels
 
@@ -230,12 +223,11 @@ def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_g
 @njit(cache=True)
 def _write(labels, traffic, robot, x):
     """The path that ends in label x, and the stay at its end."""
-    horizon = len(traffic.at)
+    at = traffic.at[robot]
     traffic.end[robot] = labels.low[x]
-    end = horizon
+    end = len(at)
     while x >= 0:
-        for t in range(labels.low[x], end):
-            traffic.at[t, robot] = labels.vertex[x]
+        at[labels.low[x] : end] = labels.vertex[x]
         end = labels.low[x]
         x = labels.parent[x]
 
@@ -272,3 +264,15 @@ def _pop(labels, num):
         k = down
     keys[k], heap[k] = key, label
     return num
+
+
+def room_for_labels(num_vertices: int, num_lanes: int, horizon: int) -> Labels:
+    """Room for searches over so many steps."""
+    num_labels = 20_000 + 16 * num_vertices + 2 * num_lanes
+    return Labels(
+        *(np.zeros(num_labels, np.int64) for _ in range(8)),
+        queue=np.zeros(horizon, np.int64),
+        pushed=np.zeros((num_vertices, horizon), np.int64),
+        closed=np.zeros((num_vertices, horizon), np.int64),
+        stamp=np.zeros(2, np.int64),
+    )

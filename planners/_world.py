@@ -64,7 +64,9 @@ def tiled(problem: Problem) -> tuple[Problem, IntArray]:
     return replace(problem, graph=renumbered, start=number[problem.start], goal=number[problem.goal]), original
 
 
-def build_world(problem: Problem, deadline_s: float, *, packed: bool) -> tuple[World, IntArray] | None:
+def build_world(
+    problem: Problem, deadline_s: float, *, packed: bool, following: bool = False, rotations: bool = True
+) -> tuple[World, IntArray] | None:
     """World and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
 
     Parameters
@@ -75,6 +77,8 @@ def build_world(problem: Problem, deadline_s: float, *, packed: bool) -> tuple[W
         On the clock of `perf_counter`.
     packed
         Whether to keep two bits a vertex; all lanes must have opposites.
+    following, rotations
+        See World.
     """
     graph, target = problem.graph, np.array(problem.target)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
@@ -114,6 +118,8 @@ def build_world(problem: Problem, deadline_s: float, *, packed: bool) -> tuple[W
         two_way=two_way,
         guided=False,
         guide=np.zeros((1, 1), np.int32),
+        following=following,
+        rotations=rotations,
     )
     return world, steps
 

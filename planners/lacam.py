@@ -12,29 +12,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import order_clash
-from planners import _lacam, _lns
+from planners import _lacam
 from planners._lacam import Search
-from planners._lns import Task
-from planners._pibt import World
-from planners._refinement import Refinement, polishing_labels, task_of
-from planners._world import (
-    SLICE_S,
-    build_scratch,
-    build_world,
-    checked_deadline,
-    is_large,
-    small_problem,
-    solved,
-    sum_of_costs,
-    tiled,
-    timed_out,
-    without_search,
-)
+from planners._opening import Opening, opened
+from planners._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, task_of
+from planners._traffic import Task
+from planners._world import SLICE_S, build_scratch, small_problem, sum_of_costs, timed_out
 
 CHANCE = 12  # purpose of the stream of chance
 
@@ -43,34 +29,35 @@ CHANCE = 12  # purpose of the stream of chance
 class Lacam:
     """Plans by LaCAM; `anytime` makes it LaCAM*, which uses all its time unless it proves optimality.
 
-    Where tables allow, robots are given ways that scatter them (AAMAS 2024, section 4), and the first solution is
-    polished by large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both
-    the search and the neighbourhoods.
+    Where tables allow, robots are guided by the traffic flow at first, see `_flow`, and the first solution is polished by
+    large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
+    the neighbourhoods.
     """
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "complete; eventually optimal in sum of loss when anytime"
 
     anytime: bool = False
+    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
+    rotations: bool = True  # rings of robots may move at once
     num_tries: int = 1  # configurations generated for one, the best is kept
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    scatter: int = 2  # rounds of planning ways that scatter robots, 0 for none
-    scatter_margin: int = 2  # steps such a way may be longer than the shortest
+    flow: int = 1  # rounds of giving ways that do not run against each other, for a guide; 0 for none
     polish: int = 2500  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots planned again at a time
-    memory_mb: int = 2000  # for the search; beyond it gives up, or improves only what it has
+    memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
 
     def __post_init__(self) -> None:
         for key in ("num_tries", "neighbourhood", "memory_mb"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
-        for key in ("scatter", "scatter_margin", "polish"):
+        for key in ("flow", "polish"):
             if getattr(self, key) < 0:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        replace(self, scatter=2, polish=10, anytime=True)._plan(small_problem(), np.inf, False)
+        replace(self, flow=1, polish=10, anytime=True)._plan(small_problem(), np.inf, False)
         self._plan(small_problem(), np.inf, True)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
@@ -78,26 +65,11 @@ class Lacam:
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
-        begin_s = perf_counter()
-        deadline_s = checked_deadline(time_limit_s)
-        given, original = problem, None
-        packed = is_large(problem) if packed is None else packed
-        if packed:
-            problem, original = tiled(problem)
-        built = build_world(problem, deadline_s, packed=packed)
-        if built is None:
-            return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
-        world, steps = built
-        known = without_search(given, steps, begin_s) or (None if packed else order_clash(given))
-        if known:
-            return known
-        lower_bound = float(steps.sum())
-        rng = np.random.default_rng([problem.seed, CHANCE])
-        task = None if world.packed else task_of(problem, world.table)
-        if task and self.scatter:
-            world = self._guided(world, task, steps, deadline_s, rng)
-        hunt = _Hunt(self, problem, world, steps, rng)
-        state = hunt.until(deadline_s, first=True)
+        opening = opened(problem, time_limit_s, CHANCE, flow=self.flow, following=self.following, rotations=self.rotations, packed=packed)
+        if isinstance(opening, PlanResult):
+            return opening
+        begin_s, deadline_s, lower_bound = opening.begin_s, opening.deadline_s, opening.lower_bound
+        hunt, state = self._first(opening)
         if state == _lacam.EXHAUSTED:
             message = "the search has seen every configuration that can be reached"
             return PlanResult(Status.INFEASIBLE, None, None, perf_counter() - begin_s, 0.0, np.inf, hunt.counters(), message)
@@ -105,39 +77,41 @@ class Lacam:
             why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{self.memory_mb} MB"
             return timed_out(begin_s, lower_bound, f"no solution within {why}", **hunt.counters())
         path = hunt.path()
-        cost = sum_of_costs(path, world.goal)
-        stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": cost}
-        if task and self.polish:
-            polished = Refinement(task, path, self.neighbourhood, rng)
+        cost = sum_of_costs(path, opening.world.goal)
+        stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
+        task = None if opening.world.packed else task_of(opening.problem, opening.world.table)
+        if task and room_bytes(task, len(path) + SPARE_STEPS) > self.memory_mb * 1_000_000:
+            task = None
+        if task and self.polish and cost > lower_bound:
+            polished = self._refinement(task, path, opening)
             polished.until(deadline_s - _to_write(path), most_labels=polishing_labels(self.polish, problem.num_robots))
             path, cost = polished.path(), polished.cost
-            stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": cost}
+            stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": float(cost)}
         if self.anytime and cost > lower_bound:
-            path = self._improved(hunt, task, path, lower_bound, deadline_s, rng)
-        stats |= {"cost": sum_of_costs(path, world.goal), **hunt.counters()}
-        return solved(given, path if original is None else original[path], begin_s, lower_bound, **stats)
+            path = self._improved(hunt, task, path, opening)
+        return opening.solved(path, **stats, **hunt.counters())
 
-    def _guided(self, world: World, task: Task, steps: IntArray, deadline_s: float, rng: np.random.Generator) -> World:
-        """The world with a guide of ways that cross each other little."""
-        num_robots, num_vertices = task.steps.shape
-        horizon = (int(steps.max()) + self.scatter_margin + 2 + 31) // 32 * 32
-        traffic, labels, _ = _lns.room_for(task, horizon, 1, with_hits=False)
-        for turn in range(self.scatter):
-            order = rng.permutation(num_robots)
-            most = len(labels.vertex) if turn == 0 else 20 * int(steps.mean() + 10)
-            for a in range(0, num_robots, 4):
-                if perf_counter() > deadline_s:
-                    return world
-                _lns.scatter(task, traffic, labels, order, a, min(a + 4, num_robots), self.scatter_margin, most)
-        guide = np.empty((num_robots, num_vertices), np.int32)
-        _lns.write_guide(traffic, guide)
-        return world._replace(guided=True, guide=guide)
+    def _first(self, opening: Opening) -> "tuple[_Hunt, int]":
+        """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING.
 
-    def _improved(
-        self, hunt: "_Hunt", task: Task | None, path: np.ndarray, lower_bound: float, deadline_s: float, rng: np.random.Generator
-    ) -> np.ndarray:
+        Where it wanders about it begins anew with other chances, each time after twice as many expansions, so that it
+        stays complete.
+        """
+        expansions = 200 + 10 * opening.num_guided
+        while True:
+            hunt = _Hunt(self, opening)
+            state = hunt.until(opening.deadline_s, first=True, expansions=expansions)
+            if state != _lacam.RUNNING or perf_counter() >= opening.deadline_s:
+                return hunt, state
+            expansions *= 2
+
+    def _refinement(self, task: Task, path: np.ndarray, opening: Opening) -> Refinement:
+        return Refinement(task, path, self.neighbourhood, opening.rng, following=self.following, rotations=self.rotations)
+
+    def _improved(self, hunt: "_Hunt", task: Task | None, path: np.ndarray, opening: Opening) -> np.ndarray:
         """The best path at the deadline, or when none can be better."""
-        refinement = Refinement(task, path, self.neighbourhood, rng) if task else None
+        lower_bound, deadline_s = opening.lower_bound, opening.deadline_s
+        refinement = self._refinement(task, path, opening) if task else None
         best = sum_of_costs(path, hunt.world.goal)
         told = 0
         searching = True
@@ -154,7 +128,7 @@ class Lacam:
                     cost = sum_of_costs(found, hunt.world.goal)
                     if cost < best:
                         path, best = found, cost
-                        refinement = Refinement(task, path, self.neighbourhood, rng) if task else None
+                        refinement = self._refinement(task, path, opening) if task else None
                 elif state == _lacam.EXHAUSTED:
                     break
                 searching = state != _lacam.FULL
@@ -173,24 +147,28 @@ def _to_write(path: np.ndarray) -> float:
 class _Hunt:
     """LaCAM's search, as it stands."""
 
-    def __init__(self, settings: Lacam, problem: Problem, world: World, steps: IntArray, rng: np.random.Generator) -> None:
-        self.world, self.scratch = world, build_scratch(world)
-        self._settings, self._rng = settings, rng
-        self._base_order = np.argsort(-steps, kind="stable").astype(np.int32)
-        self._to, self._best = np.empty(problem.num_robots, np.int32), np.empty(problem.num_robots, np.int32)
-        self._search = _room(problem.num_robots, self.scratch.candidate.shape[1], nodes=256)
+    def __init__(self, settings: Lacam, opening: Opening) -> None:
+        self.world, self.scratch = opening.world, build_scratch(opening.world)
+        self._settings, self._rng, self._guided, self._num_guided = settings, opening.rng, opening.guided, opening.num_guided
+        num_robots = len(opening.steps)
+        self._base_order = np.argsort(-opening.steps, kind="stable").astype(np.int32)
+        self._to, self._best = np.empty(num_robots, np.int32), np.empty(num_robots, np.int32)
+        self._search = _room(num_robots, self.scratch.candidate.shape[1], nodes=256)
         self._at_once = 1
-        _lacam.begin(world, self._search, problem.start.astype(np.int32), self._base_order, int(steps.sum()))
+        _lacam.begin(self.world, self._search, opening.problem.start.astype(np.int32), self._base_order, int(opening.steps.sum()))
 
-    def until(self, deadline_s: float, *, first: bool) -> int:
-        """Search: REACHED at the first solution, or at the deadline if a better one was found; else RUNNING, EXHAUSTED, FULL."""
+    def until(self, deadline_s: float, *, first: bool, expansions: int = FOREVER) -> int:
+        """Search until the deadline or so many expansions in all.
+
+        REACHED at the first solution, or at the end if a better one was found; else RUNNING, EXHAUSTED, FULL.
+        """
         given = self._settings
         better = False
-        while (slice_s := perf_counter()) < deadline_s:
-            before = self._search.count[_lacam.EXPANSIONS]
+        while (slice_s := perf_counter()) < deadline_s and (before := int(self._search.count[_lacam.EXPANSIONS])) < expansions:
+            world, most = (self._guided, self._num_guided) if before < self._num_guided else (self.world, expansions)
             state = _lacam.search_on(
-                self.world, self.scratch, self._search, self._base_order, self._to, self._best,
-                given.num_tries, given.hindrance, self._at_once, self._rng,
+                world, self.scratch, self._search, self._base_order, self._to, self._best,
+                given.num_tries, given.hindrance, min(self._at_once, most - before), self._rng,
             )  # fmt: skip
             if state == _lacam.REACHED and first:
                 return state

@@ -4,7 +4,8 @@
     tools/bench_scalable.py INSTANCES [--only TEXT] [--count N] [--anytime S] [--json] [--peer NAME=COMMAND ...]
     tools/bench_scalable.py --large [ROBOTS]
 
-INSTANCES is a folder with MovingAI's random-32-32-20, random-32-32-10 and warehouse-10-20-10-2-1. Times are after
+INSTANCES is a folder with MovingAI's random-32-32-20, random-32-32-10 and warehouse-10-20-10-2-1; where a map has fewer
+scenarios than --count, others are drawn. Times are after
 warm-up: `first` until the first solution and `own` until the answer by the solver's own clock, `cpu` of the processor for the whole
 answer. All planners are asked an instance before the next one. Every plan is judged; `cost` is the mean over the instances that all
 solved, `first_cost` that of the first solution where the planner tells it.
@@ -95,8 +96,7 @@ def _rows(options):
 def _large(num_robots, names):
     free = np.random.default_rng(7).random((500, 500)) >= 0.1
     graph = grid_graph(free, 1.0, (0.0, 0.0), name="500x500")
-    start, goal = uniform_draw(graph, num_robots, 1)
-    problem = Problem(graph, fleet_of(POINT, num_robots), start, goal, np.arange(num_robots), 1.0)
+    problem = _drawn(graph, num_robots, 1)
     for name in names:
         for row in _measured({name: _made(name, False)}, [lambda: problem], 60.0):
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
@@ -109,6 +109,11 @@ def _problem(map_path, scen, num_robots):
 
 def _made(name, anytime):
     return planner(name, {"anytime": True} if anytime and name in ("lacam", "lns2") else {})
+
+
+def _drawn(graph, num_robots, seed):
+    start, goal = uniform_draw(graph, num_robots, seed)
+    return Problem(graph, fleet_of(POINT, num_robots), start, goal, np.arange(num_robots), 1.0)
 
 
 def _measured(asked, makers, time_limit_s):

@@ -11,6 +11,7 @@ from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
+from mrp_sumo.core.schedule import schedule_of
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import cut_lanes
@@ -177,6 +178,33 @@ def test_same_seed_gives_the_same_plan(name):
     problem = world("0..1 .... b..a")
     first, second = (paths_of_plan(solved(name, problem).plan, 1.0) for _ in range(2))
     assert [p.tolist() for p in first] == [p.tolist() for p in second]
+
+
+CROSSING = "..0.3 .d... 1...b .2... c.a.."
+
+
+@pytest.mark.parametrize("name", [n for n in COORDINATED if "following" in {f.name for f in fields(planner_class(n))}])
+def test_nobody_enters_a_vertex_while_another_leaves_it_where_that_is_asked(name):
+    problem = world(CROSSING)
+    made_strict = planner(name, {"following": True})
+    made_strict.prepare()
+    result = made_strict.plan(problem, 20.0)
+    assert result.status is Status.SOLVED, result.message
+    verdict = judge(problem, result.plan, result.goal_of)
+    assert verdict.valid
+    assert not verdict.following
+
+
+@pytest.mark.parametrize("name", [n for n in COORDINATED if "rotations" in {f.name for f in fields(planner_class(n))}])
+def test_no_ring_of_robots_turns_where_that_is_asked(name):
+    problem = world("01. 32. ...")
+    problem = replace(problem, goal=problem.start[[1, 2, 3, 0]].copy())
+    made_strict = planner(name, {"rotations": False})
+    made_strict.prepare()
+    result = made_strict.plan(problem, 20.0)
+    assert result.status is Status.SOLVED, result.message
+    assert judge(problem, result.plan).valid
+    schedule_of(problem, result.plan)
 
 
 @pytest.mark.parametrize("name", ALL)

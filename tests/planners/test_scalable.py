@@ -15,14 +15,17 @@ from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
+from mrp_sumo.core.schedule import schedule_of
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import plan_graph
-from mrp_sumo.planning.distance import distances
+from mrp_sumo.planning.distance import UNREACHABLE, distances
 from mrp_sumo.planning.draw import uniform_draw
-from planners import _lns, _pibt, _sipps
+from planners import _flow, _lns, _pibt, _sipps, _traffic
+from planners._collisions import find_collisions
 from planners._compass import UNKNOWN, read_code
-from planners._refinement import Refinement, task_of
+from planners._opening import opened
+from planners._refinement import Refinement, room_to_repair, task_of
 from planners._world import build_scratch, build_world, steps_table, sum_of_costs, tiled
 from planners.lacam import Lacam
 from planners.lns2 import Lns2
@@ -55,6 +58,22 @@ def roadmap(lanes, num_vertices):
 
 def corridor(length):
     return roadmap([(a, b) for i in range(length - 1) for a, b in ((i, i + 1), (i + 1, i))], length)
+
+
+def reachable_without_rings(problem):
+    """Whether the goals can be reached where no ring moves at once, or nobody follows: over configurations, one robot at a time."""
+    graph, goal, begin = problem.graph, tuple(problem.target.tolist()), tuple(problem.start.tolist())
+    ways = [[v, *graph.head[graph.first[v] : graph.first[v + 1]].tolist()] for v in range(graph.num_vertices)]
+    seen, queue = {begin}, deque([begin])
+    while queue:
+        here = queue.popleft()
+        for i, v in enumerate(here):  # whatever may move at once may move one after another, the first of a chain first
+            for u in ways[v]:
+                there = (*here[:i], u, *here[i + 1 :])
+                if u not in here and there not in seen:
+                    seen.add(there)
+                    queue.append(there)
+    return goal in seen
 
 
 def least_sum_of_loss(problem):
@@ -149,13 +168,13 @@ def test_runs_of_bits_end_where_they_end():
             end = t
             while end + 1 < 128 and bits[end + 1] == bits[t]:
                 end += 1
-            assert _sipps.run_end(words, t) == (bits[t], end)
+            assert _traffic.run_end(words, t) == (bits[t], end)
 
 
 def traffic_for(problem, num_planned, horizon=64):
     """Traffic of the first robots, planned one after another with collisions allowed."""
     task = task_of(problem, steps_table(problem, np.inf))
-    traffic, labels, hood = _lns.room_for(task, horizon, 4, with_hits=True)
+    traffic, labels, hood = room_to_repair(task, horizon, 4)
     assert _lns.plan_all(task, traffic, labels, np.arange(num_planned), 0, num_planned)
     return task, traffic, labels, hood
 
@@ -164,7 +183,7 @@ def traffic_for(problem, num_planned, horizon=64):
 def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
     problem = random_problem(8, 16, seed, blocked=0.15)
     task, traffic, labels, _ = traffic_for(problem, 15)
-    at, robot = traffic.at[:, :15].astype(int), 15
+    at, robot = traffic.at[:15].T.astype(int), 15
     start, goal = int(problem.start[robot]), int(problem.target[robot])
     graph = problem.graph
     reached, earliest = {start}, -1
@@ -189,17 +208,17 @@ def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
 def test_pairs_in_collision_are_those_the_referee_sees(seed):
     problem = random_problem(8, 24, seed, blocked=0.1)
     task, traffic, labels, hood = traffic_for(problem, 24)
-    pairs = _lns.find_collisions(task, traffic, hood)
+    pairs = find_collisions(task, traffic, hood)
 
     def seen():
-        verdict = judge(problem, plan_of_paths(list(traffic.at.T), 1.0))
+        verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
         assert not verdict.faults
         return len({(c.robot, c.other) for c in verdict.conflicts})
 
     assert pairs == seen()
     left = _lns.repair(task, traffic, labels, hood, 4, pairs, 20, np.random.default_rng(seed))
     assert left <= pairs
-    assert left == seen() == _lns.find_collisions(task, traffic, hood)
+    assert left == seen() == find_collisions(task, traffic, hood)
 
 
 def test_refinement_only_ever_lowers_the_cost_of_valid_plans():
@@ -219,7 +238,7 @@ def test_refinement_only_ever_lowers_the_cost_of_valid_plans():
     assert costs[-1] < costs[0]
 
 
-@pytest.mark.parametrize("planner", [Pibt(), Lacam(), Lacam(num_tries=3, scatter=0, hindrance=False), Lns2()])
+@pytest.mark.parametrize("planner", [Pibt(), Lacam(), Lacam(num_tries=3, flow=0, hindrance=False), Lns2()])
 @pytest.mark.parametrize("seed", range(3))
 def test_crowded_grids_are_solved_and_repeat_themselves(planner, seed):
     problem = random_problem(14, 50, seed)
@@ -236,6 +255,101 @@ def test_packed_distances_lead_to_valid_plans(planner):
     problem = random_problem(40, 60, 2)
     result = planner._plan(problem, 20.0, True)
     assert judge(problem, result.plan).valid
+
+
+STRICT = [made(**kind) for made in (Pibt, Lacam, Lns2) for kind in ({"following": True}, {"rotations": False})]
+
+
+@pytest.mark.parametrize("planner", STRICT)
+@pytest.mark.parametrize("seed", range(6))
+def test_nobody_follows_or_no_ring_turns_where_that_is_asked(planner, seed):
+    problem = random_problem(10, 15 if planner.following else 30, seed, blocked=0.0)  # PIBT soon gives up where nobody may follow
+    result = planner.plan(problem, 20.0)
+    assert result.status is Status.SOLVED, result.message
+    verdict = judge(problem, result.plan)
+    assert verdict.valid, verdict.summary(problem)
+    schedule_of(problem, result.plan)  # refuses rings
+    if planner.following:
+        assert not verdict.following
+
+
+def test_some_plans_turn_rings_where_they_may():
+    refused = 0
+    for seed in range(10):
+        problem = random_problem(8, 40, seed, blocked=0.1)
+        try:
+            schedule_of(problem, Lacam().plan(problem, 20.0).plan)
+        except PlanError:
+            refused += 1
+    assert refused > 0
+
+
+@pytest.mark.parametrize("kind", [{"following": True}, {"rotations": False}])
+@pytest.mark.parametrize("seed", range(12))
+def test_lacam_is_complete_without_rings(kind, seed):
+    rng = np.random.default_rng([seed, 5])
+    graph = grid_graph(np.ones((2, 3), bool), 1.0, (0.0, 0.0))
+    num_robots = 3 + seed % 4
+    problem = problem_on(graph, rng.permutation(6)[:num_robots], rng.permutation(6)[:num_robots], seed)
+    result = Lacam(**kind).plan(problem, 30.0)
+    assert result.status is (Status.SOLVED if reachable_without_rings(problem) else Status.INFEASIBLE)
+    if result.plan:
+        assert judge(problem, result.plan).valid
+        schedule_of(problem, result.plan)
+
+
+@pytest.mark.parametrize(("planner", "turns"), [(Lacam(), True), (Lacam(rotations=False), False), (Lacam(following=True), False)])
+def test_full_ring_turns_only_at_once(planner, turns):
+    ring = roadmap([(i, (i + 1) % 4) for i in range(4)], 4)
+    problem = problem_on(ring, [0, 1, 2, 3], [1, 2, 3, 0])
+    assert planner.plan(problem, 10.0).status is (Status.SOLVED if turns else Status.INFEASIBLE)
+
+
+@pytest.mark.parametrize("kind", [{"following": True}, {"rotations": False}])
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_in_collision_are_found_where_following_or_rings_count(kind, seed):
+    problem = random_problem(8, 24, seed, blocked=0.1)
+    task = task_of(problem, steps_table(problem, np.inf))
+    traffic, labels, hood = room_to_repair(task, 64, 4, **kind)
+    assert _lns.plan_all(task, traffic, labels, np.arange(24), 0, 24)
+    pairs = find_collisions(task, traffic, hood)
+    left = _lns.repair(task, traffic, labels, hood, 4, pairs, 2000, np.random.default_rng(seed))
+    verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
+    met = {(c.robot, c.other) for c in (*verdict.conflicts, *(verdict.following if "following" in kind else ()))}
+    assert not verdict.faults
+    assert len(met) <= left
+    assert (left == 0) == (find_collisions(task, traffic, hood) == 0)
+    if "following" in kind:
+        assert left == len(met)
+
+
+def test_guide_leads_round_lanes_that_others_come_along():
+    """Two robots at opposite points of a ring change places: both ways are as long, and they go the same way round."""
+    ring = roadmap([lane for i in range(10) for lane in ((i, (i + 1) % 10), ((i + 1) % 10, i))], 10)
+    for seed in range(4):
+        problem = problem_on(ring, [0, 5], [5, 0], seed)
+        opening = opened(problem, np.inf, 0, flow=1, following=False, rotations=True, packed=False)
+        guide = opening.guided.guide
+        assert guide[[0, 1], [5, 0]].tolist() == [0, 0]
+        assert (guide[0, 1] < guide[0, 9]) == (guide[1, 6] < guide[1, 4])
+        assert opening.world.table[0, 0] == 5
+
+
+def test_costs_left_are_those_of_the_cheapest_way():
+    problem = random_problem(9, 3, 1)
+    opening = opened(problem, np.inf, 0, flow=0, following=False, rotations=True, packed=False)
+    assert not opening.guided.guided
+    guide = opened(problem, np.inf, 0, flow=2, following=False, rotations=True, packed=False).guided.guide
+    graph, steps = problem.graph, opening.world.table
+    assert (guide >= _flow.STEP * steps).all()
+    for robot in range(3):
+        left = guide[robot, graph.head] - guide[robot, graph.tail]
+        assert (np.abs(left) <= _flow.MOST).all()
+        best = np.full(graph.num_vertices, _flow.FAR)
+        np.minimum.at(best, graph.tail, left)
+        onward = (steps[robot] > 0) & (steps[robot] < UNREACHABLE)
+        assert onward.any()
+        assert (best[onward] <= -_flow.STEP).all()  # from everywhere some lane leads on
 
 
 def test_robots_swap_in_a_corridor_with_one_siding():
@@ -287,7 +401,7 @@ def test_one_way_ring_is_driven_round(planner):
 @pytest.mark.parametrize("seed", range(6))
 def test_lacam_star_converges_to_the_least_sum_of_loss(seed):
     problem = random_problem(4, 3, seed, blocked=0.1)
-    result = Lacam(anytime=True, polish=0, scatter=0, neighbourhood=1).plan(problem, 30.0)
+    result = Lacam(anytime=True, polish=0, flow=0, neighbourhood=1).plan(problem, 30.0)
     assert judge(problem, result.plan).valid
     # it stops early only at the lower bound or when the search is exhausted
     assert loss(result.plan, problem) <= least_sum_of_loss(problem) or result.plan.end_s.sum() == result.lower_bound_steps
@@ -316,9 +430,16 @@ def test_parameters_have_to_make_sense(made, field):
         replace(made(), **{field: 0})
 
 
+def test_tables_beyond_the_memory_are_not_made():
+    result = Lns2(memory_mb=1).plan(random_problem(30, 60, 0), 5.0)
+    assert result.status is Status.GAVE_UP
+    assert "expected at most 1 MB" in result.message
+    assert Lns2(memory_mb=1).plan(random_problem(40, 300, 0), 5.0).message == "tables of distances take more than 1 MB"
+
+
 def test_memory_limit_is_a_result():
     problem = random_problem(14, 80, 5)
-    result = Lacam(memory_mb=1, scatter=0, polish=0, num_tries=1).plan(replace(problem, seed=1), 20.0)
+    result = Lacam(memory_mb=1, flow=0, polish=0, num_tries=1).plan(replace(problem, seed=1), 20.0)
     assert result.status in (Status.SOLVED, Status.TIMED_OUT)
 
 

@@ -1,0 +1,113 @@
+"""Kernels of guides by traffic flow: what is left to the goal, where driving against others costs more.
+
+After Chen, Harabor, Li, Stuckey, "Traffic flow optimisation for lifelong multi-agent path finding", AAAI 2024: one
+robot after another is given a way on lanes that cost more the more ways already given run against them, and again when
+all have one. What differs: the price is linear in the ways against, up to a most, and a robot follows not its one way
+but the costs that all ways together leave behind, from wherever others have pushed it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+STEP = 10  # what a lane costs that nobody runs against
+AGAINST = 1  # and each way against it
+MOST = 40  # and a lane at most
+FAR = 1 << 30
+
+
+class Flow(NamedTuple):
+    """The ways of R robots over L lanes between V vertices."""
+
+    first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
+    head: np.ndarray  # [L] int64
+    reverse: np.ndarray  # [L] int64
+    first_in: np.ndarray  # [V + 1] int64, lanes that enter a vertex: numbers in `entering`
+    entering: np.ndarray  # [L] int64
+    tail: np.ndarray  # [L] int64
+    cost: np.ndarray  # [L] int64
+    num: np.ndarray  # [L] int64 ways along a lane
+    way: np.ndarray  # [R, N] int32 lanes of each robot's way
+    length: np.ndarray  # [R] int64 lanes of it, up to N; the rest is not counted
+    bucket: np.ndarray  # [MOST + 1] int64 entries of a queue by cost
+    entry_vertex: np.ndarray  # [L + 1] int64
+    entry_next: np.ndarray  # [L + 1] int64
+    left: np.ndarray  # [V] int32 scratch
+
+
+@njit(cache=True)
+def give_ways(flow, start, goal, order, begin, end):
+    """Give robots order[begin:end] the cheapest ways, in the place of those they have."""
+    first, head, cost, left = flow.first, flow.head, flow.cost, flow.left
+    for k in range(begin, end):
+        robot = order[k]
+        for n in range(flow.length[robot]):
+            _count(flow, flow.way[robot, n], -1)
+        write_left(flow, goal[robot], start[robot], left)
+        at, n = start[robot], 0
+        while at != goal[robot]:
+            best, least = np.int64(-1), np.int64(FAR)
+            for lane in range(first[at], first[at + 1]):
+                if left[head[lane]] < FAR and cost[lane] + left[head[lane]] < least:
+                    best, least = np.int64(lane), cost[lane] + left[head[lane]]
+            if n < flow.way.shape[1]:
+                flow.way[robot, n] = best
+                n += 1
+            at = head[best]
+        flow.length[robot] = n
+        for m in range(n):
+            _count(flow, flow.way[robot, m], 1)
+
+
+@njit(cache=True)
+def _count(flow, lane, change):
+    flow.num[lane] += change
+    back = flow.reverse[lane]
+    if back >= 0:
+        flow.cost[back] = min(STEP + AGAINST * flow.num[lane], MOST)
+
+
+@njit(cache=True)
+def write_guide(flow, goal, guide, begin, end):
+    """[R, V] what is left to each robot's goal from everywhere, for robots begin to end - 1."""
+    for robot in range(begin, end):
+        write_left(flow, goal[robot], np.int64(-1), guide[robot])
+
+
+@njit(cache=True)
+def write_left(flow, goal, until, left):
+    """Least costs [V] from every vertex to the goal, or from those that are nearer than `until`; FAR where there is no way.
+
+    Dijkstra's algorithm with a queue of buckets in a ring, which costs of MOST at most allow.
+    """
+    first_in, entering, tail, cost = flow.first_in, flow.entering, flow.tail, flow.cost
+    bucket, entry_vertex, entry_next = flow.bucket, flow.entry_vertex, flow.entry_next
+    left[:] = FAR
+    bucket[:] = -1
+    width = len(bucket)
+    left[goal] = 0
+    entry_vertex[0], entry_next[0] = goal, -1
+    bucket[0] = 0
+    num, waiting, d = 1, 1, 0
+    while waiting > 0:
+        k = d % width
+        while bucket[k] >= 0:
+            entry = bucket[k]
+            bucket[k] = entry_next[entry]
+            waiting -= 1
+            v = entry_vertex[entry]
+            if left[v] != d:
+                continue
+            if v == until:
+                return
+            for at in range(first_in[v], first_in[v + 1]):
+                lane = entering[at]
+                u, c = tail[lane], d + cost[lane]
+                if c < left[u]:
+                    left[u] = c
+                    entry_vertex[num], entry_next[num] = u, bucket[c % width]
+                    bucket[c % width] = num
+                    num += 1
+                    waiting += 1
+        d += 1

@@ -1,0 +1,185 @@
+"""Who is where and when: the paths of robots as tables that answer at once whether a vertex is free and who is on it.
+
+Where following is refused, a robot holds the vertex it leaves in the step of its move too: any two robots that come too
+near then hold one vertex at one step, and swaps and rings need no rules of their own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
+_LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
+for _k in range(32):
+    _LOWEST[((0x077CB531 << _k) & 0xFFFFFFFF) >> 27] = _k
+
+
+class Task(NamedTuple):
+    """What does not change. V vertices, L lanes, R robots."""
+
+    first: np.ndarray  # [V + 1] int64
+    head: np.ndarray  # [L] int64
+    reverse: np.ndarray  # [L] int64
+    start: np.ndarray  # [R] int64
+    goal: np.ndarray  # [R] int64
+    steps: np.ndarray  # [R, V] int32 to each robot's goal
+
+
+class Traffic(NamedTuple):
+    """Who is where. V vertices, L lanes, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
+
+    at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
+    end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
+    num_on: np.ndarray  # [V, T] uint8 robots that hold a vertex
+    who: np.ndarray  # [V, T] int32 one of them, -1 where there is none
+    busy: np.ndarray  # [V, W] int64 bits: somebody holds it
+    num_along: np.ndarray  # [L, T] uint8 robots that arrive by a lane at a step
+    along: np.ndarray  # [L, W] int64 bits: somebody does
+    following: bool  # nobody may enter a vertex in the step in which another leaves it
+    rotations: bool  # rings of robots may move at once
+
+
+@njit(cache=True)
+def run_end(bits, t):
+    """(whether the bit at t is set, the last step of the run of equal bits around t)."""
+    word = t >> 5
+    shift = t & 31
+    bit = (bits[word] >> shift) & 1
+    flip = 0xFFFFFFFF if bit else 0
+    rest = (bits[word] ^ flip) >> shift
+    if rest:
+        return bit == 1, t + _LOWEST[(((rest & -rest) * 0x077CB531) & 0xFFFFFFFF) >> 27] - 1
+    for k in range(word + 1, len(bits)):
+        rest = bits[k] ^ flip
+        if rest:
+            return bit == 1, (k << 5) + _LOWEST[(((rest & -rest) * 0x077CB531) & 0xFFFFFFFF) >> 27] - 1
+    return bit == 1, (len(bits) << 5) - 1
+
+
+@njit(cache=True)
+def lane_between(first, head, u, v):
+    """The lane from u to v, -1 where there is none."""
+    for lane in range(first[u], first[u + 1]):
+        if head[lane] == v:
+            return lane
+    return np.int64(-1)
+
+
+@njit(cache=True)
+def add_path(first, head, traffic, robot):
+    """Enter the robot's row of `at` in the rest of the traffic."""
+    at, num_on, who, busy, following = traffic.at[robot], traffic.num_on, traffic.who, traffic.busy, traffic.following
+    before = np.int64(-1)
+    for t in range(len(at)):
+        v = np.int64(at[t])
+        bit = np.int64(1) << (t & 31)
+        num_on[v, t] += 1
+        who[v, t] = robot
+        busy[v, t >> 5] |= bit
+        if t > 0 and v != before:
+            lane = lane_between(first, head, before, v)
+            traffic.num_along[lane, t] += 1
+            traffic.along[lane, t >> 5] |= bit
+            if following:
+                num_on[before, t] += 1
+                who[before, t] = robot
+                busy[before, t >> 5] |= bit
+        before = v
+
+
+@njit(cache=True)
+def remove_path(first, head, traffic, robot):
+    """Take the robot's path out of the traffic; its row of `at` stays."""
+    at, following = traffic.at[robot], traffic.following
+    before = np.int64(-1)
+    for t in range(len(at)):
+        v = np.int64(at[t])
+        _let_go(traffic, robot, v, t)
+        if t > 0 and v != before:
+            lane = lane_between(first, head, before, v)
+            traffic.num_along[lane, t] -= 1
+            if traffic.num_along[lane, t] == 0:
+                traffic.along[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
+            if following:
+                _let_go(traffic, robot, before, t)
+        before = v
+
+
+@njit(cache=True)
+def _let_go(traffic, robot, v, t):
+    """The robot holds v no longer at t."""
+    traffic.num_on[v, t] -= 1
+    if traffic.num_on[v, t] == 0:
+        traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
+        traffic.who[v, t] = -1
+    elif traffic.who[v, t] == robot:
+        for other in range(len(traffic.at)):
+            if other != robot and holds(traffic, other, v, t):
+                traffic.who[v, t] = other
+                break
+
+
+@njit(cache=True)
+def holds(traffic, robot, v, t):
+    """Whether a robot with a path holds a vertex at a step."""
+    if traffic.end[robot] < 0:
+        return False
+    return traffic.at[robot, t] == v or (traffic.following and t > 0 and traffic.at[robot, t - 1] == v)
+
+
+@njit(cache=True)
+def closes_ring(traffic, v, u, t):
+    """Whether a move from v that arrives on u at step t completes a ring of robots that move at once."""
+    w = u
+    for _ in range(len(traffic.at)):
+        robot = traffic.who[w, t - 1]
+        if robot < 0:
+            return False
+        onward = np.int64(traffic.at[robot, t])
+        if onward == v:
+            return True
+        if onward == w:
+            return False
+        w = onward
+    return False
+
+
+@njit(cache=True)
+def enter_all(task, traffic):
+    """Put all paths of `at` into the empty traffic."""
+    for robot in range(len(task.goal)):
+        add_path(task.first, task.head, traffic, robot)
+
+
+def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool) -> Traffic:
+    """Traffic without paths over `horizon` steps, a multiple of WORD."""
+    num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
+    return Traffic(
+        at=np.full((num_robots, horizon), -1, np.int32),
+        end=np.full(num_robots, -1, np.int64),
+        num_on=np.zeros((num_vertices, horizon), np.uint8),
+        who=np.full((num_vertices, horizon), -1, np.int32),
+        busy=np.zeros((num_vertices, horizon // WORD), np.int64),
+        num_along=np.zeros((num_lanes, horizon), np.uint8),
+        along=np.zeros((num_lanes, horizon // WORD), np.int64),
+        following=following,
+        rotations=rotations,
+    )
+
+
+def traffic_of(task: Task, path: np.ndarray, spare: int, *, following: bool, rotations: bool) -> Traffic:
+    """Traffic of the paths [T, R], with `spare` steps or more of room."""
+    horizon = (len(path) + spare + 2 + WORD - 1) // WORD * WORD
+    traffic = empty_traffic(task, horizon, following=following, rotations=rotations)
+    traffic.at[:, : len(path)] = path.T
+    traffic.at[:, len(path) :] = path[-1][:, None]
+    away = path != task.goal
+    traffic.end[:] = np.where(away.any(axis=0), len(path) - np.argmax(away[::-1], axis=0), 0)
+    enter_all(task, traffic)
+    return traffic
+
+
+def path_of(traffic: Traffic) -> np.ndarray:
+    """[T, R] where everybody is, up to the last arrival."""
+    return np.ascontiguousarray(traffic.at[:, : int(traffic.end.max(initial=0)) + 1].T)
