@@ -31,7 +31,7 @@ from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
 from mrp_sumo.core.resources import needs_of, resources_of
-from mrp_sumo.core.schedule import order_of, schedule_of, vertex_needs, waiting_cycle
+from mrp_sumo.core.schedule import schedule_of
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.grid import grid_graph, paper_grid
@@ -74,38 +74,17 @@ def draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[np.ndarray, np.n
 
 
 def planned(graph: PlanGraph, num_robots: int, options: argparse.Namespace) -> tuple[Problem, Plan, float]:
-    """A problem, a plan that can be executed in order, and how long the planner took."""
+    """A problem, a plan without rotations, whose order can be kept, and how long the planner took."""
     robot, _, step_s = ROBOTS[options.robot]
-    spare = num_robots // 10 if num_robots > 300 else 0  # dense plans rotate without a gap, which no order can execute
-    start, goal = draw(graph, num_robots + spare, options.seed)
-    problem = Problem(graph, fleet_of(robot, num_robots + spare), start, goal, np.arange(num_robots + spare), step_s)
-    method = planner(options.planner, {})
+    start, goal = draw(graph, num_robots, options.seed)
+    problem = Problem(graph, fleet_of(robot, num_robots), start, goal, np.arange(num_robots), step_s)
+    method = planner(options.planner or ("pibt" if num_robots > 2000 else "lacam"), {"rotations": False})
     method.prepare()
     begun = time.perf_counter()
     plan = method.plan(problem, 120.0).plan
-    planning_s = time.perf_counter() - begun
     if plan is None:
-        raise MrpSumoError(f"{options.planner} found no plan for {num_robots} robots")
-    robots = executable(plan, graph.num_vertices)[:num_robots]
-    problem = Problem(graph, fleet_of(robot, len(robots)), start[robots], goal[robots], np.arange(len(robots)), step_s)
-    return problem, of_robots(plan, robots), planning_s
-
-
-def executable(plan: Plan, num_vertices: int) -> np.ndarray:
-    """Robots whose plans together can be executed in order: one of every rotation is left out."""
-    robots = np.arange(plan.num_robots)
-    while True:
-        part = of_robots(plan, robots)
-        cycle = waiting_cycle(part, order_of(part, vertex_needs(part, num_vertices)))
-        if not len(cycle):
-            return robots
-        robots = np.delete(robots, part.robot[cycle[0]])
-
-
-def of_robots(plan: Plan, robots: np.ndarray) -> Plan:
-    visits = np.concatenate([np.arange(plan.first[r], plan.first[r + 1]) for r in robots])
-    first = np.concatenate([[0], np.cumsum(np.diff(plan.first)[robots])])
-    return Plan(first, plan.vertex[visits], plan.arrive_s[visits], plan.depart_s[visits])
+        raise MrpSumoError(f"no plan for {num_robots} robots")
+    return problem, plan, time.perf_counter() - begun
 
 
 def drive(case: str, graph: PlanGraph, network: Path, num_robots: int, dt: float, seconds: float, options: argparse.Namespace) -> Row:
@@ -259,7 +238,7 @@ def main() -> None:
         what.add_argument(f"--{name}", action="store_true")
     parser.add_argument("--robots", type=int, nargs="+")
     parser.add_argument("--robot", choices=ROBOTS, default="burger")
-    parser.add_argument("--planner", default="lacam")
+    parser.add_argument("--planner", help="lacam; pibt beyond 2,000 robots")
     parser.add_argument("--policy", default="adg")
     parser.add_argument("--dt", type=float, help="step length, s")
     parser.add_argument("--record", type=float, default=0.1, help="recording period, s (not below dt)")

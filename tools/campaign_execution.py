@@ -59,8 +59,6 @@ TIME_LIMIT_S = 150.0
 SHARES = {"bundled": 0.25, "corpus": 0.25, "warehouse": 0.15, "roads": 0.1, "racks": 0.1, "tangle": 0.15}  # of the runs
 NOISE = ("speed_spread", "speed_noise", "stops_per_s", "start_delay_s", "delay_probability", "latency_s", "message_loss", "localisation_m")
 
-ROTATIONS = False
-
 World = tuple[str, str]  # family, and which of it
 
 
@@ -244,7 +242,8 @@ def methods(rng: np.random.Generator, ordered: bool) -> list[tuple[str, Callable
 
     def of(name: str) -> Callable[[Problem, float], Plan | None]:
         def plan(problem: Problem, limit_s: float) -> Plan | None:
-            return planner(name, {"rotations": False} if ordered and name == "lacam" and ROTATIONS else {}).plan(problem, limit_s).plan
+            parameters = {"rotations": False} if ordered and name == "lacam" else {}
+            return planner(name, parameters).plan(problem, limit_s).plan
 
         return plan
 
