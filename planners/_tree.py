@@ -128,6 +128,11 @@ class Tree:
         return Tree(self._problem, self.limits, following=bool(self.world.following), symmetries=self.symmetries, like=self)
 
     @property
+    def least(self) -> int:
+        """What the shortest ways cost in sum: a lower bound before there is a node."""
+        return int(self.world.distance[np.arange(self.num_robots), self.world.start].sum())
+
+    @property
     def expansions(self) -> int:
         """Low-level expansions so far."""
         return int(self._tables.scratch.number[EXPANSIONS])

@@ -50,8 +50,9 @@ class Cbs:
         if refusal := impossible(problem):
             return refusal
         number = count()
-        best, expanded, lower = None, 0, 0
+        best, expanded = None, 0
         tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
+        lower = tree.least
         open_nodes: list[tuple[int, int, int, Node]] = []
 
         def insert(node: Node) -> None:
@@ -60,7 +61,7 @@ class Cbs:
         status, message = Status.SOLVED, ""
         try:
             if root := tree.root():
-                lower = root.cost
+                lower = max(lower, root.cost)
                 insert(root)
             while open_nodes:
                 tree.check_clock()

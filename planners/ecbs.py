@@ -50,8 +50,9 @@ class Ecbs:
         if refusal := impossible(problem):
             return refusal
         number = count()
-        best, expanded, lower = None, 0, 0
+        best, expanded = None, 0
         tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
+        lower = tree.least
         by_bound: list[tuple[int, int, Node]] = []  # all open nodes, and closed ones not yet noticed
         focal: list[tuple[int, int, int, Node]] = []  # those that cost at most w times the least bound
         beyond: list[tuple[int, int, Node]] = []  # the others
@@ -65,7 +66,7 @@ class Ecbs:
         status, message = Status.SOLVED, ""
         try:
             if root := tree.root(self.w):
-                lower = root.bound
+                lower = max(lower, root.bound)
                 insert(root)
             while True:
                 tree.check_clock()

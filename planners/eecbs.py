@@ -64,6 +64,7 @@ class Eecbs:
             return refusal
         tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
         nodes = _Open(self.w, _Bound(tree))
+        nodes.lower = tree.least
         paths, from_incumbent, expanded = None, False, 0
         other = Incumbent(problem, tree.world.distance, limit.deadline) if self.incumbent and not self.following else None
         turn = 0  # work of the tree at which the incumbent's turn comes

@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""Measures what a low-level expansion costs: processor time of long searches, nanoseconds for each state expanded.
+
+    tools/bench_search.py INSTANCES [--repeat N]
+
+INSTANCES is the folder that `tools/bench_planners.py` takes. Space-time A*: each robot in turn among all others, within 1.2
+times its least cost, to the end. SIPP: the earliest arrival under a constraint that makes it look everywhere. LNS: a label of
+MAPF-LNS2 and of the neighbourhoods after it, with all that a neighbourhood costs besides.
+"""
+
+import argparse
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from bench_planners import problem_of, scens
+
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning import _records as records
+from mrp_sumo.planning._constraints import EXPANSIONS, load
+from mrp_sumo.planning._earliest import earliest_arrival
+from mrp_sumo.planning._occupancy import install_all, uninstall
+from mrp_sumo.planning._space_time import find_path
+from mrp_sumo.planning.registry import planner
+from planners._incumbent import Incumbent
+from planners._tree import Tree, limits
+
+ASKED = (("random-32-32-20", 100), ("random-32-32-10", 200), ("airport_terminal_0.4", 20), ("warehouse-10-20-10-2-1", 200))
+PLENTY = 1 << 40
+W = 1.2
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("instances", type=Path)
+    parser.add_argument("--repeat", type=int, default=3, help="how often each search is made; the least time counts")
+    options = parser.parse_args()
+    planner("eecbs", {}).prepare()
+    print(f"{'map':<24} robots  space-time A*: expansions, ns each   SIPP: expansions, ns each   LNS: labels, ns each")
+    for name, robots in ASKED:
+        problem = problem_of(options.instances, name, scens(options.instances, name, robots)[0], robots)
+        if problem is None:
+            continue
+        kinds = [min((measure(problem) for _ in range(options.repeat)), key=lambda m: m[1] / m[0]) for measure in (focal, earliest, lns)]
+        print(
+            f"{name:<24} {robots:>6}  " + "   ".join(f"{count:>12,} {1e9 * seconds / count:>8.1f}" for count, seconds in kinds), flush=True
+        )
+
+
+def focal(problem: Problem) -> tuple[int, float]:
+    """(expansions, seconds) of space-time A*."""
+    tree = Tree(problem, limits(np.inf, 4000))
+    root = tree.root(W)
+    assert root is not None
+    for _ in range(6):  # so much room that no search is broken off for want of it
+        tree._tables.grow_scratch()
+    store, occupancy, scratch = tree._tables.store, tree._tables.occupancy, tree._tables.scratch
+    seconds, before = 0.0, int(scratch.number[EXPANSIONS])
+    for robot, record in enumerate(root.records.tolist()):
+        install_all(store, occupancy, root.records, -1)
+        uninstall(store, occupancy, robot)
+        load(tree.world, store, scratch, record)
+        least = int(tree.world.distance[robot, tree.world.start[robot]])
+        began = process_time()
+        find_path(tree.world, store, occupancy, scratch, robot, least, int(W * least), False, PLENTY)
+        seconds += process_time() - began
+        began = process_time()  # what the call from Python costs is not the search's: one that may do nothing is taken off
+        find_path(tree.world, store, occupancy, scratch, robot, least, int(W * least), False, 0)
+        seconds -= process_time() - began
+        before += 1
+    return int(scratch.number[EXPANSIONS]) - before, seconds
+
+
+def earliest(problem: Problem) -> tuple[int, float]:
+    """(expansions, seconds) of SIPP."""
+    tree = Tree(problem, limits(np.inf, 4000))
+    for _ in range(4):
+        tree._tables.grow_scratch()
+    world, store, scratch = tree.world, tree._tables.store, tree._tables.scratch
+    seconds = 0.0
+    for robot in range(problem.num_robots):
+        least, goal = int(world.distance[robot, world.start[robot]]), int(world.goal[robot])
+        begin, end = tree._rows([(records.RANGE, goal, -1, 0, 2 * least + 100)])
+        record = records.add_record(store, -1, robot, begin, end)
+        load(world, store, scratch, record)
+        began = process_time()
+        earliest_arrival(world, scratch, world.start[robot], goal, world.distance[robot], True, -1, -1, PLENTY)
+        seconds += process_time() - began
+    return int(scratch.number[EXPANSIONS]), seconds
+
+
+def lns(problem: Problem) -> tuple[int, float]:
+    """(labels, seconds) of large neighbourhood search, laying out its tables not counted."""
+    tree = Tree(problem, limits(np.inf, 4000))
+    other = Incumbent(problem, tree.world.distance, np.inf)
+    other.work(1, 0.0)
+    before, began = other.labels, process_time()
+    other.work(400_000, 0.0)
+    return other.labels - before, process_time() - began
+
+
+if __name__ == "__main__":
+    main()
