@@ -285,6 +285,8 @@ def _planned(problem: Problem, graph: PlanGraph, open_: BoolArray, robots: IntAr
     )
     try:
         method = make(planner, {})
+        if hasattr(method, "rotations"):  # no order can keep them
+            method = make(planner, {"rotations": False})
         method.prepare()
         result = method.plan(anew, PLANNING_LIMIT_S)
     except MrpSumoError as error:
