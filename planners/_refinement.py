@@ -38,11 +38,11 @@ def room_bytes(task: Task, horizon: int) -> int:
 
 
 def polishing_labels(a_robot: int, num_robots: int) -> int:
-    """How many labels may be made: so many a robot for 100 robots or fewer, more in proportion to the root of their number.
+    """How many labels may be made: so many a robot for 100 robots or fewer, more, to the power of 3/4, for more.
 
     The work is bounded by labels and not by time so that the same seed gives the same plan.
     """
-    return int(a_robot * num_robots * max(1.0, num_robots / 100) ** 0.5)
+    return int(a_robot * num_robots * max(1.0, num_robots / 100) ** 0.75)
 
 
 class Refinement:
