@@ -7,7 +7,7 @@ heuristic, which needs shortest paths, serves the lower bound in a tree of its o
 to be chosen, a step of optimal CBS alternates with the paper's expansion of the node of least bound.
 
 An addition to the paper, `incumbent`: when the tree has not answered within a few times the work of its root, a
-plan is looked for by MAPF-LNS2 and large neighbourhood search too, in turns of equal work. The tree's lower bound
+plan is looked for by MAPF-LNS2 and large neighbourhood search too, in turns of counted work. The tree's lower bound
 tells whether it is good enough: a plan of at most w times the bound is an answer, wherever it comes from.
 """
 
@@ -22,6 +22,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible
 
+LABELS = 2  # of the incumbent for each unit of the tree's work
 ROOTS = 3  # the incumbent's first turn comes when the tree has done this many times the work of its root
 
 
@@ -77,7 +78,7 @@ class Eecbs:
                 tree.check_clock()
                 if other and tree.work >= turn:
                     turn = 2 * tree.work
-                    other.work(tree.work, self.w * nodes.lower)
+                    other.work(LABELS * tree.work, self.w * nodes.lower)
                 node = nodes.select()
                 if other and other.cost is not None and other.cost <= self.w * nodes.lower + 1e-9:
                     paths, from_incumbent = other.paths(), True
