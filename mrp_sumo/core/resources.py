@@ -241,21 +241,31 @@ def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str
 
 def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: IntArray) -> FloatArray:
     """[N] the farthest along each lane that is closer than the separation to the other place, 0 if nothing is."""
-    target = segments(graph, resources.ends)[other]
+    target, radius = segments(graph, resources.ends)[other], resources.separation_m
     begin, along = graph.xy[graph.tail[lane]], graph.xy[graph.head[lane]] - graph.xy[graph.tail[lane]]
-    # the distance to a segment is convex along the lane: find its minimum, then where it rises through R
-    low, high = np.zeros(len(lane)), np.ones(len(lane))
-    for _ in range(60):
-        a, b = low + (high - low) / 3, high - (high - low) / 3
-        falls = _to_segment(begin + a[:, None] * along, target) > _to_segment(begin + b[:, None] * along, target)
-        low, high = np.where(falls, a, low), np.where(falls, high, b)
-    low, high = (low + high) / 2, np.ones(len(lane))
-    inside = _to_segment(begin + low[:, None] * along, target) < resources.separation_m
-    for _ in range(40):
-        middle = (low + high) / 2
-        near = _to_segment(begin + middle[:, None] * along, target) < resources.separation_m
-        low, high = np.where(near, middle, low), np.where(near, high, middle)
-    return np.where(inside, high * graph.length_m[lane], 0.0)
+    square = (along**2).sum(1)
+    # what is close to a segment lies in discs around its ends and in a rectangle between them; all three together are
+    # convex, so the lane leaves them where it leaves the last one
+    leaves = np.zeros(len(lane))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for end in (0, 1):
+            away = begin - target[:, end]
+            half = (away * along).sum(1) / square
+            root = np.sqrt(half**2 - ((away**2).sum(1) - radius**2) / square)  # NaN where the line misses the disc
+            leaves = np.fmax(leaves, np.where(-half - root < 1.0, -half + root, 0.0))
+        axis = target[:, 1] - target[:, 0]
+        length = np.hypot(*axis.T)
+        axis = axis / length[:, None]  # NaN for a vertex, which has no rectangle
+        enters, exits = np.full(len(lane), -np.inf), np.full(len(lane), np.inf)
+        for direction, low, high in ((axis, np.zeros(len(lane)), length), (np.stack([-axis[:, 1], axis[:, 0]], 1), -radius, radius)):
+            place, pace = ((begin - target[:, 0]) * direction).sum(1), (along * direction).sum(1)
+            one, two = (low - place) / pace, (high - place) / pace
+            outside = (pace == 0) & ((place < low) | (place > high))
+            parallel = (pace == 0) & ~outside
+            enters = np.maximum(enters, np.where(parallel, -np.inf, np.where(outside, np.inf, np.minimum(one, two))))
+            exits = np.minimum(exits, np.where(parallel, np.inf, np.maximum(one, two)))
+        leaves = np.fmax(leaves, np.where((enters < exits) & (enters < 1.0), exits, 0.0))
+    return np.clip(leaves, 0.0, 1.0) * graph.length_m[lane]
 
 
 def _to_segment(point: FloatArray, segment: FloatArray) -> FloatArray:

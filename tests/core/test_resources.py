@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import plan_of_paths
-from mrp_sumo.core.resources import LEFT_M, distance_m, needs_of, resources_of, segments
+from mrp_sumo.core.resources import LEFT_M, _last_within, distance_m, needs_of, resources_of, segments
 
 R = 0.325
 
@@ -124,3 +124,21 @@ def test_distances_of_segments_are_right_on_known_cases():
     assert one([(0, 0), (2, 0)], [(0, 0.5), (2, 0.5)]) == 0.5
     graph = both_ways([(0, 0), (1, 0)], [(0, 1)])
     assert segments(graph, np.array([[0, 1]])).tolist() == [[[0, 0], [0, 0]], [[1, 0], [1, 0]], [[0, 0], [1, 0]]]
+
+
+@pytest.mark.parametrize("spacing_m", [None, 0.4])
+def test_a_lane_leaves_the_reach_of_a_place_where_its_points_do(spacing_m):
+    """Lanes and places at random, and on a lattice, where lanes run along each other and end on each other."""
+    rng = np.random.default_rng(4)
+    xy = rng.uniform(0, 2, (40, 2)) if spacing_m is None else np.stack(np.divmod(np.arange(40), 7), 1) * spacing_m
+    lanes = [(a, b) for a, b in rng.integers(0, 40, (120, 2)).tolist() if a != b]
+    graph = nav_graph(name="any", xy=xy, lanes=sorted(set(lanes)))
+    resources = resources_of(graph, 0.35)
+    lane, other = rng.integers(0, graph.num_lanes, 400), rng.integers(0, len(xy) + len(resources.ends), 400)
+    found = _last_within(graph, resources, lane, other) / graph.length_m[lane]
+    place, fraction = segments(graph, resources.ends)[other], np.linspace(0, 1, 2001)
+    begin, along = xy[graph.tail[lane]], xy[graph.head[lane]] - xy[graph.tail[lane]]
+    for k in range(400):
+        point = np.repeat((begin[k] + fraction[:, None] * along[k])[:, None], 2, axis=1)
+        near = distance_m(point, np.broadcast_to(place[k], point.shape)) < 0.35 - 1e-6
+        assert found[k] == pytest.approx(fraction[near].max() if near.any() else 0.0, abs=6e-4 if near.any() else 0.02)
