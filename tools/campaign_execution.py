@@ -48,7 +48,7 @@ from mrp_sumo.planning.registry import planner
 from mrp_sumo.sim import recovery
 from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.sim.loop import simulate
-from mrp_sumo.sim.policy import POLICIES
+from mrp_sumo.sim.policy import policies
 from mrp_sumo.sim.settings import ExecutionSettings
 
 BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84)
@@ -202,7 +202,7 @@ def one(number: int, worlds: Worlds) -> dict[str, Any]:
     world = worlds.draw(rng, number)
     boxes = rng.random() < 0.6  # of those they fit on
     wanted = int(np.exp(rng.uniform(np.log(2), np.log(300))))
-    policy, dt = str(rng.choice(sorted(POLICIES))), float(rng.choice(STEPS_S))
+    policy, dt = str(rng.choice(sorted(policies()))), float(rng.choice(STEPS_S))
     on_deadlock, give_way = str(rng.choice(["report", "resolve", "resolve"])), bool(rng.random() < 0.7)
     row: dict[str, Any] = {"number": number, "family": world[0], "map": worlds.name(world), "policy": policy, "dt_s": dt, "ended": ""}
     try:
@@ -224,7 +224,7 @@ def one(number: int, worlds: Worlds) -> dict[str, Any]:
     row |= {"kind": graph.kind, "robots": num, "robot": robot.name, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
     problem = Problem(graph, fleet, start, goal, np.arange(num), graph.cell_m / robot.max_speed_mps + 1.0, seed=number)
     why = ""
-    for name, method in methods(rng, POLICIES[policy].sound_plan_only):
+    for name, method in methods(rng, policies()[policy].sound_plan_only):
         plan = method(problem, 2.0)
         if plan is None:
             continue
@@ -264,7 +264,7 @@ def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, p
     events = collections.Counter(event.kind for event in run.events)
     if abs(run.booked_s.sum(1) - run.sim_time_s).max() > 1e-6:
         wrong.append("bookings do not add up")
-    if POLICIES[policy].sound_plan_only and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
+    if policies()[policy].sound_plan_only and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
         wrong.append("deadlock in plan order")
     nearest = np.inf
     for k in np.unique(np.linspace(0, len(run.t_s) - 1, 150).astype(int)):

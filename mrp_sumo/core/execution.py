@@ -17,7 +17,6 @@ class Outcome(StrEnum):
     COMPLETED = "completed"  # every robot stands at its goal
     TIME_LIMIT = "time_limit"
     DEADLOCK = "deadlock"  # stopped on request when a deadlock was found
-    FAILED = "failed"  # SUMO gave up
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,8 @@ def code_version() -> str:
         sources += Path(folder).rglob("*.py")
     parts = [f"{path.parent.name}/{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in sources]
     parts += [f"{name} {library_versions()[name]}" for name in _LIBRARIES]
-    parts += [f"{e.dist.name} {e.dist.version}" for e in entry_points(group="mrp_sumo.planners") if e.dist]
+    plug_ins = (*entry_points(group="mrp_sumo.planners"), *entry_points(group="mrp_sumo.policies"))
+    parts += [f"{e.dist.name} {e.dist.version}" for e in plug_ins if e.dist]
     return f"{mrp_sumo.__version__}+{_digest(chr(10).join(sorted(parts)).encode())[:8]}"
 
 

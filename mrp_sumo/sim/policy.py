@@ -1,11 +1,14 @@
 """Execution policies: who may set out for a vertex, and when.
 
 A policy turns a plan into an order at the resources (or none: first come, first served), the earliest time to
-leave each visit, and a pace. The controller does the rest and is the same for all. A new policy is a class
-here or in a file of its own, listed in POLICIES.
+leave each visit, and a pace. The controller does the rest and is the same for all. A new policy is a class in
+a file of its own, which its package registers under the entry-point group `mrp_sumo.policies`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +23,6 @@ from mrp_sumo.errors import ExecutionError, nearest
 class Policy(Protocol):
     """How a plan is executed. Implementations have no state."""
 
-    name: str
     look_ahead: int  # how many visits ahead of its position a robot may claim at most
     paced: bool  # whether a robot that is early drives slower
     keeps_order: bool  # whether `order` gives one
@@ -37,7 +39,6 @@ class Policy(Protocol):
 class OpenLoop:
     """Drive the path, whatever the clock says; right of way at a vertex goes to who asked first. Can deadlock."""
 
-    name: str = "open_loop"
     sound_plan_only: bool = False
     keeps_order: bool = False
     look_ahead: int = 2
@@ -54,7 +55,6 @@ class OpenLoop:
 class Timed(OpenLoop):
     """Leave no vertex before the plan does; right of way as in open loop. Delays can make it deadlock."""
 
-    name: str = "timed"
     paced: bool = True
 
     def earliest_s(self, plan: Plan) -> FloatArray:
@@ -65,7 +65,6 @@ class Timed(OpenLoop):
 class Adg:
     """Enter a vertex when everyone planned before has left it, as early as that is. Cannot deadlock."""
 
-    name: str = "adg"
     sound_plan_only: bool = True
     keeps_order: bool = True
     look_ahead: int = 4
@@ -82,14 +81,31 @@ class Adg:
 class AdgTimed(Adg):
     """The plan's order, and no vertex left before the plan does. Cannot deadlock."""
 
-    name: str = "adg_timed"
     paced: bool = True
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         return plan.depart_s
 
 
-POLICIES: dict[str, Policy] = {policy.name: policy for policy in (OpenLoop(), Timed(), Adg(), AdgTimed())}
+GROUP = "mrp_sumo.policies"
+
+
+@cache
+def policies() -> Mapping[str, Policy]:
+    """All policies by name: the four of this file, then those of other packages, which cannot take their names.
+
+    Raises
+    ------
+    ExecutionError
+        When a package's policy cannot be loaded.
+    """
+    found: dict[str, Policy] = {"open_loop": OpenLoop(), "timed": Timed(), "adg": Adg(), "adg_timed": AdgTimed()}
+    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
+        try:
+            found.setdefault(entry.name, entry.load()())
+        except (ImportError, AttributeError, TypeError) as error:
+            raise ExecutionError(f"execution policy '{entry.name}' ({entry.value}) cannot be loaded: {error}") from error
+    return found
 
 
 def policy_of(name: str) -> Policy:
@@ -100,9 +116,10 @@ def policy_of(name: str) -> Policy:
     ExecutionError
         When there is none.
     """
-    if name not in POLICIES:
-        raise ExecutionError(f"unknown execution policy '{name}'{nearest(name, POLICIES)}")
-    return POLICIES[name]
+    known = policies()
+    if name not in known:
+        raise ExecutionError(f"unknown execution policy '{name}'{nearest(name, known)}")
+    return known[name]
 
 
 def needs_sound_plan(name: str) -> bool:

@@ -1,44 +1,55 @@
 """Policies: four that differ in order, clock and reach, and a new one from one file."""
 
-from dataclasses import dataclass
-
-import numpy as np
 import pytest
 from worlds import cross, drive, line
 
-from mrp_sumo.core.schedule import schedule_of
 from mrp_sumo.errors import ExecutionError
-from mrp_sumo.sim import policy as policies
-from mrp_sumo.sim.policy import needs_sound_plan, policy_of
+from mrp_sumo.sim.policy import needs_sound_plan, policies, policy_of
 
 pytestmark = pytest.mark.kernel
 
 
-@dataclass(frozen=True)
-class LateStart:
-    """What somebody else's file may hold: the plan's order, and nobody sets out in the first ten seconds."""
+LATE_START = """
+import numpy as np
+from mrp_sumo.sim.policy import Adg
 
-    name: str = "late_start"
-    sound_plan_only: bool = True
-    keeps_order: bool = True
-    look_ahead: int = 1
-    paced: bool = False
-
-    def order(self, problem, plan, needs):
-        return schedule_of(problem, plan, needs)
-
+class LateStart(Adg):
     def earliest_s(self, plan):
         return np.where(np.isin(np.arange(plan.num_visits), plan.first[:-1]), 10.0, 0.0)
+"""  # what somebody else's file may hold: the plan's order, and nobody sets out in the first ten seconds
 
 
-def test_a_policy_is_one_class_with_a_name(tmp_path, monkeypatch):
-    monkeypatch.setitem(policies.POLICIES, "late_start", LateStart())
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Makes an installed package that registers a policy."""
+
+    def make(entry):
+        (tmp_path / "late_start_policy.py").write_text(LATE_START)
+        info = tmp_path / "late_start-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: late-start\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[mrp_sumo.policies]\n{entry}\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        policies.cache_clear()
+
+    yield make
+    policies.cache_clear()
+
+
+def test_a_policy_is_one_file_of_any_package(tmp_path, package):
+    package("late_start = late_start_policy:LateStart")
     run = drive(tmp_path, line(4), [[0, 1, 2, 3]], "late_start")
     usual = drive(tmp_path, line(4), [[0, 1, 2, 3]], "adg")
     assert run.policy == "late_start"
-    assert run.goal_s[0] == pytest.approx(usual.goal_s[0] + 10.0, abs=3.0)  # with one vertex at a time it stops at each
+    assert run.goal_s[0] == pytest.approx(usual.goal_s[0] + 10.0, abs=0.2)
     assert run.booked_s[0, 2] == pytest.approx(10.0, abs=0.2)  # planned wait
     assert needs_sound_plan("late_start")
+
+
+def test_a_policy_that_is_missing_is_told(package):
+    package("late_start = late_start_policy:LateSart")
+    with pytest.raises(ExecutionError, match=r"execution policy 'late_start' \(late_start_policy:LateSart\) cannot be loaded"):
+        policy_of("late_start")
 
 
 def test_an_unknown_policy_is_told_with_the_nearest():
