@@ -195,9 +195,11 @@ def apart(graph: PlanGraph, rng: np.random.Generator, num: int, distance: float)
     return np.array(chosen, np.int64)
 
 
-def one(number: int, worlds: Worlds) -> dict[str, Any]:
-    """Drive run `number`: what it was, how it ended, and what is wrong with it."""
-    recovery.PLANNING_LIMIT_S = 1.0  # many worlds have no room for a new plan
+def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
+    """Drive run `number`: what it was, how it ended, and what is wrong with it. Again with the planner that it was driven
+    with, planning takes the time it takes.
+    """
+    recovery.PLANNING_LIMIT_S = 60.0 if again_with else 1.0  # many worlds have no room for a new plan
     rng = np.random.default_rng([number, 77])
     world = worlds.draw(rng, number)
     boxes = rng.random() < 0.6  # of those they fit on
@@ -225,7 +227,9 @@ def one(number: int, worlds: Worlds) -> dict[str, Any]:
     problem = Problem(graph, fleet, start, goal, np.arange(num), graph.cell_m / robot.max_speed_mps + 1.0, seed=number)
     why = ""
     for name, method in methods(rng, policies()[policy].sound_plan_only):
-        plan = method(problem, 2.0)
+        if again_with not in ("", name):
+            continue
+        plan = method(problem, 60.0 if again_with else 2.0)
         if plan is None:
             continue
         try:
@@ -341,7 +345,7 @@ def drive_again(options: argparse.Namespace) -> int:
     rows = rows_in(options.out)
     before = [rows[number] for number in sorted(rows) if "digest" in rows[number] and not rows[number]["unresolved"]]
     chosen = [before[k] for k in np.unique(np.linspace(0, len(before) - 1, options.again).astype(int))]
-    parts = [[row["number"] for row in chosen[k :: options.processes]] for k in range(options.processes)]
+    parts = [[(row["number"], row["planner"]) for row in chosen[k :: options.processes]] for k in range(options.processes)]
     with multiprocessing.get_context("spawn").Pool(options.processes) as pool:
         told = dict(pair for part in pool.starmap(_digests, [(part, options.maps) for part in parts if part]) for pair in part)
     other = [row["number"] for row in chosen if told[row["number"]] != row["digest"]]
@@ -350,10 +354,10 @@ def drive_again(options: argparse.Namespace) -> int:
     return 1 if other else 0
 
 
-def _digests(numbers: list[int], maps: Path | None) -> list[tuple[int, str]]:
+def _digests(runs: list[tuple[int, str]], maps: Path | None) -> list[tuple[int, str]]:
     with tempfile.TemporaryDirectory() as scratch:
         worlds = Worlds(maps, Path(scratch))
-        return [(number, one(number, worlds).get("digest", "")) for number in numbers]
+        return [(number, one(number, worlds, name).get("digest", "")) for number, name in runs]
 
 
 def table(rows: Iterable[dict[str, Any]]) -> str:
