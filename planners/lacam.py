@@ -43,7 +43,7 @@ class Lacam:
     num_tries: int = 1  # configurations generated for one, the best is kept
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
     flow: int = 1  # rounds of giving ways that do not run against each other, for a guide; 0 for none
-    polish: int = 2500  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
+    polish: int = 1800  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots planned again at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
 
