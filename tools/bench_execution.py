@@ -1,7 +1,8 @@
 """Measures execution: robot-seconds simulated a second of CPU time, recording on, one process.
 
     python tools/bench_execution.py                        50 to 1,000 robots in a warehouse of 161 x 63 cells
-    python tools/bench_execution.py --grid                 5,000 and 10,000 robots on a grid of 200 x 200 cells
+    python tools/bench_execution.py --grid                 5,000 and 10,000 robots on a grid of 200 x 200 cells; the goals
+                                                           of 10,000 are within blocks of 20 x 20, and they drive to the end
     python tools/bench_execution.py --startup              from a plan to the first step, for every bundled map
     python tools/bench_execution.py --schedule             the order of 1,000 robots' passages
     python tools/bench_execution.py --memory               200 runs in one process
@@ -50,7 +51,7 @@ ROBOTS = {
     "amr": (RobotType("amr", 0.6, 0.5, 1.0, 0.5, 0.5, 1.5), 1.0, 3.0),
 }
 WAREHOUSE = (50, 100, 200, 500, 1000)
-GRID = ((5000, 0.2, 120.0), (10000, 0.5, np.inf))  # robots, step length, simulated seconds at most
+GRID = ((5000, 0.2, 120.0, None), (10000, 0.5, np.inf, 20))  # robots, step length, simulated seconds at most, goals within
 SMART = {50: 1820, 100: 1764, 200: 1820, 500: 1844, 1000: 1900}  # robot-seconds a CPU-second
 TARGET = {100: 15000, 1000: 10000}
 RUNS = 200
@@ -68,15 +69,22 @@ def warehouse() -> np.ndarray:
     return free
 
 
-def draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def draw(graph: PlanGraph, num_robots: int, seed: int, within: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Starts, and goals anywhere or in the start's block of `within` x `within` cells."""
     rng = np.random.default_rng([seed, num_robots])
-    return rng.permutation(graph.num_vertices)[:num_robots], rng.permutation(graph.num_vertices)[:num_robots]
+    start, goal = rng.permutation(graph.num_vertices)[:num_robots], rng.permutation(graph.num_vertices)[:num_robots]
+    if within is not None:
+        block = np.floor(graph.xy / (within * graph.length_m.min()) + 1e-9).astype(int) @ (1, 10_000)
+        for each in np.unique(block[start]):
+            (here,) = np.nonzero(block[start] == each)
+            goal[here] = rng.permutation(np.flatnonzero(block == each))[: len(here)]
+    return start, goal
 
 
-def planned(graph: PlanGraph, num_robots: int, options: argparse.Namespace) -> tuple[Problem, Plan, float]:
+def planned(graph: PlanGraph, num_robots: int, within: int | None, options: argparse.Namespace) -> tuple[Problem, Plan, float]:
     """A problem, a plan without rotations, whose order can be kept, and how long the planner took."""
     robot, _, step_s = ROBOTS[options.robot]
-    start, goal = draw(graph, num_robots, options.seed)
+    start, goal = draw(graph, num_robots, options.seed, within)
     problem = Problem(graph, fleet_of(robot, num_robots), start, goal, np.arange(num_robots), step_s)
     method = planner(options.planner or ("pibt" if num_robots > 2000 else "lacam"), {"rotations": False})
     method.prepare()
@@ -87,9 +95,11 @@ def planned(graph: PlanGraph, num_robots: int, options: argparse.Namespace) -> t
     return problem, plan, time.perf_counter() - begun
 
 
-def drive(case: str, graph: PlanGraph, network: Path, num_robots: int, dt: float, seconds: float, options: argparse.Namespace) -> Row:
+def drive(
+    case: str, graph: PlanGraph, network: Path, num_robots: int, dt: float, seconds: float, within: int | None, options: argparse.Namespace
+) -> Row:
     """Plan, drive and measure one case."""
-    problem, plan, planning_s = planned(graph, num_robots, options)
+    problem, plan, planning_s = planned(graph, num_robots, within, options)
     limit_s = min(seconds, float(plan.end_s.max()) * 4 + 60)
     settings = ExecutionSettings(options.policy, dt, limit_s, record_period_s=max(dt, options.record))
     cpu = time.process_time()
@@ -130,14 +140,15 @@ def rows_of_drives(options: argparse.Namespace) -> Iterator[Row]:
     free = np.ones((200, 200), np.bool_) if options.grid else warehouse()
     case = "grid" if options.grid else "warehouse"
     graph = grid_graph(free, ROBOTS[options.robot][1], (0.0, 0.0), name=case)
-    cases = GRID if options.grid else [(n, 0.1, 120.0) for n in WAREHOUSE]
+    cases = list(GRID) if options.grid else [(n, 0.1, 120.0, None) for n in WAREHOUSE]
     if options.robots:
-        cases = [(n, cases[0][1], cases[0][2]) for n in options.robots]
+        known = {case[0]: case for case in cases}
+        cases = [known.get(n, (n, *cases[0][1:])) for n in options.robots]
     with tempfile.TemporaryDirectory() as folder:
         network = build_network(graph, Path(folder) / "bench.net.xml")
-        drive(case, graph, network, 20, 0.1, 20.0, options)  # whatever the first case alone would pay for
-        for num_robots, dt, seconds in cases:
-            yield drive(case, graph, network, num_robots, options.dt or dt, options.seconds or seconds, options)
+        drive(case, graph, network, 20, 0.1, 20.0, None, options)  # whatever the first case alone would pay for
+        for num_robots, dt, seconds, within in cases:
+            yield drive(case, graph, network, num_robots, options.dt or dt, options.seconds or seconds, within, options)
 
 
 def rows_of_starts(options: argparse.Namespace) -> Iterator[Row]:
@@ -182,7 +193,7 @@ def rows_of_schedules(options: argparse.Namespace) -> Iterator[Row]:
     """The order at vertices and zones, proven acyclic."""
     graph = grid_graph(warehouse(), ROBOTS[options.robot][1], (0.0, 0.0), name="warehouse")
     for num_robots in options.robots or (1000,):
-        problem, plan, _ = planned(graph, num_robots, options)
+        problem, plan, _ = planned(graph, num_robots, None, options)
         for _ in range(2):  # the second without the loading of code
             begun = time.process_time()
             resources = resources_of(graph, problem.fleet.separation_m)
