@@ -1,7 +1,8 @@
 """Who is where and when, of the records that are installed, so that a search can count the robots it would disturb.
 
-A bit for every vertex and step says whether a robot on its way is there; only where it is set is the list looked
-up that tells who. Lists hold what happens at a vertex within WORD steps. Robots at their goals are told apart.
+A bit for every vertex and step says whether a robot on its way is there, another whether more than one is; only
+where these do not suffice is the list looked up that tells who. Lists hold what happens at a vertex within WORD
+steps. Robots at their goals are told apart.
 """
 
 from typing import NamedTuple
@@ -12,12 +13,13 @@ from numba import njit
 from mrp_sumo.planning._records import COST, FOREVER, OK, PATH0, ROBOT, TOO_LATE
 
 WORD = 32  # steps in a word of bits
+ONE, MANY = np.uint64(1), np.uint64(1 << WORD)  # bits of a word's first step
 
 
 class Occupancy(NamedTuple):
     """V vertices, R robots, T steps, W = T / WORD. A visit is a robot at a step: its number is step * R + robot + 1."""
 
-    busy: np.ndarray  # [V * W] uint32 bits: a robot on its way is there
+    busy: np.ndarray  # [V * W] uint64 bits: a robot on its way is there; above them: more than one
     visit: np.ndarray  # [V * W] int32 the first visit within the word's steps, 0 for none
     after: np.ndarray  # [T * R + 1] int32 the next visit within the same word
     since: np.ndarray  # [V] int32 from when on a robot is there for good, FOREVER for nobody
@@ -29,7 +31,7 @@ def empty_occupancy(num_vertices: int, num_robots: int, horizon: int) -> Occupan
     """Nobody anywhere; `horizon` is a multiple of WORD."""
     words = num_vertices * (horizon // WORD)
     return Occupancy(
-        np.zeros(words, np.uint32),
+        np.zeros(words, np.uint64),
         np.zeros(words, np.int32),
         np.empty(horizon * num_robots + 1, np.int32),
         np.full(num_vertices, FOREVER, np.int32),
@@ -59,7 +61,7 @@ def visitor(occupancy, vertex, step, visit):
     num_robots = len(occupancy.record)
     if visit == 0:
         word = vertex * (len(occupancy.busy) // len(occupancy.since)) + (step >> 5)
-        if not (occupancy.busy[word] >> (step & 31)) & 1:
+        if not (occupancy.busy[word] >> np.uint64(step & 31)) & ONE:
             return np.int64(0)
         k = np.int64(occupancy.visit[word])
     else:
@@ -80,7 +82,8 @@ def _install(store, occupancy, record):
         k = t * num_robots + robot + 1
         after[k] = visit[word]
         visit[word] = k
-        busy[word] = np.uint32(busy[word] | (1 << (t & 31)))
+        bit = ONE << np.uint64(t & 31)
+        busy[word] |= bit | (busy[word] & bit) << np.uint64(WORD)
     v = store.path[path0 + cost]
     occupancy.parked[v] = robot
     occupancy.since[v] = cost
@@ -101,7 +104,7 @@ def uninstall(store, occupancy, robot):
         word = np.int64(store.path[path0 + t]) * words + (t >> 5)
         low = t * num_robots
         mine = low + robot + 1
-        alone = True
+        others = 0
         before, k = np.int64(0), np.int64(visit[word])
         while k > 0:
             following = np.int64(after[k])
@@ -111,11 +114,11 @@ def uninstall(store, occupancy, robot):
                 else:
                     visit[word] = following
             else:
-                alone = alone and not (low < k <= low + num_robots)
+                others += low < k <= low + num_robots
                 before = k
             k = following
-        if alone:
-            busy[word] = np.uint32(busy[word] & (0xFFFFFFFF ^ (1 << (t & 31))))
+        if others < 2:
+            busy[word] &= ~((MANY if others else ONE) << np.uint64(t & 31))
     v = store.path[path0 + cost]
     if occupancy.parked[v] == robot:
         occupancy.parked[v] = -1

@@ -28,7 +28,7 @@ from mrp_sumo.planning._constraints import (
     load,
 )
 from mrp_sumo.planning._earliest import earliest_arrival
-from mrp_sumo.planning._occupancy import WORD, next_visit, uninstall
+from mrp_sumo.planning._occupancy import MANY, ONE, WORD, next_visit, uninstall
 from mrp_sumo.planning._records import (
     BOUND,
     COST,
@@ -169,9 +169,10 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
             code = OUT_OF_BUDGET
             break
         step = t + 1
-        column, bit = step >> 5, step & 31
-        column_before, bit_before = t >> 5, t & 31
+        column, bit = step >> 5, np.uint64(step & 31)
+        column_before, bit_before = t >> 5, np.uint64(t & 31)
         low = step * num_robots
+        here = step < horizon and (((busy[u * words + column] >> bit) & ONE) != 0 or since[u] <= step)
         for lane in range(begin, lanes_end + 1):
             v = head[lane] if lane < lanes_end else u
             delay = step + distance[v] - shortest
@@ -195,22 +196,24 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
             if since[v] <= step:
                 new_disturbs += 1
             if step < horizon:
-                word = v * words
-                if (busy[word + column] >> bit) & 1:
-                    e = next_visit(after, visit[word + column], low, num_robots)
+                bits = busy[v * words + column] >> bit
+                new_disturbs += np.int64(bits & ONE)
+                if bits & MANY:
+                    e = next_visit(after, after[next_visit(after, visit[v * words + column], low, num_robots)], low, num_robots)
                     while e:
                         new_disturbs += 1
                         e = next_visit(after, after[e], low, num_robots)
                 if u != v:
-                    if (busy[word + column_before] >> bit_before) & 1:
-                        e = next_visit(after, visit[word + column_before], low - num_robots, num_robots)
+                    # who swaps places with the robot is there before and here after
+                    if (here or following) and (busy[v * words + column_before] >> bit_before) & ONE:
+                        e = next_visit(after, visit[v * words + column_before], low - num_robots, num_robots)
                         while e:
                             record = installed[e - low + num_robots - 1]
                             went = path[meta[record, PATH0] + min(step, meta[record, COST])]
                             if went == u or (following and went != v):
                                 new_disturbs += 1
                             e = next_visit(after, after[e], low - num_robots, num_robots)
-                    if following and (busy[u * words + column] >> bit) & 1:
+                    if following and (busy[u * words + column] >> bit) & ONE:
                         e = next_visit(after, visit[u * words + column], low, num_robots)
                         while e:
                             record = installed[e - low - 1]

@@ -1,0 +1,103 @@
+"""Who is where and when: the bits against paths written out, and the robots that a search says it disturbs, counted again."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from truth import ROBOT
+
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.planning import _records as st
+from mrp_sumo.planning._constraints import BEFORE, LABEL, VERTEX, load
+from mrp_sumo.planning._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
+from mrp_sumo.planning._space_time import FINISH, find_path
+from planners._tree import Tree, limits
+
+pytestmark = pytest.mark.kernel
+
+
+def root_of(free, start, goal, *, following=False):
+    """A tree, and its root, in which paths collide."""
+    robots = np.arange(len(start))
+    problem = Problem(grid_graph(free, 1.0, (0.0, 0.0)), fleet_of(ROBOT, len(start)), np.array(start), np.array(goal), robots, 1.0)
+    tree = Tree(problem, limits(np.inf, 4000), following=following)
+    return tree, tree.root(1.0)
+
+
+def path_of(store, record):
+    begin, cost = store.meta[record, st.PATH0], store.meta[record, st.COST]
+    return store.path[begin : begin + cost + 1].tolist()
+
+
+def at(path, step):
+    return path[min(step, len(path) - 1)]
+
+
+def counted_on(paths, occupancy):
+    """[V, T] how many robots on their way are at each vertex and step."""
+    count = np.zeros((len(occupancy.since), steps_known(occupancy)), int)
+    for path in paths:
+        for t, v in enumerate(path[:-1]):
+            count[v, t] += 1
+    return count
+
+
+def told(occupancy):
+    """[V, T] 0, 1, or 2 for more than one, as the bits say."""
+    steps = np.arange(WORD, dtype=np.uint64)
+    bits = [(occupancy.busy[:, None] >> steps) & one for one in (ONE, MANY)]
+    return np.reshape([bit > 0 for bit in bits], (2, len(occupancy.since), -1)).sum(axis=0)
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_bits_tell_none_one_and_more_however_robots_leave(order):
+    """Three robots cross the middle of a plus at the same step."""
+    plus = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
+    tree, root = root_of(plus, [0, 1, 3], [4, 3, 1])
+    store, occupancy = tree._tables.store, tree._tables.occupancy
+    paths = [path_of(store, record) for record in root.records]
+    assert [path[1] for path in paths] == [2, 2, 2]
+    install_all(store, occupancy, root.records, -1)
+    there = list(range(3))
+    for robot in [None, *order]:
+        if robot is not None:
+            uninstall(store, occupancy, robot)
+            there.remove(robot)
+        assert np.array_equal(told(occupancy), np.minimum(counted_on([paths[r] for r in there], occupancy), 2))
+
+
+@pytest.mark.parametrize("following", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_search_disturbs_as_many_as_can_be_counted_on_its_path(seed, following):
+    chance = np.random.default_rng(seed)
+    tree, root = root_of(np.ones((5, 5), bool), chance.permutation(25)[:14], chance.permutation(25)[:14], following=following)
+    store, occupancy, scratch = tree._tables.store, tree._tables.occupancy, tree._tables.scratch
+    paths = [path_of(store, record) for record in root.records]
+    seen = 0
+    for robot, record in enumerate(root.records.tolist()):
+        install_all(store, occupancy, root.records, -1)
+        uninstall(store, occupancy, robot)
+        assert load(tree.world, store, scratch, record) == st.OK
+        least = int(tree.world.distance[robot, tree.world.start[robot]])
+        code, end = find_path(tree.world, store, occupancy, scratch, robot, least, least + 2, False, 1 << 20)
+        assert code == st.OK
+        state = scratch.state
+        if state[end, LABEL] & 3 == FINISH:  # counts besides who comes to the goal later
+            end = state[end, BEFORE]
+        disturbed, mine = state[end, LABEL] >> 2, []
+        while end >= 0:
+            mine.insert(0, int(state[end, VERTEX]))
+            end = state[end, BEFORE]
+        counted = 0
+        for other in (path for k, path in enumerate(paths) if k != robot):
+            for t in range(len(mine) - 1):
+                u, v, was, now = mine[t], mine[t + 1], at(other, t), at(other, t + 1)
+                counted += now == v
+                if u != v:
+                    counted += was == v and (now == u or (following and now != v))
+                    counted += following and now == u and was != v and t + 2 < len(other)  # who ends there is not looked for
+        assert disturbed == counted
+        seen += counted
+    assert seen > 0
