@@ -54,8 +54,6 @@ class CbsTa:
             return clash
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0
-
-        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), limit.check)
         first: Tree | None = None
         # (f, conflicts, serial, node, its tree, its assignment); a root to be made comes last among equals and has no node
         open_nodes: list[tuple[float, int, int, Node | None, Tree | None, Problem | None]] = []
@@ -69,6 +67,8 @@ class CbsTa:
 
         status, message = Status.SOLVED, ""
         try:
+            cost = cost_matrix(problem.graph, problem.start, problem.goal, "path", limit.check)
+            ranked = ranked_assignments(cost, limit.check)
             await_next()
             while open_nodes:
                 f, _, _, node, tree, assigned = heappop(open_nodes)

@@ -54,9 +54,6 @@ class EcbsTa:
             return clash
         number = count()
         best, expanded, roots, lower = None, 0, 0, 0.0
-
-        ranked = ranked_assignments(cost_matrix(problem.graph, problem.start, problem.goal, "path"), limit.check)
-        waiting = next(ranked, None)  # the assignment whose root comes next
         first: Tree | None = None
         by_bound: list[tuple[int, int]] = []
         focal: list[tuple[int, int, int, Node, Tree, Problem]] = []
@@ -70,6 +67,9 @@ class EcbsTa:
 
         status, message = Status.SOLVED, ""
         try:
+            matrix = cost_matrix(problem.graph, problem.start, problem.goal, "path", limit.check)
+            ranked = ranked_assignments(matrix, limit.check)
+            waiting = next(ranked, None)  # the assignment whose root comes next
             while True:
                 limit.check()
                 while by_bound and by_bound[0][1] in closed:

@@ -3,6 +3,7 @@
 A goal that a robot cannot reach costs inf, whatever the kind of cost.
 """
 
+from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,9 +13,10 @@ from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.planning.distance import UNREACHABLE, distances
 
 CostKind = Literal["euclidean", "manhattan", "path"]
+GOALS_AT_ONCE = 8  # between looks at the clock
 
 
-def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str) -> FloatArray:
+def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:
     """Costs of every robot for every goal.
 
     Parameters
@@ -27,6 +29,8 @@ def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str) -> 
         [G] vertices.
     kind
         'euclidean' or 'manhattan' distance in m, or 'path': steps along the lanes.
+    check_clock
+        Called before every few goals; may raise to give up.
 
     Returns
     -------
@@ -40,7 +44,11 @@ def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str) -> 
     """
     if kind not in get_args(CostKind):
         raise ScenarioError(f"unknown cost '{kind}'{nearest(kind, get_args(CostKind))}")
-    steps = distances(graph).to_all(goal)[:, start].T  # [R, G]
+    tables = distances(graph)
+    steps = np.empty((len(start), len(goal)), np.int32)
+    for k in range(0, len(goal), GOALS_AT_ONCE):
+        check_clock()
+        steps[:, k : k + GOALS_AT_ONCE] = tables.to_all(goal[k : k + GOALS_AT_ONCE])[:, start].T
     if kind == "path":
         cost = steps.astype(np.float64)
     else:

@@ -47,6 +47,7 @@ def ranked_assignments(cost: FloatArray, check_clock: Callable[[], None] = lambd
             number += 1
             heappush(queue, (float(chosen.sum()), number, choice, matrix, fixed))
 
+    check_clock()
     consider(square, 0)
     told: set[bytes] = set()
     while queue:

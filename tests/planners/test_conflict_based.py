@@ -12,6 +12,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.planning.distance import Distances
 from mrp_sumo.planning.draw import uniform_draw
 from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.planning.registry import planner
@@ -190,3 +191,15 @@ def test_search_that_may_take_no_memory_gives_up_with_what_it_knows(name):
 def test_memory_limit_that_is_none_is_refused(name):
     with pytest.raises(ScenarioError, match="memory_mb is 0, expected 1 or more"):
         planner(name, {"memory_mb": 0})
+
+
+@pytest.mark.parametrize("name", ["cbs_ta", "ecbs_ta"])
+def test_time_that_is_up_makes_no_more_tables(name, monkeypatch):
+    whole, made = Distances.to_all, []
+    monkeypatch.setattr(Distances, "to_all", lambda self, goals: made.extend(goals) or whole(self, goals))
+    graph = grid_graph(np.ones((20, 20), bool), 1.0, (0.0, 0.0))
+    vertices = np.arange(400)
+    problem = Problem(graph, fleet_of(ROBOT, 200), vertices[:200], vertices[200:], np.full(200, -1), 1.0)
+    result = planner(name, {}).plan(problem, 1e-9)
+    assert result.status is Status.TIMED_OUT
+    assert len(made) == 0

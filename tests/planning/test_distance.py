@@ -46,6 +46,21 @@ def test_unreachable_costs_inf_whatever_the_kind():
         assert np.isinf(cost_matrix(one_way_ring(), np.array([0]), np.array([4]), kind)).all()
 
 
+def test_costs_are_given_up_between_goals_when_the_clock_says_so():
+    ring = nav_graph(name="ring", xy=[(0, k) for k in range(40)], lanes=[(k, (k + 1) % 40) for k in range(40)])
+    looks = []
+
+    def check_clock():
+        looks.append(len(distances(ring)._table))
+        if len(looks) == 3:
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        cost_matrix(ring, np.array([0]), np.arange(40), "path", check_clock)
+    assert looks == [0, 8, 16]
+    assert cost_matrix(ring, np.array([0, 3]), np.arange(40), "path").tolist() == [list(range(40)), [*range(37, 40), *range(37)]]
+
+
 def test_unknown_cost_names_the_nearest():
     with pytest.raises(ScenarioError, match="did you mean 'manhattan'"):
         cost_matrix(one_way_ring(), np.array([0]), np.array([1]), "manhatan")
