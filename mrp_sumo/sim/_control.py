@@ -380,8 +380,9 @@ def _extend(now, drive, path, need, state, closed, look_ahead):
                 if missing >= 0:
                     break
             if missing >= 0:
-                cause[r] = OTHER
-                other[r] = missing
+                own = missing == r  # it is to pass again before its last passage is over: it has not heard how far it may go
+                cause[r] = DISTURBED if own else OTHER
+                other[r] = -1 if own else missing
                 if not on_lane[r] and short_of[k] < np.inf:
                     on_lane[r] = True
                     allowed[r] = short_of[k]

@@ -170,3 +170,11 @@ def test_a_new_plan_that_first_turns_back_is_the_one_that_is_driven(tmp_path):
     assert run.all_at_goal
     assert least_distance_m(run) >= 0.325
     assert (run.x_m[-1, 0], run.x_m[-1, 1]) == pytest.approx((2.0, 0.0), abs=0.002)
+
+
+def test_a_robot_never_waits_for_itself(tmp_path):
+    # the lane in the middle is shorter than a robot is long: behind it a zone is needed again before it has been left
+    graph = graph_of([(0, 0), (0.5, 0), (0.6, 0), (1.1, 0), (1.6, 0)], [(k, k + 1) for k in range(4)])
+    run = drive(tmp_path, graph, [[0, 1, 2, 3, 4]], disturbances=Disturbances(latency_s=3.0))
+    assert run.all_at_goal
+    assert not [e for e in run.events if e.kind == "deadlock" or e.other == e.robot]
