@@ -107,3 +107,5 @@ def prepare() -> None:
     traffic, labels, hood = room_to_repair(task, 32, 2)
     _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))
     Incumbent(problem, table, np.inf).work(LABELS_AT_ONCE, 0.0)
+    path = np.array([[0, 2], [1, 2], [3, 1], [3, 0], [1, 0], [2, 0]], np.int32)  # a solution that LNS tries to better
+    Refinement(task, path, 2, np.random.default_rng(0)).until(np.inf, most_labels=10)
