@@ -42,3 +42,18 @@ def test_planning_compiles_nothing_after_prepare(name, side, robots):
     before = compiled()
     chosen.plan(problem, 1.0)
     assert {kernel: n for kernel, n in compiled().items() if n != before.get(kernel, 0)} == {}
+
+
+def test_bettering_an_incumbent_compiles_nothing():
+    free = np.random.default_rng(5).random((16, 16)) > 0.15
+    graph = grid_graph(free, 1.0, (0.0, 0.0))
+    start, goal = uniform_draw(graph, 70, 3)
+    fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 70)
+    problem = Problem(graph, fleet, start, goal, np.arange(70), 1.0)
+    chosen = planner("eecbs", {})
+    distance.prepare()
+    chosen.prepare()
+    before = compiled()
+    result = chosen.plan(problem, 2.0)
+    assert result.stats["incumbent_cost"] > 0  # LNS found a plan and went on from there
+    assert {kernel: n for kernel, n in compiled().items() if n != before.get(kernel, 0)} == {}
