@@ -47,7 +47,7 @@ from mrp_sumo.sim.loop import simulate
 from mrp_sumo.sim.settings import ExecutionSettings
 
 ROBOTS = {
-    "burger": (RobotType("turtlebot3_burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84), 0.4, 2.5),  # cell, planned step
+    "burger": (RobotType("turtlebot3", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84), 0.4, 2.5),  # cell, planned step
     "amr": (RobotType("amr", 0.6, 0.5, 1.0, 0.5, 0.5, 1.5), 1.0, 3.0),
 }
 WAREHOUSE = (50, 100, 200, 500, 1000)
