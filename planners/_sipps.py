@@ -32,6 +32,14 @@ class Labels(NamedTuple):
 
 
 @njit(cache=True)
+def _first_crossing(traffic, along, rings, back, v, u, t, until):
+    """The first arrival at u from v, not before `t`, that swaps with nobody and closes no ring; beyond `until`: none."""
+    while t <= until and ((back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1) or (rings and closes_ring(traffic, v, u, t))):
+        t += 1
+    return t
+
+
+@njit(cache=True)
 def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 
@@ -113,10 +121,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
                 occupied, end = run_end(busy[u], t)
                 if not occupied:
                     until = min(end, last)
-                    while t <= until and (
-                        (back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1) or (rings and closes_ring(traffic, v, u, t))
-                    ):
-                        t += 1
+                    t = _first_crossing(traffic, along, rings, back, v, u, t, until)
                     mark = seen[u, end]
                     if t <= until and (mark < stamp or mark - stamp > t):
                         if num_labels >= room:
@@ -188,10 +193,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
                 occupied, end = run_end(busy[u], t)
                 arrive, price = t, cost + (1 if occupied else 0)
                 until = min(end, last)
-                while arrive <= until and (
-                    (back >= 0 and (along[back, arrive >> 5] >> (arrive & 31)) & 1) or (rings and closes_ring(traffic, v, u, arrive))
-                ):
-                    arrive += 1
+                arrive = _first_crossing(traffic, along, rings, back, v, u, arrive, until)
                 if arrive > until:
                     arrive, price = t, price + 1
                 if num_labels >= room or num_heap >= room:
