@@ -16,9 +16,9 @@ from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import goals_clash
-from mrp_sumo.planning.distance import UNREACHABLE, distances
+from mrp_sumo.search.distance import UNREACHABLE, distances
 from planners._compass import extend_all
-from planners._pibt import Scratch, World
+from planners.configuration._pibt import Scratch, World
 
 TABLE_BYTES = 400_000_000  # tables of steps larger than this are packed
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes

@@ -11,7 +11,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import impossible, require_limit
-from mrp_sumo.planning.distance import distances
+from mrp_sumo.search.distance import distances
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class AStar:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners._warm import warm
+        from planners.conflict_based._warm import warm
 
         warm(self)
 

@@ -30,21 +30,21 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
-from mrp_sumo.core.resources import needs_of, resources_of
-from mrp_sumo.core.schedule import schedule_of
+from mrp_sumo.drive import warm
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.motion_plan import lanes_of
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.grid import grid_graph, paper_grid
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.sumo import build_network
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.evaluate import evaluate
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.sim import warm
-from mrp_sumo.sim.course import lanes_of
-from mrp_sumo.sim.loop import simulate
-from mrp_sumo.sim.settings import ExecutionSettings
+from mrp_sumo.traffic.referee import judge
+from mrp_sumo.traffic.resources import needs_of, resources_of
+from mrp_sumo.traffic.schedule import schedule_of
 
 ROBOTS = {
     "burger": (RobotType("turtlebot3", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84), 0.4, 2.5),  # cell, planned step

@@ -23,10 +23,10 @@ import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
-from mrp_sumo.io.instances import POINT, read_instance
+from mrp_sumo.formats.instances import POINT, read_instance
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.registry import planner, planner_names
+from mrp_sumo.traffic.referee import judge
 
 LIMITS_S = (0.2, 1.0, 2.0, 5.0)
 HARD = {  # name -> (map, scen, robots)

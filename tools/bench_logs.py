@@ -16,12 +16,12 @@ from tempfile import mkdtemp
 
 import numpy as np
 
+from mrp_sumo.bags.writer import BagOptions, write_bag
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.io.record import Record
-from mrp_sumo.io.rosbag import BagOptions, write_bag
 from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.mrp_bench import execution_metrics

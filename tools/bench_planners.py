@@ -28,13 +28,13 @@ import numpy as np
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.movingai import occupancy, read_problem_file, vertices_at
+from mrp_sumo.maps.readers.movingai import occupancy, read_problem_file, vertices_at
 from mrp_sumo.maps.yaml_text import read_text
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.referee import judge
 
 ROBOT = RobotType("cell", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 PAPER = {

@@ -23,9 +23,9 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor
-from mrp_sumo.io.plan_file import write_plan
 from mrp_sumo.io.run_folder import plain
 from mrp_sumo.io.scenario import Scenario
 from mrp_sumo.io.trajectory import write_trajectory

@@ -30,12 +30,12 @@ import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.instances import POINT, read_instance
+from mrp_sumo.formats.instances import POINT, read_instance
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.planning.draw import uniform_draw
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.draw import uniform_draw
+from mrp_sumo.traffic.referee import judge
 
 LACAM3 = {  # map -> robots -> (search s, cost) of the first solution
     "random-32-32-20": {100: (0.031, 2544), 200: (0.188, 6571), 300: (0.263, 13642), 400: (0.506, 25101)},

@@ -16,14 +16,14 @@ import numpy as np
 from bench_planners import problem_of, scens
 
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning import _records as records
-from mrp_sumo.planning._constraints import EXPANSIONS, load
-from mrp_sumo.planning._earliest import earliest_arrival
-from mrp_sumo.planning._occupancy import install_all, uninstall
-from mrp_sumo.planning._space_time import find_path
 from mrp_sumo.planning.registry import planner
-from planners._incumbent import Incumbent
-from planners._tree import Tree, limits
+from mrp_sumo.search import _records as records
+from mrp_sumo.search._constraints import EXPANSIONS, load
+from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._occupancy import install_all, uninstall
+from mrp_sumo.search._space_time import find_path
+from planners.conflict_based._incumbent import Incumbent
+from planners.conflict_based._tree import Tree, limits
 
 ASKED = (("random-32-32-20", 100), ("random-32-32-10", 200), ("airport_terminal_0.4", 20), ("warehouse-10-20-10-2-1", 200))
 PLENTY = 1 << 40

@@ -36,20 +36,20 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive import recovery
+from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.policy import policies
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.maps.grid import grid_graph, paper_grid
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.roadmap import cut_lanes
-from mrp_sumo.maps.sumo import build_network
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.sim import recovery
-from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
-from mrp_sumo.sim.loop import simulate
-from mrp_sumo.sim.policy import policies
-from mrp_sumo.sim.settings import ExecutionSettings
 
 BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84)
 BOX = RobotType("box", 0.3, 0.2, 0.8, 0.6, 0.9, 1.2, 0.04)  # brakes harder than it speeds up, tight gap

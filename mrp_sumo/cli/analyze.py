@@ -74,8 +74,8 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
     """
     import numpy as np
 
+    from mrp_sumo.bags.reader import read_fleet_log
     from mrp_sumo.errors import MrpSumoError, nearest
-    from mrp_sumo.io.rosbag_reader import read_fleet_log
     from mrp_sumo.metrics.mrp_bench import execution_metrics
 
     folder = bag / "bag" if (bag / "bag" / "metadata.yaml").is_file() else bag

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the batch, or say what it would do."""
     from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
     from mrp_sumo.experiments.suite import find_suite, read_suite
-    from mrp_sumo.reports.keep import KEPT, keep_worst
+    from mrp_sumo.reports.archive import KEPT, keep_worst
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     for name, value, least in (("--workers", workers, 1), ("--retries", options.retries, 0), ("--keep-worst", options.keep_worst, 0)):

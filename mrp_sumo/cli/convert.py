@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Convert, and tell what was lost."""
     from mrp_sumo.cli.plan_choice import is_plan
-    from mrp_sumo.maps.write import write_map
+    from mrp_sumo.io.map_files import write_map
 
     if is_plan(Path(options.source)):
         _convert_plan(Path(options.source), options.destination, options.format, options.map)
@@ -42,9 +42,9 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
 
     from mrp_sumo.cli.plan_choice import is_json, kind_of, read, step_of, text_of, write, write_text
     from mrp_sumo.errors import PlanError
-    from mrp_sumo.io.instances import problem_of_places, read_instance
-    from mrp_sumo.io.plan_file import read_plan
-    from mrp_sumo.planning.peers import print_places, read_places
+    from mrp_sumo.formats.instances import problem_of_places, read_instance
+    from mrp_sumo.formats.peers import print_places, read_places
+    from mrp_sumo.formats.plan_json import read_plan
 
     text, kind = text_of(source), kind_of(destination, chosen)
     if not is_json(text) and kind != "json":

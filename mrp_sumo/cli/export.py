@@ -36,8 +36,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file and print its path."""
     from mrp_sumo.errors import MrpSumoError
-    from mrp_sumo.io import exports
     from mrp_sumo.io.run_reader import load_run
+    from mrp_sumo.reports import exports
 
     loaded = load_run(options.run)
     out = options.out or Path(options.run) / FORMATS[options.format][0]
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     if not len(record.execution.t_s):
         raise MrpSumoError(f"{options.run}: the trajectory is empty")
     if options.format in ("bag", "ros1"):
-        from mrp_sumo.io.rosbag import BagOptions, write_bag
+        from mrp_sumo.bags.writer import BagOptions, write_bag
 
         robots = tuple(name.strip() for name in options.robots.split(",") if name.strip())
         choice = BagOptions(

@@ -91,8 +91,8 @@ def _require_replaceable(out: Path) -> None:
 
 def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
-    from mrp_sumo.maps.nav_graph import write_nav_graph
-    from mrp_sumo.maps.sumo import build_network
+    from mrp_sumo.engines.sumo.network import build_network
+    from mrp_sumo.maps.readers.nav_graph import write_nav_graph
     from mrp_sumo.reports.map_picture import draw_map
 
     try:
@@ -116,7 +116,7 @@ def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
 
 def _nav_graphs(map_: "Map") -> dict[str, Any]:
     """Documents by file name: one a graph as in the file, or one for the whole map once it was repaired."""
-    from mrp_sumo.maps.nav_graph import document_of_map
+    from mrp_sumo.maps.readers.nav_graph import document_of_map
 
     if map_.changes or not map_.documents:
         return {map_.name: document_of_map(map_)}

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan
     from mrp_sumo.core.problem import Problem
-    from mrp_sumo.planning.peers import Cells
+    from mrp_sumo.formats.peers import Cells
 
 DEFAULT_TIME_LIMIT_S = 60.0
 
@@ -69,11 +69,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _scenario(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Plan | None, Cells | None]":
+    from mrp_sumo.experiments.map_cache import Workshop
     from mrp_sumo.experiments.run import solve
     from mrp_sumo.experiments.set_up import set_up
-    from mrp_sumo.experiments.workshop import Workshop
+    from mrp_sumo.formats.peers import cells_of
     from mrp_sumo.io.scenario import find_scenario, read_scenario
-    from mrp_sumo.planning.peers import cells_of
 
     overrides: dict[tuple[str | int, ...], tuple[str, Any]] = {}
     if options.seed is not None:
@@ -99,12 +99,12 @@ def _instance(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Pl
     from dataclasses import replace
     from time import perf_counter
 
-    from mrp_sumo.core.referee import judge
-    from mrp_sumo.io.instances import read_instance
-    from mrp_sumo.planning import distance
+    from mrp_sumo.formats.instances import read_instance
     from mrp_sumo.planning.answers import answer_of
     from mrp_sumo.planning.costs import cost_matrix
     from mrp_sumo.planning.registry import assigner, planner
+    from mrp_sumo.search import distance
+    from mrp_sumo.traffic.referee import judge
 
     name, parameters = _planner(options)
     chosen = planner(name or "lacam", parameters)

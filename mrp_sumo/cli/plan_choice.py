@@ -9,7 +9,7 @@ from mrp_sumo.errors import PlanError, nearest
 if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan
     from mrp_sumo.core.problem import Problem
-    from mrp_sumo.planning.peers import Cells
+    from mrp_sumo.formats.peers import Cells
 
 SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".txt": "paths"}
 
@@ -22,7 +22,7 @@ def kind_of(path: Path, chosen: str | None) -> str:
     PlanError
         For a format or a suffix that is not known.
     """
-    from mrp_sumo.planning.peers import FORMATS
+    from mrp_sumo.formats.peers import FORMATS
 
     kinds = ["json", *FORMATS]
     if chosen is not None:
@@ -53,7 +53,7 @@ def is_plan(path: Path) -> bool:
     """Whether a file is a plan rather than a map; False where there is no such file."""
     import re
 
-    from mrp_sumo.planning.peers import format_of
+    from mrp_sumo.formats.peers import format_of
 
     try:
         with path.open(encoding="utf-8") as file:
@@ -77,8 +77,8 @@ def step_of(text: str) -> float:
 
 def read(path: Path, problem: "Problem", cells: "Cells | None") -> "Plan":
     """A plan for the problem, in any format."""
-    from mrp_sumo.io.plan_file import read_plan
-    from mrp_sumo.planning.peers import read_paths
+    from mrp_sumo.formats.peers import read_paths
+    from mrp_sumo.formats.plan_json import read_plan
 
     text = text_of(path)
     if is_json(text):
@@ -88,8 +88,8 @@ def read(path: Path, problem: "Problem", cells: "Cells | None") -> "Plan":
 
 def write(path: Path, kind: str, problem: "Problem", plan: "Plan", cells: "Cells | None") -> None:
     """Write a plan, whole or not at all."""
-    from mrp_sumo.io.plan_file import write_plan
-    from mrp_sumo.planning.peers import print_paths
+    from mrp_sumo.formats.peers import print_paths
+    from mrp_sumo.formats.plan_json import write_plan
 
     if kind == "json":
         _replacing(path, lambda partial: write_plan(partial, problem, plan))

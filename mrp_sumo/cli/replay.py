@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the page, and serve it where that is asked for."""
-    from mrp_sumo.reports.replay import write_replay
+    from mrp_sumo.reports.replay.page import write_replay
 
     page = write_replay(Path(options.run), Path(options.out) if options.out else None)
     print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     with _progress_bar() as progress:
         result = run_scenario(file, out, progress=progress, gui=options.gui)
     if options.replay and (out / "plan.json").is_file():
-        from mrp_sumo.reports.replay import write_replay
+        from mrp_sumo.reports.replay.page import write_replay
 
         write_replay(out)
     _print(result, out, options.verbose)

@@ -30,15 +30,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Judge, print."""
     from mrp_sumo.cli.plan_choice import read, text_of
-    from mrp_sumo.core.referee import describe, judge
     from mrp_sumo.errors import MrpSumoError
-    from mrp_sumo.planning.peers import cells_of, goals_reached
+    from mrp_sumo.formats.peers import cells_of, goals_reached
+    from mrp_sumo.traffic.referee import describe, judge
 
     if (options.map is None) == (options.scenario is None):
         raise MrpSumoError("expected either --map (with --scen) or --scenario")
     text_of(options.plan)  # a plan that cannot be read is told before the map is loaded
     if options.map is not None:
-        from mrp_sumo.io.instances import read_instance
+        from mrp_sumo.formats.instances import read_instance
 
         num_robots = options.robots if options.robots is not None else _num_robots(options.plan)
         instance = read_instance(options.map, options.scen, num_robots, options.seed or 0)
@@ -78,8 +78,8 @@ def run(options: argparse.Namespace) -> int:
 def _num_robots(path: Path) -> int:
     from mrp_sumo.cli.plan_choice import is_json, text_of
     from mrp_sumo.errors import PlanError
-    from mrp_sumo.io.plan_file import read_plan
-    from mrp_sumo.planning.peers import read_places
+    from mrp_sumo.formats.peers import read_places
+    from mrp_sumo.formats.plan_json import read_plan
 
     text = text_of(path)
     number = read_plan(path).num_robots if is_json(text) else len(read_places(text, None, path.name))
@@ -89,8 +89,8 @@ def _num_robots(path: Path) -> int:
 
 
 def _of_scenario(options: argparse.Namespace) -> "Problem":
+    from mrp_sumo.experiments.map_cache import Workshop
     from mrp_sumo.experiments.set_up import set_up
-    from mrp_sumo.experiments.workshop import Workshop
     from mrp_sumo.io.scenario import find_scenario, read_scenario
 
     overrides: dict[tuple[str | int, ...], tuple[str, int]] = {}

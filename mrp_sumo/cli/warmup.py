@@ -36,11 +36,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _warm(name: str) -> tuple[str, float]:
     """The name, and how long it took."""
+    from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.metrics import audit
-    from mrp_sumo.planning import distance
     from mrp_sumo.planning.registry import planner
-    from mrp_sumo.sim import warm
+    from mrp_sumo.search import distance
 
     began = perf_counter()
     distance.prepare()

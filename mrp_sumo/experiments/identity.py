@@ -13,7 +13,18 @@ from pathlib import Path
 import mrp_sumo
 
 _ROOT = Path(mrp_sumo.__file__).resolve().parent
-_FLOORS = ("core", "maps", "planning", "sim", "metrics")  # what decides about results; the command line and reports do not
+# what decides about results; the command line and reports do not
+_FLOORS = (
+    "core",
+    "traffic",
+    "search",
+    "maps",
+    "planning",
+    "formats",
+    "engines",
+    "drive",
+    "metrics",
+)
 _FILES = ("io/scenario.py", "experiments/run.py", "experiments/set_up.py", "experiments/worker.py")
 _LIBRARIES = ("libsumo", "ortools")  # whose versions may change results
 

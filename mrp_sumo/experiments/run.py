@@ -16,18 +16,18 @@ from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import Verdict, judge
+from mrp_sumo.drive.policy import needs_sound_plan
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import PlanError
+from mrp_sumo.experiments.map_cache import Workshop
 from mrp_sumo.experiments.set_up import SetUp, set_up
-from mrp_sumo.experiments.workshop import Workshop
 from mrp_sumo.io.scenario import ScenarioFile
-from mrp_sumo.planning import distance
 from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
-from mrp_sumo.sim.policy import needs_sound_plan
-from mrp_sumo.sim.settings import ExecutionSettings
+from mrp_sumo.search import distance
+from mrp_sumo.traffic.referee import Verdict, judge
 
-ASSIGNMENT = 3  # purpose of the stream of chance, beside those of planning.draw
+ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
 
 Progress = Callable[[str, float, float], None]  # (stage, done, of)
 
@@ -104,6 +104,7 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
     MrpSumoError
         When the scenario cannot be run at all; nothing is written.
     """
+    from mrp_sumo.bags.writer import write_recorded_bag
     from mrp_sumo.io.outline import outline_of
     from mrp_sumo.io.run_folder import check_replaceable, write_run
     from mrp_sumo.maps.costmap import costmap
@@ -129,6 +130,7 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
             nav=setup.map.nav,
             costmap=costmap(setup.map.building, setup.map.nav.level_names[0]) if setup.map.building else None,
             outline=outline_of(setup.map.building, setup.map.nav.level_names) if setup.map.building else None,
+            write_bag=write_recorded_bag,
         )
 
 
@@ -192,9 +194,9 @@ def _silent(stage: str, done: float, of: float) -> None:
 
 def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, gui: bool) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
-    from mrp_sumo.sim import warm
-    from mrp_sumo.sim.fit import lift_ride
-    from mrp_sumo.sim.loop import simulate
+    from mrp_sumo.drive import warm
+    from mrp_sumo.drive.fit import lift_ride
+    from mrp_sumo.drive.loop import simulate
 
     warm.prepare()
     plan, verdict, settings = solution.result.plan, solution.verdict, setup.settings

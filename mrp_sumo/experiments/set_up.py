@@ -14,19 +14,19 @@ import numpy as np
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
-from mrp_sumo.experiments.workshop import Workshop
+from mrp_sumo.experiments.map_cache import Workshop
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.costs import cost_matrix
-from mrp_sumo.planning.draw import mrp_bench_draw, uniform_draw
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, assigner_names, planner, planner_names
-from mrp_sumo.planning.route import shortest_route
-from mrp_sumo.sim.disturbances import Breakdown, Closure, Disturbances, Obstacle
-from mrp_sumo.sim.policy import policy_of
-from mrp_sumo.sim.settings import ExecutionSettings
+from mrp_sumo.search.route import shortest_route
+from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
 
 
 @dataclass(frozen=True)

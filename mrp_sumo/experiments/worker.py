@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError
-from mrp_sumo.experiments.workshop import Workshop
+from mrp_sumo.experiments.map_cache import Workshop
 
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario import ScenarioFile

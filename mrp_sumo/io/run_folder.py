@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from platform import python_version
@@ -23,14 +23,14 @@ from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import Conflict, Verdict
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
-from mrp_sumo.io.plan_file import write_plan
 from mrp_sumo.io.record import Record, constants_of
-from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.io.scenario import Recording, Scenario
+from mrp_sumo.traffic.referee import Conflict, Verdict
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
@@ -39,6 +39,8 @@ SCHEMA_VERSION = 1
 RESULT = "result.json"
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # that shape results
 LISTED_CONFLICTS = 20
+
+WriteBag = Callable[[Path, Record, Recording], object]  # folder, run, what the scenario says of it
 
 
 def check_replaceable(out: Path) -> None:
@@ -79,6 +81,7 @@ def write_run(
     nav: NavGraph | None,
     costmap: "Costmap | None",
     outline: Outline | None = None,
+    write_bag: "WriteBag | None" = None,
 ) -> dict[str, Any]:
     """Write the run folder.
 
@@ -96,6 +99,8 @@ def write_run(
         The SUMO network, copied.
     nav, costmap, outline
         The map as drawn, and its walls as sensors see them and as drawn.
+    write_bag
+        Writes the bag where the scenario asks for one.
 
     Returns
     -------
@@ -137,7 +142,7 @@ def write_run(
         if result.plan is not None:
             write_plan(new / "plan.json", problem, result.plan)
         if execution is not None:
-            _write_logs(new, scenario, problem, result, execution, nav, costmap)
+            _write_logs(new, scenario, problem, result, execution, nav, costmap, write_bag)
         document["files"] = _files(new)
         told: dict[str, Any] = plain(document)
         (new / RESULT).write_text(laid_out(told) + "\n", encoding="utf-8")
@@ -194,6 +199,7 @@ def _write_logs(
     execution: Execution,
     nav: NavGraph | None,
     costmap: "Costmap | None",
+    write_bag: "WriteBag | None",
 ) -> None:
     """Trajectory, events and bag."""
     from mrp_sumo.io.trajectory import write_trajectory
@@ -206,9 +212,7 @@ def _write_logs(
     if result.plan is not None:
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
-    if scenario.record.bag and len(execution.t_s):
-        from mrp_sumo.io.rosbag import BagOptions, write_bag
-
+    if write_bag and scenario.record.bag and len(execution.t_s):
         record = Record(
             name=scenario.name,
             seed=scenario.seed,
@@ -221,9 +225,7 @@ def _write_logs(
             costmap=costmap,
             constants=constants_of(scenario.model_dump(mode="json")),
         )
-        choice = scenario.record
-        options = BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses)
-        write_bag(folder / "bag", record, options)
+        write_bag(folder / "bag", record, scenario.record)
 
 
 def _told(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:

@@ -16,9 +16,9 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.formats.plan_json import read_plan
 from mrp_sumo.io.events import events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
-from mrp_sumo.io.plan_file import read_plan
 from mrp_sumo.io.record import Record, constants_of
 
 if TYPE_CHECKING:

@@ -50,7 +50,7 @@ def _folder() -> Path:
 
 def _program() -> bytes:
     """The program's version, and the state of the files that make maps: another program makes other things."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    files = sorted(Path(__file__).parent.rglob("*.py"))
     state = [(file.name, (s := file.stat()).st_mtime_ns, s.st_size) for file in files]
     return f"{__version__} {state}".encode()
 

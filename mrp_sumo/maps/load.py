@@ -18,11 +18,11 @@ from mrp_sumo.maps.cache import remembered
 from mrp_sumo.maps.check import check_building, check_graph
 from mrp_sumo.maps.finding import Finding, RefusedMap, ordered
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.movingai import is_grid, is_problem_set, map_of_problem_set, read_grid
-from mrp_sumo.maps.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
-from mrp_sumo.maps.rmf import building_of, is_building
-from mrp_sumo.maps.rmf_nav_graph import nav_graph_documents
-from mrp_sumo.maps.ros_map import ROBOT_RADIUS_M, image_of, is_ros_map, read_ros_map
+from mrp_sumo.maps.readers.movingai import is_grid, is_problem_set, map_of_problem_set, read_grid
+from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
+from mrp_sumo.maps.readers.rmf.building_yaml import building_of, is_building
+from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
+from mrp_sumo.maps.readers.ros_map import ROBOT_RADIUS_M, image_of, is_ros_map, read_ros_map
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
 __all__ = ["Finding", "Map", "files_of", "load_map"]

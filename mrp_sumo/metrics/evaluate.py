@@ -13,9 +13,9 @@ from mrp_sumo.core.execution import Execution, positions_at
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.plan import Plan, PlanResult, paths_of_plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import Verdict
 from mrp_sumo.errors import PlanError
 from mrp_sumo.metrics import mrp_bench
+from mrp_sumo.traffic.referee import Verdict
 
 MACHINE_DEPENDENT = (  # differ from run to run; all others are the same for the same scenario and seed
     "planning_time_s",

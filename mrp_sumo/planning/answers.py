@@ -11,9 +11,9 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.distance import UNREACHABLE, distances
 from mrp_sumo.planning.protocol import Planner
-from mrp_sumo.planning.solvable import order_broken
+from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.search.solvable import order_broken
 
 
 def impossible(problem: Problem) -> PlanResult | None:

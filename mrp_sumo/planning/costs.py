@@ -10,7 +10,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.errors import ScenarioError, nearest
-from mrp_sumo.planning.distance import UNREACHABLE, distances
+from mrp_sumo.search.distance import UNREACHABLE, distances
 
 CostKind = Literal["euclidean", "manhattan", "path"]
 GOALS_AT_ONCE = 8  # between looks at the clock

@@ -23,9 +23,9 @@ from time import perf_counter
 
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import PlanError, nearest
-from mrp_sumo.planning.peers import Cells, cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
+from mrp_sumo.formats.peers import Cells, cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
+from mrp_sumo.traffic.referee import judge
 
 PLACES = ("map", "scen", "yaml", "yaml_free", "agents", "time_limit", "seed", "out")
 TAIL_BYTES = 65536  # of what a program prints, enough for its last words

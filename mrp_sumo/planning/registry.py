@@ -16,8 +16,8 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
-from mrp_sumo.planning.kernel_cache import drop_stale_kernels
 from mrp_sumo.planning.protocol import Assigner, Planner
+from mrp_sumo.search.kernel_cache import drop_stale_kernels
 
 GROUP = "mrp_sumo.planners"
 KINDS = ("planners", "assigners")

@@ -10,8 +10,8 @@ import pytest
 import yaml
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from mrp_sumo.bags.messages import GENERATIONS, typestore
 from mrp_sumo.cli.main import main
-from mrp_sumo.io.rosbag_messages import GENERATIONS, typestore
 
 GOLDEN = Path(__file__).resolve().parents[2] / "../shared/rosbag/mrp_metrics_golden"
 CASES = sorted(p.name for p in GOLDEN.iterdir() if p.is_dir()) if GOLDEN.is_dir() else []

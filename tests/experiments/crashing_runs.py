@@ -3,8 +3,8 @@
 import os
 import signal
 
+from mrp_sumo.engines.sumo.session import Sumo
 from mrp_sumo.experiments import worker
-from mrp_sumo.sim.sumo import Sumo
 
 STEPS = 50  # before the crash
 

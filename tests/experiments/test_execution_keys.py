@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mrp_sumo.drive.disturbances import Closure
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.map_cache import Workshop
 from mrp_sumo.experiments.set_up import set_up
-from mrp_sumo.experiments.workshop import Workshop
 from mrp_sumo.io.scenario import read_scenario
-from mrp_sumo.sim.disturbances import Closure
 
 BUILDING = "map: office\ndiscretisation: {kind: roadmap, cell_m: 0.5}\nrobots: {count: 2}\n"
 

@@ -9,43 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from record_of_four import record_of_four
+from record_of_four import record_of_four, run_of_four
 from rosbags.highlevel import AnyReader
 
-from mrp_sumo.core.plan import PlanResult, Status
-from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
+from mrp_sumo.bags.writer import write_bag
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.formats.plan_json import read_plan
 from mrp_sumo.io import run_folder
 from mrp_sumo.io.floor_plan import read_floor, read_walls
-from mrp_sumo.io.plan_file import read_plan
-from mrp_sumo.io.rosbag import write_bag
-from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain, write_run
+from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario import Scenario
-
-
-def run_of_four(out, network, *, executed=True, **changes):
-    record = record_of_four(seconds=3.0)
-    problem = Problem(
-        graph=record.graph, fleet=record.fleet, start=np.array([0, 8, 16, 24]), goal=record.target, goal_of=np.arange(4), step_s=1.0, seed=7
-    )
-    network.write_text("<net/>")
-    given = {
-        "status": "completed",
-        "note": "",
-        "scenario": Scenario.model_validate({"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}}),
-        "problem": problem,
-        "result": PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time"),
-        "verdict": judge(problem, record.plan) if executed else None,
-        "execution": record.execution if executed else None,
-        "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
-        "audit": {"passed": True} if executed else None,
-        "network": network,
-        "nav": record.nav,
-        "costmap": record.costmap,
-    }
-    return write_run(out, **{**given, **changes})
 
 
 def strict(path):
@@ -190,11 +164,11 @@ def test_numbers_become_plain_and_arrays_stay_in_a_line():
 def test_a_writer_that_is_killed_leaves_no_run_and_the_next_one_tidies_up(tmp_path):
     code = (
         "import os, sys\nsys.path.insert(0, sys.argv[2])\n"
-        "from pathlib import Path\nimport test_run_folder\nfrom mrp_sumo.io import run_folder\n"
+        "from pathlib import Path\nimport record_of_four\nfrom mrp_sumo.io import run_folder\n"
         "run_folder.put_in_place = lambda new, out: os._exit(9)\n"
-        "folder = Path(sys.argv[1])\ntest_run_folder.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
+        "folder = Path(sys.argv[1])\nrecord_of_four.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
     )
-    told = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parent)], check=False)
+    told = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parents[1])], check=False)
     (left,) = tmp_path.glob(".run.new-*")
     assert told.returncode == 9 and not (tmp_path / "run").exists()
     with AnyReader([left / "bag"]) as reader:  # what was complete stays readable

@@ -5,8 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from record_of_four import record_of_four
-from test_run_folder import run_of_four
+from record_of_four import record_of_four, run_of_four
 
 import mrp_sumo
 from mrp_sumo.errors import MrpSumoError
@@ -60,7 +59,7 @@ def test_frames_have_a_row_a_sample_an_event_a_visit(run):
 
 
 def test_a_bag_made_later_is_the_bag_of_the_run(run, tmp_path):
-    from mrp_sumo.io.rosbag import write_bag
+    from mrp_sumo.bags.writer import write_bag
 
     write_bag(tmp_path / "bag", run.record)
     assert (tmp_path / "bag" / "bag.mcap").read_bytes() == (run.folder / "bag" / "bag.mcap").read_bytes()

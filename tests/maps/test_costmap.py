@@ -4,7 +4,7 @@ import pytest
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.costmap import costmap
-from mrp_sumo.maps.rmf import read_building
+from mrp_sumo.maps.readers.rmf.building_yaml import read_building
 
 WALL = """
 name: room

@@ -3,10 +3,10 @@
 import pytest
 
 from mrp_sumo.errors import MapError
+from mrp_sumo.io.map_files import write_map
 from mrp_sumo.maps.facts import facts
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.movingai import read_problem_file, vertices_at
-from mrp_sumo.maps.write import write_map
+from mrp_sumo.maps.readers.movingai import read_problem_file, vertices_at
 
 GRID = "type octile\nheight 3\nwidth 4\nmap\n@@@@\n..G@\n.T.@\n"
 PROBLEMS = "version 1\n0\tmaps/small.map\t4\t3\t0\t1\t2\t2\t3.0\n0\tmaps/small.map\t4\t3\t2\t1\t0\t2\t3.0\n"

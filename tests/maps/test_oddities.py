@@ -3,7 +3,7 @@
 import pytest
 
 from mrp_sumo.maps.oddities import oddities
-from mrp_sumo.maps.rmf import read_building
+from mrp_sumo.maps.readers.rmf.building_yaml import read_building
 
 LANE = "{graph_idx: [2, 0], bidirectional: [4, true]}"
 

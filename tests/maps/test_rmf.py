@@ -9,9 +9,9 @@ import yaml
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.check import findings_of
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.nav_graph import graph_of_document
-from mrp_sumo.maps.rmf import read_building
-from mrp_sumo.maps.rmf_nav_graph import nav_graph_documents
+from mrp_sumo.maps.readers.nav_graph import graph_of_document
+from mrp_sumo.maps.readers.rmf.building_yaml import read_building
+from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
 
 SHARED = Path(__file__).resolve().parents[2] / "../shared/maps"
 CORPUS = SHARED / "corpus"

@@ -9,15 +9,15 @@ from truth import ROBOT, least_cost, random_problem
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.planning.distance import Distances
-from mrp_sumo.planning.draw import uniform_draw
 from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.planning.registry import planner
-from planners._incumbent import Incumbent
+from mrp_sumo.search.distance import Distances
+from mrp_sumo.traffic.draw import uniform_draw
+from mrp_sumo.traffic.referee import judge
 from planners._world import steps_table
+from planners.conflict_based._incumbent import Incumbent
 
 OPTIMAL = [
     ("cbs", {}),

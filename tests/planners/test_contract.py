@@ -10,12 +10,12 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
-from mrp_sumo.core.schedule import schedule_of
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.planning.registry import planner, planner_class, planner_names
+from mrp_sumo.traffic.referee import judge
+from mrp_sumo.traffic.schedule import schedule_of
 
 pytestmark = pytest.mark.kernel
 

@@ -9,11 +9,11 @@ from truth import ROBOT
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.planning import _records as st
-from mrp_sumo.planning._constraints import BEFORE, LABEL, VERTEX, load
-from mrp_sumo.planning._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
-from mrp_sumo.planning._space_time import FINISH, find_path
-from planners._tree import Tree, limits
+from mrp_sumo.search import _records as st
+from mrp_sumo.search._constraints import BEFORE, LABEL, VERTEX, load
+from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
+from mrp_sumo.search._space_time import FINISH, find_path
+from planners.conflict_based._tree import Tree, limits
 
 pytestmark = pytest.mark.kernel
 

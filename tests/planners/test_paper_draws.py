@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from mrp_sumo.core.plan import Status
+from mrp_sumo.experiments.map_cache import Workshop
 from mrp_sumo.experiments.set_up import set_up
-from mrp_sumo.experiments.workshop import Workshop
 from mrp_sumo.io.scenario import find_scenario, read_scenario
 from mrp_sumo.planning.registry import planner
 

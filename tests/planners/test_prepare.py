@@ -11,9 +11,9 @@ from numba.core.dispatcher import Dispatcher  # noqa: E402
 from mrp_sumo.core.fleet import RobotType, fleet_of  # noqa: E402
 from mrp_sumo.core.problem import Problem  # noqa: E402
 from mrp_sumo.maps.grid import grid_graph  # noqa: E402
-from mrp_sumo.planning import distance  # noqa: E402
-from mrp_sumo.planning.draw import uniform_draw  # noqa: E402
 from mrp_sumo.planning.registry import planner, planner_names  # noqa: E402
+from mrp_sumo.search import distance  # noqa: E402
+from mrp_sumo.traffic.draw import uniform_draw  # noqa: E402
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 

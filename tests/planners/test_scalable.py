@@ -14,22 +14,23 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
-from mrp_sumo.core.schedule import schedule_of
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import plan_graph
-from mrp_sumo.planning.distance import UNREACHABLE, distances
-from mrp_sumo.planning.draw import uniform_draw
-from planners import _flow, _lns, _pibt, _sipps, _traffic
-from planners._collisions import find_collisions
+from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.traffic.draw import uniform_draw
+from mrp_sumo.traffic.referee import judge
+from mrp_sumo.traffic.schedule import schedule_of
 from planners._compass import UNKNOWN, read_code
-from planners._opening import opened
-from planners._refinement import Refinement, room_to_repair, task_of
 from planners._world import build_scratch, build_world, steps_table, sum_of_costs, tiled
-from planners.lacam import Lacam
-from planners.lns2 import Lns2
-from planners.pibt import Pibt
+from planners.configuration import _flow, _pibt
+from planners.configuration._opening import opened
+from planners.configuration.lacam import Lacam
+from planners.configuration.pibt import Pibt
+from planners.neighbourhood import _lns, _sipps, _traffic
+from planners.neighbourhood._collisions import find_collisions
+from planners.neighbourhood._refinement import Refinement, room_to_repair, task_of
+from planners.neighbourhood.lns2 import Lns2
 
 POINT = RobotType("point", 0.2, 0.2, 1.0, 1.0, 1.0, 1.0)
 
@@ -454,9 +455,9 @@ def test_kernels_say_the_same_without_the_compiler():
     script = """
 import numpy as np
 from tests.planners.test_scalable import random_problem
-from planners.lacam import Lacam
-from planners.lns2 import Lns2
-from planners.pibt import Pibt
+from planners.configuration.lacam import Lacam
+from planners.neighbourhood.lns2 import Lns2
+from planners.configuration.pibt import Pibt
 
 problem = random_problem(7, 12, 4)
 for planner in (Pibt(), Lacam(polish=300), Lns2(polish=300)):

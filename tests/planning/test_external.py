@@ -10,11 +10,11 @@ import pytest
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.referee import judge
 from mrp_sumo.errors import PlanError, ScenarioError
-from mrp_sumo.io.instances import POINT
+from mrp_sumo.formats.instances import POINT
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.referee import judge
 
 PATHS = "Agent 0: (0,0)->(0,1)->(0,2)->\\nAgent 1: (1,2)->(1,1)->\\n"
 

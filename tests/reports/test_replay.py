@@ -28,7 +28,7 @@ from mrp_sumo.io.scenario import find_scenario, read_scenario
 from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.reports.replay import About, replay_page, write_replay
+from mrp_sumo.reports.replay.page import About, replay_page, write_replay
 from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, plan_as_execution, shown_states
 
 MODEL = RobotType("cart", 0.4, 0.3, 1.0, 1.0, 1.0, 2.0)
@@ -155,7 +155,7 @@ def test_page_sets_no_html():
 
 
 def test_long_runs_are_thinned(monkeypatch):
-    monkeypatch.setattr("mrp_sumo.reports.replay.MAX_POSES", 30)
+    monkeypatch.setattr("mrp_sumo.reports.replay.page.MAX_POSES", 30)
     head, columns = read_back(replay_page(record_of(), About("trial")))
     assert columns["x"].shape == (2, 14)  # every third of 41
     assert head["period_s"] == pytest.approx(0.3)
@@ -319,7 +319,7 @@ def test_page_below_no_folder_is_refused(folder, tmp_path, capsys):
 
 
 def test_the_library_comes_with_its_licence():
-    from mrp_sumo.reports.replay import SOURCES
+    from mrp_sumo.reports.replay.page import SOURCES
 
     assert b"PixiJS - v8.22.0" in (SOURCES / "pixi.min.js").read_bytes()[:2000]
     licence = (SOURCES / "pixi.LICENSE.txt").read_text(encoding="utf-8")

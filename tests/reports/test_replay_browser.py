@@ -14,7 +14,7 @@ from test_replay import NASTY, record_of
 
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.scenario import find_scenario, read_scenario
-from mrp_sumo.reports.replay import About, replay_page, write_replay
+from mrp_sumo.reports.replay.page import About, replay_page, write_replay
 
 PROJECT = Path(__file__).resolve().parents[2]
 MODULES = os.environ.get("NODE_PATH") or str(PROJECT / ".venv" / "node" / "node_modules")

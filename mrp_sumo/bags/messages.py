@@ -1,0 +1,315 @@
+"""ROS 2 messages of a run, serialised: what the topics say that speak once.
+
+Frames: `world` -> `map` (equal) -> `<robot>/base_link`. Stamps are EPOCH_NS plus simulated time, a constant,
+so that equal runs give equal bytes (0 would mean "latest" to many readers).
+"""
+
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from mrp_sumo.bags.template import tiled
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.io.events import event_document
+from mrp_sumo.io.record import Record
+
+EPOCH_NS = 1_700_000_000 * 10**9
+GENERATIONS = ("galactic", "jazzy", "kilted")
+FLEET_NAME = "mrp_sumo"
+MAP_Z_M = -0.02  # a viewer that draws the map at the height of lanes and points hides these (Foxglove does)
+LABEL_OFFSET = 0.4 * np.array([math.cos(0.7853), math.sin(0.7853)])  # where MRP-Bench's graph reader looks for names
+
+
+@cache
+def typestore(generation: str) -> Any:
+    """Humble's message types and those of rmf_fleet_msgs in a generation.
+
+    Raises
+    ------
+    MrpSumoError
+        For a generation that is not known.
+    """
+    if generation not in GENERATIONS:
+        raise MrpSumoError(f"unknown generation '{generation}' of rmf_fleet_msgs{nearest(generation, GENERATIONS)}")
+    store, types = get_typestore(Stores.ROS2_HUMBLE), {}
+    folder = resources.files("mrp_sumo.bags") / "msgs" / generation / "rmf_fleet_msgs" / "msg"
+    for file in sorted(folder.iterdir(), key=lambda f: f.name):
+        types.update(get_types_from_msg(file.read_text(encoding="utf-8"), f"rmf_fleet_msgs/msg/{file.name.removesuffix('.msg')}"))
+    store.register(types)
+    return store
+
+
+def ros_names(names: Iterable[str]) -> list[str]:
+    """The names as tokens ROS takes in topics and frames, kept distinct: 'robot.1' becomes 'robot_1'."""
+    taken: set[str] = set()
+    tokens = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name) or "_"
+        plain = plain if not plain[0].isdigit() else f"r_{plain}"
+        token, number = plain, 2
+        while token in taken:
+            token, number = f"{plain}_{number}", number + 1
+        taken.add(token)
+        tokens.append(token)
+    return tokens
+
+
+class Messages:
+    """Builds the messages of one record."""
+
+    def __init__(self, record: Record, generation: str = "jazzy") -> None:
+        self.record = record
+        self.typestore = typestore(generation)
+        self.robots = ros_names(record.fleet.robot_name)
+        self.generation = generation
+        self.level_names = record.graph.level_names or ("L1",)
+
+    def serialised(self, message: Any) -> bytes:
+        """Through the library."""
+        return bytes(self.typestore.serialize_cdr(message, message.__msgtype__))
+
+    def make(self, typename: str, *values: Any, **named: Any) -> Any:
+        """A message by its short name 'package/Type'."""
+        package, name = typename.split("/")
+        return self.typestore.types[f"{package}/msg/{name}"](*values, **named)
+
+    def time(self, ns: int) -> Any:
+        return self.make("builtin_interfaces/Time", *divmod(ns, 10**9))
+
+    def header(self, ns: int, frame: str) -> Any:
+        return self.make("std_msgs/Header", self.time(ns), frame)
+
+    def pose(self, x: float = 0.0, y: float = 0.0, yaw: float = 0.0, z: float = 0.0) -> Any:
+        return self.make("geometry_msgs/Pose", self.point(x, y, z), self.turn(math.sin(yaw / 2), math.cos(yaw / 2)))
+
+    def point(self, x: float, y: float, z: float = 0.0) -> Any:
+        return self.make("geometry_msgs/Point", float(x), float(y), z)
+
+    def turn(self, z: float, w: float) -> Any:
+        return self.make("geometry_msgs/Quaternion", 0.0, 0.0, z, w)
+
+    def vector(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
+        return self.make("geometry_msgs/Vector3", float(x), float(y), float(z))
+
+    def transform(self, ns: int, frame: str, child: str, x: float, y: float, qz: float, qw: float) -> Any:
+        moved = self.make("geometry_msgs/Transform", self.vector(x, y), self.turn(qz, qw))
+        return self.make("geometry_msgs/TransformStamped", self.header(ns, frame), child, moved)
+
+    def tf_static(self, ns: int) -> bytes:
+        """The map's place in the world."""
+        return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0, 0.0, 1.0)]))
+
+    def map(self, ns: int) -> bytes:
+        """Walls as an occupancy grid; without walls, cells no lane touches; without either, nothing occupied."""
+        origin, resolution_m, occupied = self._occupied()
+        height, width = occupied.shape
+        info = self.make(
+            "nav_msgs/MapMetaData",
+            self.time(ns),
+            float(np.float32(resolution_m)),
+            width,
+            height,
+            self.pose(float(origin[0]), float(origin[1]), z=MAP_Z_M),
+        )
+        cells = np.where(occupied, 100, 0).astype(np.int8).ravel()
+        return self.serialised(self.make("nav_msgs/OccupancyGrid", self.header(ns, "map"), info, cells))
+
+    def _occupied(self) -> tuple[Any, float, BoolArray]:
+        costmap, graph = self.record.costmap, self.record.graph
+        if costmap is not None:
+            return costmap.origin_m, costmap.resolution_m, costmap.occupied
+        if not graph.num_vertices:
+            return (0.0, 0.0), 1.0, np.zeros((1, 1), np.bool_)
+        low, high = graph.xy.min(0), graph.xy.max(0)
+        if graph.kind != "grid":
+            shape = np.ceil((high - low) / 0.5).astype(np.int64) + 3
+            return low - 0.5, 0.5, np.zeros((shape[1], shape[0]), np.bool_)
+        cell = np.rint((graph.xy - low) / graph.cell_m).astype(np.int64)
+        occupied = np.ones((cell[:, 1].max() + 1, cell[:, 0].max() + 1), np.bool_)
+        occupied[cell[:, 1], cell[:, 0]] = False
+        return low - graph.cell_m / 2, graph.cell_m, occupied
+
+    def map_markers(self, ns: int) -> bytes:
+        """The map's vertices, lanes and names, as MRP-Bench's graph reader takes them."""
+        nav = self.record.nav or self.record.graph
+        points = [self.point(x, y) for x, y in nav.xy.tolist()]
+        once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
+        ends = [points[v] for pair in zip(nav.tail[once].tolist(), nav.head[once].tolist()) for v in pair]
+        size = float(self.record.fleet.width_m.max()) if self.record.fleet.num_robots else 0.2
+        markers = [
+            self.marker(ns, "map", "vertices", 0, 8, (size, size, 0.0), (0.35, 0.40, 0.50, 1.0), points=points),
+            self.marker(ns, "map", "lanes", 0, 5, (size / 4, 0.0, 0.0), (0.55, 0.60, 0.68, 0.8), points=ends),
+        ]
+        for v in (v for v in range(nav.num_vertices) if nav.vertex_name[v]):
+            x, y = nav.xy[v] + LABEL_OFFSET
+            pose, text = self.pose(float(x), float(y)), nav.vertex_name[v]
+            markers.append(self.marker(ns, "map", "names", v, 9, (0.0, 0.0, 0.35), (0.15, 0.15, 0.20, 1.0), pose=pose, text=text))
+        return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
+
+    def robot_markers(self, ns: int) -> bytes:
+        """A box and a name for each robot, fixed to its frame: TF moves them."""
+        fleet, markers = self.record.fleet, []
+        for i, name in enumerate(self.robots):
+            frame, height = f"{name}/base_link", float(fleet.width_m[i]) / 2
+            scale, colour = (float(fleet.length_m[i]), float(fleet.width_m[i]), height), (*_colour_of(i), 1.0)
+            markers.append(self.marker(ns, frame, "body", i, 1, scale, colour, pose=self.pose(z=height / 2), locked=True))
+            above = self.pose(z=2 * height + 0.1)
+            markers.append(
+                self.marker(
+                    ns, frame, "name", i, 9, (0.0, 0.0, 0.25), (0.1, 0.1, 0.1, 1.0), pose=above, text=fleet.robot_name[i], locked=True
+                )
+            )
+        return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
+
+    def plan_markers(self, ns: int) -> bytes:
+        """The planned path of each robot that moves."""
+        markers, plan = [], self.record.plan
+        width = float(self.record.fleet.width_m.min()) / 3 if self.record.fleet.num_robots else 0.1
+        for i in range(plan.num_robots if plan else 0):
+            assert plan is not None
+            xy = _corners(self.record.graph.xy[plan.vertex[plan.first[i] : plan.first[i + 1]]])
+            if len(xy) > 1:
+                points = [self.point(x, y) for x, y in xy.tolist()]
+                markers.append(self.marker(ns, "map", "plan", i, 4, (width, 0.0, 0.0), (*_colour_of(i), 0.7), points=points))
+        return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
+
+    def marker(
+        self,
+        ns: int,
+        frame: str,
+        group: str,
+        number: int,
+        kind: int,
+        scale: tuple[float, float, float],
+        colour: tuple[float, float, float, float],
+        *,
+        pose: Any = None,
+        points: Sequence[Any] = (),
+        text: str = "",
+        locked: bool = False,
+    ) -> Any:
+        """A marker; kinds: 1 CUBE, 4 LINE_STRIP, 5 LINE_LIST, 8 POINTS, 9 TEXT_VIEW_FACING."""
+        nothing = np.zeros(0, np.uint8)
+        return self.make(
+            "visualization_msgs/Marker",
+            header=self.header(ns, frame),
+            ns=group,
+            id=number,
+            type=kind,
+            action=0,
+            pose=pose or self.pose(),
+            scale=self.vector(*scale),
+            color=self.make("std_msgs/ColorRGBA", *colour),
+            lifetime=self.make("builtin_interfaces/Duration", 0, 0),
+            frame_locked=locked,
+            points=list(points),
+            colors=[],
+            texture_resource="",
+            texture=self.make("sensor_msgs/CompressedImage", self.header(0, ""), "", nothing),
+            uv_coordinates=[],
+            text=text,
+            mesh_resource="",
+            mesh_file=self.make("visualization_msgs/MeshFile", "", nothing),
+            mesh_use_embedded_materials=False,
+        )
+
+    def path_requests(self) -> Iterator[bytes]:
+        """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is said twice."""
+        plan = self.record.plan
+        for i in range(plan.num_robots if plan else 0):
+            assert plan is not None
+            visits = slice(int(plan.first[i]), int(plan.first[i + 1]))
+            vertex, arrive, depart = plan.vertex[visits], plan.arrive_s[visits], plan.depart_s[visits]
+            xy = self.record.graph.xy[vertex]
+            yaw = _headings(xy)
+            waits = np.isfinite(depart) & (depart > arrive + 1e-6)
+            row, t_s = np.repeat(np.arange(len(vertex)), 1 + waits), np.repeat(arrive, 1 + waits)
+            t_s[np.flatnonzero(row[1:] == row[:-1]) + 1] = depart[waits]
+            ns = EPOCH_NS + np.rint(t_s * 1e9).astype(np.int64)
+            yield self._path_request(i, ns, xy[row], yaw[row], vertex[row])
+
+    def _path_request(self, robot: int, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
+        """One request with K locations."""
+        task = self.record.graph.label(int(self.record.target[robot]))
+        level = self.record.graph.level[vertex]
+        kind = "rmf_fleet_msgs/PathRequest"
+
+        def serialised(marks: Sequence[int]) -> bytes:
+            path = [self.location(0.0, 0.0, 0.0, int(level[0]), t=self.make("builtin_interfaces/Time", mark, 0)) for mark in marks]
+            return self.serialised(self.make(kind, FLEET_NAME, self.robots[robot], path, task))
+
+        if (level != level[0]).any():  # locations differ in length
+            rows = zip(ns.tolist(), *xy.T.tolist(), yaw.tolist(), level.tolist(), vertex.tolist())
+            path = [self.location(x, y, turned, on, v, t=self.time(t)) for t, x, y, turned, on, v in rows]
+            return self.serialised(self.make(kind, FLEET_NAME, self.robots[robot], path, task))
+        raw, first, second, stride = tiled(serialised, len(ns))
+        names, formats = ["sec", "nanosec", "x", "y", "yaw", "index"], ["<i4", "<u4", "<f4", "<f4", "<f4", "<u8"]
+        for begin, end, part in ((first, second, slice(0, 1)), (second, second + stride * (len(ns) - 1), slice(1, None))):
+            size = end - begin if part.stop else stride
+            at = np.dtype({"names": names, "formats": formats, "offsets": [0, 4, 8, 12, 16, size - 8], "itemsize": size})
+            locations = raw[begin:end].view(at)
+            locations["sec"], locations["nanosec"] = ns[part] // 10**9, ns[part] % 10**9
+            locations["x"], locations["y"], locations["yaw"] = xy[part, 0], xy[part, 1], yaw[part]
+            locations["index"] = vertex[part]
+        return raw.tobytes()
+
+    def location(self, x: Any, y: Any, yaw: Any, level: int, vertex: int = 0, *, t: Any) -> Any:
+        limit = () if self.generation == "galactic" else (False, 0.0)
+        return self.make("rmf_fleet_msgs/Location", t, x, y, yaw, *limit, self.level_names[level], vertex)
+
+    def path(self, ns: int, robot: int) -> bytes:
+        """nav_msgs/Path of one robot; pose stamps are planned arrivals."""
+        plan = self.record.plan
+        poses = []
+        if plan is not None:
+            visits = slice(int(plan.first[robot]), int(plan.first[robot + 1]))
+            xy = self.record.graph.xy[plan.vertex[visits]]
+            for t, (x, y), yaw in zip(plan.arrive_s[visits].tolist(), xy.tolist(), _headings(xy).tolist()):
+                poses.append(self.make("geometry_msgs/PoseStamped", self.header(EPOCH_NS + round(t * 1e9), "map"), self.pose(x, y, yaw)))
+        return self.serialised(self.make("nav_msgs/Path", self.header(ns, "map"), poses))
+
+    def logs(self) -> Iterator[tuple[int, bytes]]:
+        """(ns, message) of each event, by time: one JSON object a message."""
+        for event in sorted(self.record.execution.events, key=lambda e: e.t_s):
+            ns = EPOCH_NS + max(0, round(event.t_s * 1e9))
+            level = {"deadlock": 40, "collision": 40, "blocked": 30}.get(event.kind, 20)
+            text = json.dumps(event_document(event, self.record.fleet, self.record.graph), ensure_ascii=False, allow_nan=False)
+            name = self.robots[event.robot] if event.robot >= 0 else FLEET_NAME
+            yield ns, self.serialised(self.make("rcl_interfaces/Log", self.time(ns), level, name, text, "", "", 0))
+
+
+def _corners(xy: FloatArray) -> FloatArray:
+    """The polyline without repeated points and points on straight pieces."""
+    xy = xy[np.concatenate(([True], (np.diff(xy, axis=0) != 0).any(1)))] if len(xy) else xy
+    if len(xy) < 3:
+        return xy
+    before, after = np.diff(xy, axis=0)[:-1], np.diff(xy, axis=0)[1:]
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    ahead = (before * after).sum(1) > 0
+    straight = ahead & (np.abs(cross) <= 1e-9 * np.hypot(*before.T) * np.hypot(*after.T))
+    return xy[np.concatenate(([True], ~straight, [True]))]
+
+
+def _headings(xy: FloatArray) -> FloatArray:
+    """[N] heading towards the next point, at the end that of the last step."""
+    if len(xy) < 2:
+        return np.zeros(len(xy))
+    step = np.diff(xy, axis=0)
+    yaw = np.arctan2(step[:, 1], step[:, 0])
+    return np.append(yaw, yaw[-1])
+
+
+def _colour_of(robot: int) -> tuple[float, float, float]:
+    """A colour that differs from those of the robots nearby in number."""
+    hue = (robot * 0.618033988749895) % 1.0
+    tone: NDArray[np.float64] = 0.55 + 0.4 * np.cos(2 * np.pi * (hue + np.array([0.0, 1 / 3, 2 / 3])))
+    return tuple(round(float(c), 3) for c in tone)  # type: ignore[return-value]

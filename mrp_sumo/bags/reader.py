@@ -1,0 +1,165 @@
+"""Fleet states out of anybody's bag: ROS 2 (mcap, sqlite3) or ROS 1, any generation of rmf_fleet_msgs.
+
+Definitions in the bag are used where it carries them; else the generation is found by trying which one
+gives the same bytes back. Refuses bags without the topic, and damaged ones, in one line.
+"""
+
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+
+from mrp_sumo.bags.messages import GENERATIONS, typestore
+from mrp_sumo.bags.paths import plain_path
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.errors import MrpSumoError, nearest
+
+FLEET_STATES = "/fleet_states"
+PATH_REQUESTS = "/robot_path_requests"
+CHECKED = 20  # messages encoded again, to tell generations apart
+EMPTY_BYTES = 100  # a fleet without robots looks the same in all of them
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class FleetLog:
+    """T fleet states of R robots, by name. NaN where a robot is not in a message."""
+
+    t_ns: IntArray  # [T] stamps of the bag
+    robot_name: tuple[str, ...]  # [R] in order of appearance
+    x_m: FloatArray  # [T, R]
+    y_m: FloatArray  # [T, R]
+    requests: dict[str, tuple[Place, Place]]  # start and goal of each robot's first path request
+
+
+def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
+    """Read `/fleet_states`, and starts and goals from `/robot_path_requests` where there are such.
+
+    Parameters
+    ----------
+    path
+        A bag: a folder with metadata.yaml, an .mcap or .db3 file, or a ROS 1 .bag.
+    generation
+        Of rmf_fleet_msgs, for bags without definitions; found out by default.
+
+    Raises
+    ------
+    MrpSumoError
+        When the bag cannot be read, has no fleet states, or none of the generations fits.
+    """
+    known = (generation,) if generation else GENERATIONS
+    typestore(known[0])  # refuses an unknown one
+    if not path.exists():
+        raise MrpSumoError(f"{path}: no such bag")
+    reasons = []
+    for name in known:
+        try:
+            return _fleet_log(path, list(_messages(path, name)))
+        except _WrongGeneration as error:
+            reasons.append(f"{name}: {error}")
+        except MrpSumoError:
+            raise
+        except Exception as error:  # a damaged bag: whatever the reader stumbles over
+            raise MrpSumoError(f"{path}: cannot be read as a bag: {type(error).__name__}: {_first_line(error)}") from None
+    raise MrpSumoError(f"{path}: {FLEET_STATES} fits no generation of rmf_fleet_msgs ({'; '.join(reasons)})")
+
+
+class _WrongGeneration(Exception):
+    """Messages do not decode with these definitions."""
+
+
+def _messages(path: Path, generation: str) -> Iterator[tuple[str, int, Any]]:
+    """(topic, ns, message) of the two topics."""
+    store = typestore(generation)
+    alone = _lone_database(path)
+    if alone is not None:
+        yield from _database_messages(alone, store)
+        return
+    bag = path.parent if path.suffix in (".mcap", ".db3") and (path.parent / "metadata.yaml").is_file() else path
+    if bag.is_dir() and not (bag / "metadata.yaml").is_file():
+        raise MrpSumoError(f"{bag}: no metadata.yaml: not a bag, or its writer was interrupted (`ros2 bag reindex` may help)")
+    if bag.is_file() and bag.suffix != ".bag":
+        raise MrpSumoError(f"{bag}: expected the bag's folder, with its metadata.yaml")
+    with plain_path(bag) as place, AnyReader([place], default_typestore=store) as reader:
+        _require_topic(path, [c.topic for c in reader.connections])
+        decoded = _decoder(reader.typestore)
+        wanted = [c for c in reader.connections if c.topic in (FLEET_STATES, PATH_REQUESTS)]
+        for connection, ns, raw in reader.messages(wanted):
+            if reader.is2:
+                yield connection.topic, ns, decoded(connection.msgtype, bytes(raw))
+            else:
+                yield connection.topic, ns, reader.deserialize(raw, connection.msgtype)
+
+
+def _lone_database(path: Path) -> Path | None:
+    """The one .db3 file of a bag without metadata: MRP-Bench's analyser opens those, too."""
+    if path.is_file() and path.suffix == ".db3":
+        return path if not (path.parent / "metadata.yaml").is_file() else None
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        files = [file for file in sorted(path.glob("*.db3")) if file.stat().st_size]
+        return files[0] if len(files) == 1 else None
+    return None
+
+
+def _database_messages(path: Path, store: Any) -> Iterator[tuple[str, int, Any]]:
+    with closing(sqlite3.connect(path.resolve().as_uri() + "?mode=ro", uri=True)) as database:
+        decoded = _decoder(store)
+        topics = {number: (name, kind) for number, name, kind in database.execute("select id, name, type from topics")}
+        _require_topic(path, [name for name, _ in topics.values()])
+        for number, ns, raw in database.execute("select topic_id, timestamp, data from messages order by timestamp, id"):
+            name, kind = topics[number]
+            if name in (FLEET_STATES, PATH_REQUESTS):
+                yield name, ns, decoded(kind, raw)
+
+
+def _decoder(store: Any) -> Callable[[str, bytes], Any]:
+    """Decodes messages; the first ones are encoded again, since a wrong definition rarely gives the same length back."""
+    left = CHECKED
+
+    def decoded(kind: str, raw: bytes) -> Any:
+        nonlocal left
+        try:
+            message = store.deserialize_cdr(raw, kind)
+            again = len(store.serialize_cdr(message, kind)) if left else len(raw)
+        except Exception as error:  # garbage lengths raise anything
+            raise _WrongGeneration(f"{type(error).__name__} {_first_line(error)}".strip()) from None
+        if again + 3 < len(raw) or again > len(raw):  # writers may pad to four bytes
+            raise _WrongGeneration("decodes to another length")
+        if len(raw) > EMPTY_BYTES:
+            left = max(0, left - 1)
+        return message
+
+    return decoded
+
+
+def _fleet_log(path: Path, messages: list[tuple[str, int, Any]]) -> FleetLog:
+    states = [(ns, message.robots) for topic, ns, message in messages if topic == FLEET_STATES]
+    if not states:
+        raise MrpSumoError(f"{path}: {FLEET_STATES} has no message")
+    names = {robot.name: None for _, robots in states for robot in robots}
+    column = {name: r for r, name in enumerate(names)}
+    x, y = np.full((2, len(states), len(column)), np.nan)
+    for k, (_, robots) in enumerate(states):
+        for robot in robots:
+            x[k, column[robot.name]], y[k, column[robot.name]] = robot.location.x, robot.location.y
+    requests: dict[str, tuple[Place, Place]] = {}
+    for topic, _, message in messages:
+        if topic == PATH_REQUESTS and len(message.path) and message.robot_name not in requests:
+            a, b = message.path[0], message.path[-1]
+            requests[message.robot_name] = (float(a.x), float(a.y)), (float(b.x), float(b.y))
+    return FleetLog(np.array([ns for ns, _ in states], np.int64), tuple(column), x, y, requests)
+
+
+def _require_topic(path: Path, topics: Iterable[str]) -> None:
+    topics = sorted(set(topics))
+    if FLEET_STATES not in topics:
+        raise MrpSumoError(f"{path}: no topic {FLEET_STATES}{nearest(FLEET_STATES, topics)}")
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [""])[0][:120]

@@ -1,0 +1,291 @@
+"""Topics that speak many times: templates of serialised messages whose numbers are set anew for each time."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mrp_sumo.bags.messages import EPOCH_NS, FLEET_NAME, Messages
+from mrp_sumo.bags.template import Template
+from mrp_sumo.core.execution import positions_at
+from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, Record, robot_states
+
+COLOURS = {MOVING: (0.18, 0.55, 0.95), WAITING: (0.95, 0.70, 0.10), BLOCKED: (0.90, 0.20, 0.15), AT_GOAL: (0.25, 0.70, 0.35)}
+RMF_MODES = {MOVING: 2, WAITING: 4, BLOCKED: 4, AT_GOAL: 0}  # RobotMode: MODE_MOVING, MODE_WAITING, MODE_IDLE
+CLOUD = np.dtype(
+    {
+        "names": ["x", "y", "z", "rgb", "speed", "yaw", "id", "blocked"],
+        "formats": ["<f4", "<f4", "<f4", "<u4", "<f4", "<f4", "<u4", "u1"],
+        "offsets": [0, 4, 8, 12, 16, 20, 24, 28],
+        "itemsize": 32,
+    }
+)
+ABSENT = -1  # as a level
+CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
+
+
+class Samples:
+    """Positions and states of all robots at the times a bag speaks of. K times, R robots."""
+
+    def __init__(self, record: Record, t_ns: IntArray) -> None:
+        execution = record.execution
+        self.t_ns = t_ns
+        self.x, self.y, self.yaw = positions_at(execution, t_ns / 1e9)
+        sample = np.clip(np.searchsorted(execution.t_s, t_ns / 1e9 - 1e-9), 0, len(execution.t_s) - 1)
+        self.speed = execution.speed_mps[sample]
+        self.state = robot_states(execution, t_ns / 1e9)
+        self.there: BoolArray = np.isfinite(self.x) & np.isfinite(self.y)
+
+
+class Stream:
+    """Messages over time from a template, made anew whenever other robots are on the floor, or on other levels."""
+
+    def __init__(
+        self,
+        samples: Samples,
+        template: Callable[[IntArray, NDArray[np.int8]], Template],
+        fill: Callable[[Template, int, Any], None],
+        *,
+        nanosec: bool = True,
+        only: int | None = None,
+        level: NDArray[np.int8] | None = None,
+    ) -> None:
+        self.samples = samples
+        self._make, self._fill, self._nanosec, self._only = template, fill, nanosec, only
+        self._level = np.where(samples.there, 0, ABSENT).astype(np.int8) if level is None else level  # [K, R]
+        self._now = self._level[0]
+        self._template: Template | None = None
+        self._robots: Any = slice(None)
+
+    def message(self, k: int) -> bytes | None:
+        """What is said at the k-th time; None for nothing."""
+        there, level = self.samples.there[k], self._level[k]
+        if self._only is not None and not there[self._only]:
+            return None
+        if self._template is None or (self._only is None and not np.array_equal(level, self._now)):
+            robots = np.flatnonzero(there)
+            self._now, self._robots = level, slice(None) if there.all() else robots
+            self._template = self._make(robots, level)
+        sec, nanosec = divmod(EPOCH_NS + int(self.samples.t_ns[k]), 10**9)
+        self._template.set("<i4", sec)
+        if self._nanosec:
+            self._template.set("<u4", nanosec)
+        self._fill(self._template, k, self._robots)
+        return self._template.message()
+
+
+def transforms(m: Messages, samples: Samples) -> Stream:
+    """/tf, all robots in one message."""
+    frames = [f"{name}/base_link" for name in m.robots]
+
+    def template(robots: IntArray, _: Any) -> Template:
+        def make(v: list[Any]) -> Any:
+            rows = zip(robots, v[0::6], v[1::6], v[2::6], v[3::6], v[4::6], v[5::6])
+            return m.make(
+                "tf2_msgs/TFMessage",
+                [
+                    m.make(
+                        "geometry_msgs/TransformStamped",
+                        m.make("std_msgs/Header", m.make("builtin_interfaces/Time", sec, nanosec), "map"),
+                        frames[r],
+                        m.make("geometry_msgs/Transform", m.make("geometry_msgs/Vector3", x, y, 0.0), m.turn(qz, qw)),
+                    )
+                    for r, sec, nanosec, x, y, qz, qw in rows
+                ],
+            )
+
+        return Template(m.typestore, "tf2_msgs/msg/TFMessage", make, ("<i4", "<u4", "<f8", "<f8", "<f8", "<f8") * len(robots))
+
+    return Stream(samples, template, _fill_poses(samples))
+
+
+def poses(m: Messages, samples: Samples) -> Stream:
+    """/robot_poses, all robots in one message."""
+
+    def template(robots: IntArray, _: Any) -> Template:
+        def make(v: list[Any]) -> Any:
+            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
+            rows = zip(v[2::4], v[3::4], v[4::4], v[5::4])
+            found = [m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", x, y, 0.0), m.turn(qz, qw)) for x, y, qz, qw in rows]
+            return m.make("geometry_msgs/PoseArray", header, found)
+
+        return Template(m.typestore, "geometry_msgs/msg/PoseArray", make, ("<i4", "<u4", *("<f8",) * (4 * len(robots))))
+
+    return Stream(samples, template, _fill_poses(samples))
+
+
+def _fill_poses(samples: Samples) -> Callable[[Template, int, Any], None]:
+    """Sets x, y and the turn about z (quaternion z, w) of each robot."""
+
+    def fill(t: Template, k: int, robots: Any) -> None:
+        half = samples.yaw[k, robots] / 2
+        t.set("<f8", np.stack((samples.x[k, robots], samples.y[k, robots], np.sin(half), np.cos(half)), 1).ravel())
+
+    return fill
+
+
+def fleet_states(m: Messages, samples: Samples) -> Stream:
+    """/fleet_states of RMF."""
+    mode = np.array([RMF_MODES[state] for state in range(len(STATE_NAMES))])
+    tasks = [m.record.graph.label(int(v)) for v in m.record.target]
+    more = ("",) if m.generation == "kilted" else ()  # performing_action
+
+    def template(robots: IntArray, level: NDArray[np.int8]) -> Template:
+        def make(v: list[Any]) -> Any:
+            rows = zip(robots, v[0::7], v[1::7], v[2::7], v[3::7], v[4::7], v[5::7], v[6::7])
+            states = [
+                m.make(
+                    "rmf_fleet_msgs/RobotState",
+                    m.robots[r],
+                    FLEET_NAME,
+                    tasks[r],
+                    number,
+                    m.make("rmf_fleet_msgs/RobotMode", mode_now, 0, *more),
+                    100.0,
+                    m.location(x, y, yaw, int(level[r]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
+                    [],
+                )
+                for r, number, mode_now, sec, nanosec, x, y, yaw in rows
+            ]
+            return m.make("rmf_fleet_msgs/FleetState", FLEET_NAME, states)
+
+        kinds = ("<u8", "<u4", "<i4", "<u4", "<f4", "<f4", "<f4")
+        return Template(m.typestore, "rmf_fleet_msgs/msg/FleetState", make, kinds * len(robots))
+
+    def fill(t: Template, k: int, robots: Any) -> None:
+        nanosec = int(samples.t_ns[k]) % 10**9
+        now = mode[samples.state[k, robots]]
+        t.set("<u8", k)
+        t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
+        t.set("<f4", np.stack((samples.x[k, robots], samples.y[k, robots], samples.yaw[k, robots]), 1).ravel())
+
+    return Stream(samples, template, fill, nanosec=False, level=_levels(m.record, samples))
+
+
+def cloud(m: Messages, samples: Samples) -> Stream:
+    """/robot_cloud: a point a robot, coloured by state."""
+    fields = [("x", 7), ("y", 7), ("z", 7), ("rgb", 7), ("speed", 7), ("yaw", 7), ("id", 6), ("blocked", 2)]
+    rgb = np.array([int("".join(f"{round(255 * c):02x}" for c in COLOURS[state]), 16) for state in range(len(STATE_NAMES))], np.uint32)
+
+    def template(robots: IntArray, _: Any) -> Template:
+        described = [m.make("sensor_msgs/PointField", name, CLOUD.fields[name][1], kind, 1) for name, kind in fields]  # type: ignore[index]
+        data = np.zeros(len(robots) * CLOUD.itemsize, np.uint8)
+
+        def make(v: list[Any]) -> Any:
+            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", *v), "map")
+            return m.make("sensor_msgs/PointCloud2", header, 1, len(robots), described, False, CLOUD.itemsize, len(data), data, True)
+
+        return Template(m.typestore, "sensor_msgs/msg/PointCloud2", make, ("<i4", "<u4"))
+
+    def fill(t: Template, k: int, robots: Any) -> None:
+        state = samples.state[k, robots]
+        points = np.zeros(len(state), CLOUD)
+        points["x"], points["y"], points["yaw"] = samples.x[k, robots], samples.y[k, robots], samples.yaw[k, robots]
+        points["speed"], points["rgb"], points["blocked"] = samples.speed[k, robots], rgb[state], state == BLOCKED
+        points["id"] = np.arange(samples.x.shape[1])[robots]
+        t.bytes_before_end(points.nbytes, after=1)[:] = points.view(np.uint8)
+
+    return Stream(samples, template, fill)
+
+
+def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
+    """/<robot>/odom of one robot; silent while it is not on the floor."""
+    covariance = np.zeros(36)
+    turn_rate = np.zeros(len(samples.t_ns))
+    if len(turn_rate) > 1:
+        turn = (np.diff(samples.yaw[:, robot]) + np.pi) % (2 * np.pi) - np.pi
+        turn_rate[1:] = np.nan_to_num(turn / (np.diff(samples.t_ns) / 1e9))
+
+    def template(*_: Any) -> Template:
+        def make(v: list[Any]) -> Any:
+            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
+            pose = m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", v[2], v[3], 0.0), m.turn(v[4], v[5]))
+            twist = m.make("geometry_msgs/Twist", m.vector(v[6]), m.make("geometry_msgs/Vector3", 0.0, 0.0, v[7]))
+            return m.make(
+                "nav_msgs/Odometry",
+                header,
+                f"{m.robots[robot]}/base_link",
+                m.make("geometry_msgs/PoseWithCovariance", pose, covariance),
+                m.make("geometry_msgs/TwistWithCovariance", twist, covariance),
+            )
+
+        return Template(m.typestore, "nav_msgs/msg/Odometry", make, ("<i4", "<u4") + ("<f8",) * 6)
+
+    def fill(t: Template, k: int, _: Any) -> None:
+        half = samples.yaw[k, robot] / 2
+        now = samples.x[k, robot], samples.y[k, robot], math.sin(half), math.cos(half), samples.speed[k, robot], turn_rate[k]
+        t.set("<f8", now)
+
+    return Stream(samples, template, fill, only=robot)
+
+
+class Diagnostics:
+    """/diagnostics: the state of each robot in words. Strings vary, so that the bytes are put together here."""
+
+    def __init__(self, m: Messages, samples: Samples) -> None:
+        self.samples = samples
+        states = range(len(STATE_NAMES))
+        self._statuses = [[_status(m, robot, state) for state in states] for robot in range(len(m.robots))]
+
+    def message(self, k: int) -> bytes:
+        """What is said at the k-th time."""
+        samples = self.samples
+        robots = np.flatnonzero(samples.there[k])
+        sec, nanosec = divmod(EPOCH_NS + int(samples.t_ns[k]), 10**9)
+        parts = bytearray(CDR_HEADER)
+        parts += sec.to_bytes(4, "little") + nanosec.to_bytes(4, "little") + _padded(_string(""))
+        parts += len(robots).to_bytes(4, "little")
+        for robot, state in zip(robots.tolist(), samples.state[k, robots].tolist()):
+            parts.append(1 if state == BLOCKED else 0)  # level WARN or OK
+            parts += bytes(-len(parts) % 4) + self._statuses[robot][state]
+        return bytes(parts)
+
+
+def metrics(samples: Samples, k: int) -> dict[str, bytes]:
+    """/metrics/*: figures of the fleet at a time."""
+    there = samples.there[k]
+    state, speed = samples.state[k, there], samples.speed[k, there]
+    xy = np.column_stack((samples.x[k, there], samples.y[k, there]))
+    figures = {
+        "robots_moving": float((state == MOVING).sum()),
+        "robots_waiting": float((state == WAITING).sum()),
+        "robots_blocked": float((state == BLOCKED).sum()),
+        "robots_at_goal": float((state == AT_GOAL).sum()),
+        "mean_speed_mps": float(speed.mean()) if len(speed) else 0.0,
+    }
+    if len(xy) > 1:
+        figures["min_distance_m"] = float(cKDTree(xy).query(xy, k=2)[0][:, 1].min())
+    return {name: CDR_HEADER + np.array(value, "<f8").tobytes() for name, value in figures.items()}
+
+
+def _levels(record: Record, samples: Samples) -> NDArray[np.int8] | None:
+    """[K, R] level of the vertex nearest to each robot, ABSENT off the floor; None where there is one level."""
+    if len(record.graph.level_names) < 2:
+        return None
+    level = np.full(samples.x.shape, ABSENT, np.int8)
+    xy = np.column_stack((samples.x[samples.there], samples.y[samples.there]))
+    level[samples.there] = record.graph.level[cKDTree(record.graph.xy).query(xy)[1]]
+    return level
+
+
+def _status(m: Messages, robot: int, state: int) -> bytes:
+    """A DiagnosticStatus after its level, from a multiple of four on."""
+    values = (("state", STATE_NAMES[state]), ("goal", m.record.graph.label(int(m.record.target[robot]))))
+    texts = [m.robots[robot], STATE_NAMES[state], m.record.fleet.robot_name[robot]]
+    out = b"".join(_padded(_string(text)) for text in texts) + len(values).to_bytes(4, "little")
+    pairs = [_string(text) for pair in values for text in pair]
+    return out + b"".join(map(_padded, pairs[:-1])) + pairs[-1]
+
+
+def _string(text: str) -> bytes:
+    """A CDR string: length with the final zero, bytes, zero."""
+    raw = text.encode() + b"\x00"
+    return len(raw).to_bytes(4, "little") + raw
+
+
+def _padded(raw: bytes) -> bytes:
+    return raw + bytes(-len(raw) % 4)

@@ -1,0 +1,207 @@
+"""A run as a ROS 2 bag that RViz, Foxglove, Rerun, PlotJuggler and `ros2 bag` open, without ROS.
+
+mcap with zstd chunks by default, sqlite3 on request; metadata version 8, which Humble to Rolling read.
+Refuses unknown storages, generations and robots, and a folder that is there already. Bags of equal runs
+are equal byte for byte. An interrupted write leaves complete chunks in the mcap file but no index.
+"""
+
+import json
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from mrp_sumo.bags import streams as say
+from mrp_sumo.bags.messages import EPOCH_NS, Messages
+from mrp_sumo.bags.paths import ODD, plain_path
+from mrp_sumo.core.execution import as_believed
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.io.record import Record
+from mrp_sumo.io.scenario import Recording
+
+VERSION: Literal[8] = 8
+FLEET_STATES_NS = 500_000_000  # 2 Hz, as MRP-Bench
+SECOND_NS = 1_000_000_000
+STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+INFINITE = QosTime(9223372036, 854775807)  # as rosbag2 writes it
+
+
+@dataclass(frozen=True)
+class BagOptions:
+    """What goes into a bag, and how."""
+
+    storage: str = "mcap"  # or 'sqlite3'
+    rmf: str = "jazzy"  # generation of rmf_fleet_msgs: 'galactic', 'jazzy' or 'kilted'
+    period_s: float = 0.1  # between messages of /tf, /robot_cloud, poses and odometry; never shorter than the record's
+    robots: tuple[str, ...] = ()  # that get topics of their own: /<robot>/odom and /<robot>/plan
+    poses: bool = False  # /robot_poses, too: what /tf says, as one PoseArray
+    repeat_latched_s: float = 0.0  # say /map and markers again, for players that start in the middle; 0: never
+
+
+class FastWriter(Writer):
+    """The library's writer without its search for the connection, which is linear in the number of topics."""
+
+    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+        assert self.storage is not None
+        self.storage.write(connection, timestamp, data)
+        self.counts[connection.id] += 1
+        if timestamp < self.min_timestamp:
+            self.min_timestamp = timestamp
+        if timestamp > self.max_timestamp:
+            self.max_timestamp = timestamp
+
+
+def write_recorded_bag(folder: Path, record: Record, choice: Recording) -> None:
+    """Write the bag of a run as its scenario says."""
+    write_bag(folder, record, BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses))
+
+
+def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), about: Mapping[str, str] | None = None) -> None:
+    """Write the bag of a run.
+
+    Parameters
+    ----------
+    folder
+        To be made; the bag file in it gets its name.
+    record
+        With at least one sample.
+    options
+        Storage, message generation, topics.
+    about
+        More for the metadata's `custom_data`.
+
+    Raises
+    ------
+    MrpSumoError
+        For options that are not known, a folder that exists, or a record without samples.
+    OSError
+        When the disk refuses.
+    """
+    if options.storage not in STORAGES:
+        raise MrpSumoError(f"unknown storage '{options.storage}'{nearest(options.storage, STORAGES)}")
+    if not len(record.execution.t_s):
+        raise MrpSumoError(f"'{record.name}' has no samples to make a bag of")
+    if folder.exists():
+        raise MrpSumoError(f"{folder}: exists already, a bag needs a new folder")
+    if options.storage == "sqlite3" and (bad := [c for c in folder.name if c in ODD]):
+        raise MrpSumoError(f"'{folder.name}': the name of a sqlite3 bag cannot have a '{bad[0]}'; use mcap or another name")
+    record = replace(record, execution=as_believed(record.execution))  # robots tell where they take themselves to be
+    messages = Messages(record, options.rmf)
+    chosen = _chosen(record, options.robots)
+    renamed = {token: name for token, name in zip(messages.robots, record.fleet.robot_name) if token != name}
+    custom = {"scenario": record.name, "seed": str(record.seed), "epoch_ns": str(EPOCH_NS), "rmf_generation": options.rmf}
+    custom |= {name: repr(float(value)) for name, value in record.constants.items()}
+    if renamed:
+        custom["robot_names"] = json.dumps(renamed, ensure_ascii=False)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with plain_path(folder) as place:
+        writer = FastWriter(place, version=VERSION, storage_plugin=STORAGES[options.storage])
+        if options.storage == "mcap":
+            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        for key, value in {**custom, **(about or {})}.items():
+            writer.set_custom_data(key, value)
+        try:
+            with writer:
+                _write(writer, messages, record, options, chosen)
+        except sqlite3.Error as error:  # a full disk, above all
+            raise OSError(str(error)) from error
+
+
+def _write(writer: FastWriter, messages: Messages, record: Record, options: BagOptions, chosen: list[int]) -> None:
+    """All messages, latched ones first, then by time."""
+    described: dict[str, tuple[str, str]] = {}
+
+    def topic(name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection:
+        package, short = typename.split("/")
+        full = f"{package}/msg/{short}"
+        if full not in described:
+            described[full] = messages.typestore.generate_msgdef(full, ros_version=2)[0], messages.typestore.hash_rihs01(full)
+        definition, digest = described[full]
+        return writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=[_qos(depth, latched)])
+
+    once = [  # (connection, message at a stamp)
+        (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),
+        (topic("/map", "nav_msgs/OccupancyGrid", 1, latched=True), messages.map),
+        (topic("/map_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.map_markers),
+        (topic("/robot_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.robot_markers),
+        (topic("/plan_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.plan_markers),
+    ]
+    for robot in chosen:
+        plan_topic = topic(f"/{messages.robots[robot]}/plan", "nav_msgs/Path", 1, latched=True)
+        once.append((plan_topic, lambda ns, robot=robot: messages.path(ns, robot)))  # type: ignore[misc]
+    for connection, message in once:
+        writer.write(connection, EPOCH_NS, message(EPOCH_NS))
+    requests = topic("/robot_path_requests", "rmf_fleet_msgs/PathRequest", max(100, record.fleet.num_robots), latched=True)
+    for raw in messages.path_requests():
+        writer.write(requests, EPOCH_NS, raw)
+
+    end_ns = round(float(record.execution.t_s[-1]) * 1e9)
+    fast = say.Samples(record, _ticks(record, end_ns, round(options.period_s * 1e9)))
+    slow = say.Samples(record, np.arange(0, end_ns + 1, FLEET_STATES_NS, dtype=np.int64))
+    second = say.Samples(record, np.arange(0, end_ns + 1, SECOND_NS, dtype=np.int64))
+    streams = [
+        (topic("/tf", "tf2_msgs/TFMessage", 100), say.transforms(messages, fast)),
+        (topic("/robot_cloud", "sensor_msgs/PointCloud2"), say.cloud(messages, fast)),
+        (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), say.fleet_states(messages, slow)),
+    ]
+    if options.poses:
+        streams.append((topic("/robot_poses", "geometry_msgs/PoseArray"), say.poses(messages, fast)))
+    streams += [(topic(f"/{messages.robots[robot]}/odom", "nav_msgs/Odometry"), say.odometry(messages, fast, robot)) for robot in chosen]
+    log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
+    diagnosed, diagnostics = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray"), say.Diagnostics(messages, second)
+    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(second, 0)}
+    repeats = np.zeros(0, np.int64)
+    if options.repeat_latched_s > 0:
+        every = round(options.repeat_latched_s * 1e9)
+        repeats = np.arange(every, end_ns + 1, every, dtype=np.int64)
+
+    # everything by time: (stamp, rank, which of its kind); ranks as in the order below
+    times = [repeats, *(stream.samples.t_ns for _, stream in streams), np.array([ns - EPOCH_NS for ns, _ in logs], np.int64), second.t_ns]
+    stamp = np.concatenate(times)
+    rank = np.repeat(np.arange(len(times)), [len(t) for t in times])
+    index = np.concatenate([np.arange(len(t)) for t in times])
+    order = np.lexsort((index, rank, stamp))
+    for ns, kind, k in zip((stamp[order] + EPOCH_NS).tolist(), rank[order].tolist(), index[order].tolist()):
+        if kind == 0:
+            for connection, message in once:
+                writer.write(connection, ns, message(ns))
+        elif kind <= len(streams):
+            connection, stream = streams[kind - 1]
+            if (data := stream.message(k)) is not None:
+                writer.write(connection, ns, data)
+        elif kind == len(streams) + 1:
+            writer.write(log_topic, ns, logs[k][1])
+        else:
+            writer.write(diagnosed, ns, diagnostics.message(k))
+            for name, data in say.metrics(second, k).items():
+                if name in metrics:
+                    writer.write(metrics[name], ns, data)
+
+
+def _ticks(record: Record, end_ns: int, period_ns: int) -> IntArray:
+    """Stamps of the fast topics: every period, or every sample where those are rarer."""
+    sample_ns = np.rint(record.execution.t_s * 1e9).astype(np.int64)
+    if len(sample_ns) > 1 and int(sample_ns[1] - sample_ns[0]) >= period_ns:
+        return sample_ns
+    return np.arange(0, end_ns + 1, period_ns, dtype=np.int64)
+
+
+def _chosen(record: Record, names: tuple[str, ...]) -> list[int]:
+    known = {name: i for i, name in enumerate(record.fleet.robot_name)}
+    for name in names:
+        if name not in known:
+            raise MrpSumoError(f"'{name}' is not a robot of '{record.name}'{nearest(name, known)}")
+    return sorted({known[name] for name in names})
+
+
+def _qos(depth: int, latched: bool) -> Any:
+    durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
+    return Qos(
+        QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability, INFINITE, INFINITE, QosLiveliness.AUTOMATIC, INFINITE, False
+    )

@@ -1,0 +1,149 @@
+"""Makes disturbances happen, step by step.
+
+Every kind has its own stream of chance, `default_rng([seed, purpose])`, so that the same seed disturbs every
+policy alike and one kind can be switched off without changing the others. Refuses robots and lanes that do
+not exist.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrp_sumo.core.execution import Event
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
+from mrp_sumo.drive import _controller
+from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
+from mrp_sumo.errors import ExecutionError
+
+SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
+SLOWEST_ROBOT = 0.7  # of its type's speed, however wide the spread
+SLOWEST_MOMENT = 0.2  # of the robot's speed, however strong the noise
+
+
+@dataclass
+class Disturber:
+    """The disturbances of one execution as they happen; its arrays are read by the controller's kernel."""
+
+    what: Disturbances
+    graph: NavGraph
+    num_robots: int
+    step_length_s: float
+    planned_step_s: float
+    robot_radius_m: float
+    seed: int
+    factor: FloatArray = field(init=False)  # [R] on the robots' speeds
+    hold_until: FloatArray = field(init=False)  # [R] s
+    told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive
+    closed: BoolArray = field(init=False)  # [L] lanes nobody may set out on
+    broken: BoolArray = field(init=False)  # [R] whether a robot stands still for good
+
+    def __post_init__(self) -> None:
+        what, num_robots = self.what, self.num_robots
+        self._stream = {purpose: np.random.default_rng([self.seed, purpose]) for purpose in range(SPREAD, MESSAGES + 1)}
+        spread = self._stream[SPREAD].normal(1.0, what.speed_spread, num_robots)
+        self._own = np.clip(spread, SLOWEST_ROBOT, 1.0) if what.speed_spread else np.ones(num_robots)
+        self.factor = self._own.copy()
+        self.hold_until = self._stream[STARTS].uniform(0.0, what.start_delay_s, num_robots) if what.start_delay_s else np.zeros(num_robots)
+        self.told_m = np.zeros(num_robots)
+        self.closed = np.zeros(self.graph.num_lanes, np.bool_)
+        self.broken = np.zeros(num_robots, np.bool_)
+        self._u = np.zeros(num_robots)
+        self._late = max(1, round(what.latency_s / self.step_length_s))  # steps; the loop sends what the step before allowed
+        self._sent: list[FloatArray] = []
+        self._next_step_s = self.planned_step_s
+        self._pending = list(what.breakdowns)
+        for breakdown in self._pending:
+            if not 0 <= breakdown.robot < num_robots:
+                raise ExecutionError(f"disturbances: a breakdown of robot {breakdown.robot}, but there are {num_robots}")
+        self._barriers = [(c.begin_s, c.duration_s, self._lanes_of(c), np.zeros(0, np.int64)) for c in what.closures]
+        self._barriers += [(o.begin_s, o.duration_s, *self._near(o)) for o in what.obstacles]
+        self._closing: list[tuple[float, IntArray]] = []  # until when, lanes
+
+    def count_from(self, offset_m: FloatArray, allowed_m: FloatArray) -> None:
+        """Distances begin `offset_m` [R] further along; robots whose offset is NaN know what they are allowed [R]."""
+        for known in (self.told_m, *self._sent):
+            known[:] = np.where(np.isnan(offset_m), allowed_m, known - offset_m)
+
+    @property
+    def around(self) -> _controller.Around:
+        """What the kernel reads."""
+        prompt = not (self.what.latency_s or self.what.message_loss)
+        return _controller.Around(self.factor, self.hold_until, self.told_m, self.closed, prompt)
+
+    def happen(self, now: float, state: _controller.State) -> list[Event]:
+        """Bring everything up to the step that begins at `now`."""
+        what, dt, events = self.what, self.step_length_s, []
+        if what.latency_s or what.message_loss:
+            self._deliver(state.allowed)
+        if what.speed_noise:
+            normal = self._stream[NOISE].normal(size=self.num_robots)
+            self._u += -self._u * dt / what.speed_noise_tau_s + what.speed_noise * np.sqrt(2 * dt / what.speed_noise_tau_s) * normal
+            np.multiply(self._own, np.clip(1 - np.abs(self._u), SLOWEST_MOMENT, 1.0), out=self.factor)
+        if what.stops_per_s:
+            chance = self._stream[STOPS].random((2, self.num_robots))
+            stops = (chance[0] < what.stops_per_s * dt) & (self.hold_until <= now)
+            for robot in np.flatnonzero(stops).tolist():
+                duration = float(self._stream[STOPS].lognormal(np.log(what.stop_median_s), what.stop_sigma))
+                events.append(self._hold(robot, now, duration, "stops at random"))
+        if what.delay_probability and now >= self._next_step_s - 1e-9:
+            self._next_step_s += self.planned_step_s
+            delayed = self._stream[DELAYS].random(self.num_robots) < what.delay_probability
+            steps = self._stream[DELAYS].integers(what.delay_steps_min, what.delay_steps_max + 1, self.num_robots)
+            late = np.flatnonzero(delayed & (self.hold_until <= now)).tolist()
+            events += [self._hold(robot, now, float(steps[robot] * self.planned_step_s), "is delayed") for robot in late]
+        for breakdown in [b for b in self._pending if b.begin_s <= now + 1e-9]:
+            self._pending.remove(breakdown)
+            self.broken[breakdown.robot] |= breakdown.duration_s == np.inf
+            events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
+        return events + self._barriers_now(now, state.claims, state.holder)
+
+    def _deliver(self, allowed_m: FloatArray) -> None:
+        """Robots hear what they may drive late, or not this time. What they know never shrinks."""
+        self._sent.append(allowed_m.copy())
+        if len(self._sent) < self._late:
+            return
+        arrives = self._sent.pop(0)
+        if self.what.message_loss:
+            lost = self._stream[MESSAGES].random(self.num_robots) < self.what.message_loss
+            arrives = np.where(lost, self.told_m, arrives)
+        np.maximum(self.told_m, arrives, out=self.told_m)
+
+    def _hold(self, robot: int, now: float, duration: float, text: str) -> Event:
+        self.hold_until[robot] = max(self.hold_until[robot], now + duration)
+        return Event(now, "disturbed", robot, duration_s=duration, text=text)
+
+    def _barriers_now(self, now: float, claims: IntArray, holder: IntArray) -> list[Event]:
+        events = []
+        for barrier in [b for b in self._barriers if b[0] <= now + 1e-9]:
+            begin, duration, lanes, vertices = barrier
+            if now >= begin + duration:
+                self._barriers.remove(barrier)
+            elif not claims[lanes].any() and (holder[vertices] < 0).all():
+                self._barriers.remove(barrier)
+                self._closing.append((begin + duration, lanes))
+                self.closed[lanes] = True
+                head = int(self.graph.head[lanes[0]]) if len(lanes) else -1
+                events.append(Event(now, "closed", -1, head, duration_s=begin + duration - now, text=f"{len(lanes)} lanes are closed"))
+        ended = [closing for closing in self._closing if closing[0] <= now + 1e-9]
+        if ended:
+            self._closing = [closing for closing in self._closing if closing[0] > now + 1e-9]
+            self.closed[:] = False
+            for _, lanes in self._closing:
+                self.closed[lanes] = True
+        return events
+
+    def _lanes_of(self, closure: Closure) -> IntArray:
+        lanes = [self.graph.lane_between(closure.tail, closure.head), self.graph.lane_between(closure.head, closure.tail)]
+        lanes = [lane for lane in lanes if lane >= 0]
+        if not lanes:
+            raise ExecutionError(f"disturbances: a closure of a lane from vertex {closure.tail} to {closure.head}, which does not exist")
+        return np.array(lanes, np.int64)
+
+    def _near(self, obstacle: Obstacle) -> tuple[IntArray, IntArray]:
+        """Lanes and vertices on which a robot could touch the obstacle."""
+        graph, place = self.graph, np.array([obstacle.x_m, obstacle.y_m])
+        begin, along = graph.xy[graph.tail], graph.xy[graph.head] - graph.xy[graph.tail]
+        u = np.clip(((place - begin) * along).sum(1) / (along**2).sum(1), 0, 1)
+        reach = obstacle.radius_m + self.robot_radius_m
+        lanes = np.flatnonzero(np.hypot(*(begin + u[:, None] * along - place).T) < reach)
+        return lanes, np.flatnonzero(np.hypot(*(graph.xy - place).T) < reach)

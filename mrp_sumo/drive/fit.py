@@ -1,0 +1,104 @@
+"""Refuses what no execution could survive, before SUMO starts, one line each.
+
+A plan that is not for this problem, leaves the lanes or rides a lift; robots that do not fit the cells; starts within
+reach of each other or in one mutex group.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import ExecutionError
+from mrp_sumo.traffic.resources import Resources
+
+
+def lanes_of(problem: Problem, plan: Plan) -> IntArray:
+    """[N] the lane by which each visit is reached, -1 for robots' first visits.
+
+    Raises
+    ------
+    ExecutionError
+        When the plan is for other robots, begins elsewhere, or jumps between vertices without a lane.
+    """
+    graph, names = problem.graph, problem.fleet.robot_name
+    if plan.num_robots != problem.num_robots:
+        raise ExecutionError(f"the plan has {plan.num_robots} robots, the problem {problem.num_robots}")
+    begin = plan.first[:-1]
+    elsewhere = np.flatnonzero(plan.vertex[begin] != problem.start)
+    if len(elsewhere):
+        r = int(elsewhere[0])
+        found, expected = graph.label(int(plan.vertex[begin[r]])), graph.label(int(problem.start[r]))
+        raise ExecutionError(f"the plan of {names[r]} begins at '{found}', expected its start '{expected}'")
+    lane, missing = lanes_along(problem, plan)
+    if missing.any():
+        k = int(np.flatnonzero(missing)[0])
+        r, tail, head = int(plan.robot[k]), int(plan.vertex[k - 1]), int(plan.vertex[k])
+        raise ExecutionError(f"the plan of {names[r]} goes from '{graph.label(tail)}' to '{graph.label(head)}', where there is no lane")
+    return lane
+
+
+def lanes_along(problem: Problem, plan: Plan) -> tuple[IntArray, BoolArray]:
+    """[N] the lane by which each visit is reached, -1 for first visits, and whether there is none where there should be one."""
+    graph, begin = problem.graph, plan.first[:-1]
+    tail, head = np.append(-1, plan.vertex[:-1]), plan.vertex
+    key = graph.tail * graph.num_vertices + graph.head
+    lane = np.searchsorted(key, tail * graph.num_vertices + head)
+    lane[begin] = -1
+    missing = np.ones(len(lane), np.bool_)
+    within = (lane >= 0) & (lane < len(key))
+    missing[within] = (graph.tail[lane[within]] != tail[within]) | (graph.head[lane[within]] != head[within])
+    missing[begin] = False
+    return lane, missing
+
+
+def check_room(problem: Problem, plan: Plan, separation: float) -> None:
+    graph, fleet = problem.graph, problem.fleet
+    if not problem.num_robots:
+        raise ExecutionError("there are no robots to execute a plan with")
+    if separation > graph.cell_m + 1e-9:
+        raise ExecutionError(
+            f"the robots do not fit: with their gap they need {separation:.3f} m from centre to centre, "
+            f"and cells of '{graph.name}' are {graph.cell_m:g} m"
+        )
+    served = np.zeros(graph.num_vertices, np.bool_)
+    served[graph.tail] = served[graph.head] = True
+    stranded = np.flatnonzero(~served[problem.start])
+    if len(stranded):
+        r = int(stranded[0])
+        raise ExecutionError(f"{fleet.robot_name[r]} starts at '{graph.label(int(problem.start[r]))}', which has no lane")
+    where = graph.xy[problem.start]
+    pairs = cKDTree(where).query_pairs(separation - 1e-9, output_type="ndarray")
+    pairs = pairs[graph.level[problem.start[pairs[:, 0]]] == graph.level[problem.start[pairs[:, 1]]]]
+    if len(pairs):
+        i, j = sorted(pairs.tolist())[0]
+        apart = float(np.hypot(*(where[i] - where[j])))
+        raise ExecutionError(
+            f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.label(int(problem.start[i]))}' "
+            f"and '{graph.label(int(problem.start[j]))}', expected {separation:.3f} m or more"
+        )
+
+
+def lift_ride(problem: Problem, plan: Plan) -> str:
+    """What to say of a plan that rides a lift, which is not executed; '' for others."""
+    lane, graph = lanes_along(problem, plan)[0], problem.graph
+    rides = np.flatnonzero((lane >= 0) & np.array(["lift" in options for options in graph.lane_options], np.bool_)[lane])
+    if not len(rides):
+        return ""
+    visit = int(rides[np.argmin(plan.arrive_s[rides])])
+    ends = f"from '{graph.label(int(plan.vertex[visit - 1]))}' to '{graph.label(int(plan.vertex[visit]))}'"
+    lift = graph.lane_options[int(lane[visit])]["lift"]
+    name = problem.fleet.robot_name[int(plan.robot[visit])]
+    return f"{name} rides lift '{lift}' {ends}, and execution has no lifts yet (choose one map.level)"
+
+
+def check_groups(problem: Problem, resources: Resources) -> None:
+    """Refuse two robots that start in one mutex group."""
+    inside: dict[int, int] = {}
+    for r, vertex in enumerate(problem.start.tolist() if resources.group_name else ()):
+        for zone in resources.zones_of[resources.zones_first[vertex] : resources.zones_first[vertex + 1]].tolist():
+            other = inside.setdefault(zone, r)
+            if zone >= len(resources.zone) and other != r:
+                names, group = problem.fleet.robot_name, resources.group_name[zone - len(resources.zone)]
+                raise ExecutionError(f"{names[other]} and {names[r]} both start in mutex group '{group}', where one robot at a time may be")

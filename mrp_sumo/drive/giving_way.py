@@ -1,0 +1,205 @@
+"""Who gives way in a deadlock, where to, and until when.
+
+The rule of right of way: of the robots in a ring of waiting, the one gives way that has the shortest way to a place
+where it is in none of the others' way; on a tie the one with the higher number. Its way there must be free, lead
+over two-way lanes, since it comes back the same way, and not over a vertex where one of the others ends. If none of
+them has such a place, robots that stand behind them are asked, so that those can back out. It goes on when none of
+the others has to pass its way back any more, or can any more.
+
+Robots that give way turn in place and drive forward, out of their lane if that is where they stand. Refuses to
+ask robots that are disturbed or still move.
+"""
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
+from mrp_sumo.drive import _controller
+from mrp_sumo.drive.change import Way
+from mrp_sumo.drive.motion_plan import Course
+from mrp_sumo.traffic.resources import Resources
+
+INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
+SEARCHED = 2000  # vertices, before a robot gives up looking for a place
+
+
+@dataclass(frozen=True, eq=False)
+class GivingWay:
+    """A robot that lets others pass."""
+
+    robot: int
+    others: tuple[int, ...]
+    place: int  # vertex where it lets them pass
+    begin_s: float
+    back: IntArray  # resources of its way back
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a search for places needs to know."""
+
+    graph: NavGraph
+    course: Course
+    state: _controller.State
+    closed: BoolArray  # [L]
+
+    @property
+    def resources(self) -> Resources:
+        return self.course.resources
+
+    def of_lane(self, lane: int) -> IntArray:
+        """What a robot needs to drive on a lane to its end."""
+        head, found = int(self.graph.head[lane]), self.resources
+        return np.concatenate([[head], self.of_vertex(head)[1:], self._zones(self.graph.num_vertices + int(found.track[lane]))])
+
+    def of_vertex(self, vertex: int) -> IntArray:
+        """What a robot needs to stand on a vertex."""
+        return np.concatenate([[vertex], self._zones(vertex)])
+
+    def _zones(self, place: int) -> IntArray:
+        found = self.resources
+        return self.graph.num_vertices + found.zones_of[found.zones_first[place] : found.zones_first[place + 1]]
+
+    def free_for(self, robot: int, needs: IntArray) -> bool:
+        holder = self.state.holder[needs]
+        return bool(((holder < 0) | (holder == robot)).all())
+
+    def still_needed(self, robot: int) -> IntArray:
+        """Resources a robot holds or will need on the rest of its path."""
+        path, need = self.course.path, self.course.need
+        part = slice(need.first[self.state.back[robot]], need.first[path.first[robot + 1]])
+        needed: IntArray = need.resource[part][~self.state.freed[part]]
+        return needed
+
+    def can_turn_back(self, robot: int) -> bool:
+        """Whether a robot that waits on a lane has the lane for itself and may drive back."""
+        state, path = self.state, self.course.path
+        lane = int(path.lane[state.won[robot] + 1])
+        back = int(path.reverse[lane])
+        return back >= 0 and not self.closed[back] and state.claims[lane] == 1 and state.claims[back] == 0
+
+    def enters_by_itself(self, robot: int) -> bool:
+        """Whether a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""
+        path, visit = self.course.path, int(self.state.won[robot])
+        return visit == path.first[robot] and not (self.graph.head == path.vertex[visit]).any()
+
+    def stands(self, robot: int) -> bool:
+        """Whether a robot stands at a vertex, or on a lane on which it can turn back, with nothing ahead that it may drive."""
+        state, path = self.state, self.course.path
+        at = float(path.at[state.won[robot]])
+        if (
+            self.enters_by_itself(robot)
+            or state.speed[robot] > 0
+            or state.nx[robot] != state.won[robot] + 1
+            or state.won[robot] + 1 >= path.first[robot + 1]
+        ):
+            return False
+        beyond = float(state.s[robot]) - at
+        return beyond > INTO_M and self.can_turn_back(robot) if state.on_lane[robot] else abs(beyond) <= _controller.ARRIVED_M
+
+
+def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Way] | None:
+    """Who of a ring of waiting robots gives way and how; None if nobody can."""
+    for asked in (list(ring), _behind(around.state, ring)):
+        best: tuple[float, int, list[int], tuple[int, ...]] | None = None
+        for robot in asked:
+            if disturbed[robot] or not around.stands(robot):
+                continue
+            others = tuple(other for other in ring if other != robot)
+            found = _place(around, robot, others)
+            if found is None:
+                continue
+            cost, out = found
+            if best is None or (round(cost, 6), -robot) < (round(best[0], 6), -best[1]):
+                best = (cost, robot, out, others)
+        if best is not None:
+            _, robot, out, others = best
+            return _giving_way(around, robot, others, out, now)
+    return None
+
+
+def still_to_pass(around: Surroundings, giving: GivingWay, broken: BoolArray) -> int:
+    """One of the others that is to pass the way back yet, -1: none."""
+    state, path = around.state, around.course.path
+    for other in giving.others:
+        if broken[other] or state.nx[other] >= path.first[other + 1]:
+            continue
+        if np.isin(around.still_needed(other), giving.back).any():
+            return other
+    return -1
+
+
+def _behind(state: _controller.State, ring: Sequence[int]) -> list[int]:
+    """Robots that wait for one of the ring, or for one who does, nearest first."""
+    found, known = [], set(ring)
+    front = list(ring)
+    waits = state.wait_since < np.inf
+    while front:
+        front = [r for r in np.flatnonzero(waits & np.isin(state.other, front)).tolist() if r not in known]
+        known.update(front)
+        found += front
+    return found
+
+
+def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[float, list[int]] | None:
+    """The nearest place in nobody's way: metres, and the vertices from where the robot stands to it."""
+    graph, state, path = around.graph, around.state, around.course.path
+    avoid, goals = np.zeros(len(state.holder), np.bool_), np.zeros(len(state.holder), np.bool_)
+    for other in others:
+        avoid[around.still_needed(other)] = True
+        goals[around.of_vertex(int(path.vertex[path.first[other + 1] - 1]))] = True
+    start = int(path.vertex[state.won[robot]])
+    begin = float(state.s[robot] - path.at[state.won[robot]]) if state.on_lane[robot] else 0.0
+    if not around.free_for(robot, around.of_vertex(start)):
+        return None
+    came: dict[int, int] = {}
+    heap = [(begin, start, -1)]
+    while heap and len(came) < SEARCHED:
+        cost, vertex, before = heapq.heappop(heap)
+        if vertex in came:
+            continue
+        came[vertex] = before
+        if goals[vertex]:
+            continue  # it could not come back from beyond
+        if not avoid[around.of_vertex(vertex)].any():
+            out = [vertex]
+            while (vertex := came[vertex]) >= 0:
+                out.append(vertex)
+            return cost, out[::-1]
+        for lane in range(int(graph.first[vertex]), int(graph.first[vertex + 1])):
+            head, back = int(graph.head[lane]), int(graph.reverse[lane])
+            usable = head not in came and back >= 0 and not around.closed[lane] and not state.claims[back]
+            if usable and around.free_for(robot, around.of_lane(lane)):
+                heapq.heappush(heap, (cost + float(graph.length_m[lane]), head, vertex))
+    return None
+
+
+def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: list[int], now: float) -> tuple[GivingWay, Way]:
+    state, course, graph = around.state, around.course, around.graph
+    plan, won, end = course.plan, int(state.won[robot]), int(course.path.first[robot + 1])
+    turns_back = bool(state.on_lane[robot])
+    there = out if turns_back else out[1:]
+    home = out[-2::-1]  # the way back, after the place
+    rest = np.arange(won + 1, end)
+    while len(home) > 1 and len(rest) and home[-2] == plan.vertex[rest[0]]:  # no need to go to a dead end and back
+        home, rest = home[:-1], rest[1:]
+    if len(home) == 1 and len(rest) and out[-1] == plan.vertex[rest[0]]:  # its path leads to the place anyway
+        home, rest = [], rest[1:]
+    new = np.array(there + home, np.int64)
+    times = np.full(len(new), now)
+    way = Way(
+        vertex=np.concatenate([new, plan.vertex[rest]]),
+        arrive_s=np.concatenate([times, plan.arrive_s[rest]]),
+        depart_s=np.concatenate([times, plan.depart_s[rest]]) if len(rest) else np.append(times[1:], np.inf),
+        leave_s=now,
+        back=turns_back,
+        pause=len(there),
+    )
+    passed = [around.of_vertex(v) for v in out[:-1]]
+    passed += [around.of_lane(graph.lane_between(a, b)) for a, b in zip(out[1:], out[:-1])]
+    back = np.unique(np.concatenate(passed)) if passed else np.zeros(0, np.int64)
+    held = np.isin(back, around.of_vertex(out[-1]))  # needed at the place itself
+    return GivingWay(robot, others, out[-1], now, back[~held]), way

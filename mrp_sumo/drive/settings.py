@@ -1,0 +1,49 @@
+"""How an execution is run. Refuses values that no run could use."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.drive.disturbances import NONE, Disturbances
+from mrp_sumo.errors import ExecutionError, nearest
+
+ON_DEADLOCK = ("report", "stop", "resolve")
+
+
+@dataclass(frozen=True)
+class ExecutionSettings:
+    """Policy, clock and recording of an execution."""
+
+    policy: str = "adg"
+    step_length_s: float = 0.1
+    time_limit_s: float = 300.0  # simulated
+    goal_tolerance_m: float = 0.1
+    record_period_s: float = 0.1  # a whole number of steps
+    seed: int = 0
+    blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked
+    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': give way, drive around, plan anew from where robots are
+    give_way: bool = True  # 'resolve' first asks a robot to step aside or back out, first come first served
+    patience_s: float = 10.0  # of who is blocked for good, before 'resolve' drives around, or plans anew
+    replanner: str = "lacam"  # the planner that resolves; '' for none
+    disturbances: Disturbances = NONE
+
+    def __post_init__(self) -> None:
+        for key in ("step_length_s", "time_limit_s", "record_period_s", "blocking_window_s", "patience_s"):
+            value = getattr(self, key)
+            if not (np.isfinite(value) and value > 0):
+                raise ExecutionError(f"{key} is {value}, expected a number of seconds above 0")
+        if not 0.001 <= self.step_length_s <= 1.0:
+            raise ExecutionError(f"step_length_s is {self.step_length_s}, expected 0.001 to 1")
+        if self.on_deadlock not in ON_DEADLOCK:
+            raise ExecutionError(f"on_deadlock is '{self.on_deadlock}'{nearest(self.on_deadlock, ON_DEADLOCK)}")
+        if not self.goal_tolerance_m >= 0:
+            raise ExecutionError(f"goal_tolerance_m is {self.goal_tolerance_m}, expected 0 or more")
+        steps = self.record_period_s / self.step_length_s
+        if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
+            raise ExecutionError(
+                f"record_period_s is {self.record_period_s:g}, expected a whole number of steps of {self.step_length_s:g} s (step_length_s)"
+            )
+
+    @property
+    def steps_per_sample(self) -> int:
+        return round(self.record_period_s / self.step_length_s)

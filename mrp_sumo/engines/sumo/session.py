@@ -1,0 +1,234 @@
+"""SUMO as the loop sees it: robots by number, lanes by their names. The only importer of libsumo and traci.
+
+A vehicle's front is the robot's centre, and length = minGap = half the separation, so that followers and
+oncoming robots stop a separation apart. Refuses a second simulation in one process: libsumo would silently
+replace the first. Everything SUMO complains of comes out as an ExecutionError.
+"""
+
+import struct
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from itertools import compress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.errors import ExecutionError
+
+VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times real time
+    *("--start", "true", "--quit-on-end", "true", "--delay", "100", "--window-size", "1400,900"),
+    *("--gui-settings-file", str(Path(__file__).parents[2] / "data" / "sumo_view.xml")),
+)
+
+_running = False
+
+
+class Sumo:
+    """A running simulation. Made by `running_sumo`."""
+
+    def __init__(self, api: Any, num_robots: int) -> None:
+        self._api = api
+        self._vehicle = api.vehicle
+        self._name = [f"robot_{r}" for r in range(num_robots)]
+        self._base = np.zeros(num_robots)
+        self._turned: list[tuple[int, float]] = []  # robots that turned back since the last step, and what their odometers show
+        self.set_speed = api.vehicle.setSpeed  # by name: called more often than anything else
+
+    @property
+    def names(self) -> list[str]:
+        """[R] vehicles, in the order of robots."""
+        return self._name
+
+    def lane_length_m(self, edge: str) -> float:
+        """As SUMO keeps it.
+
+        Raises
+        ------
+        ExecutionError
+            When the network has no such edge.
+        """
+        try:
+            return float(self._api.lane.getLength(edge + "_0"))
+        except self._api.TraCIException as error:
+            raise ExecutionError(f"the network has no edge '{edge}': it was not made of this graph") from error
+
+    def raise_limit(self, edge: str, speed_mps: float) -> None:
+        """Let robots drive faster on a lane that has no limit of its own."""
+        self._api.edge.setMaxSpeed(edge, speed_mps)
+
+    def insert(self, robot: int, kind: int, edges: list[str], at_end: bool, stops: bool) -> None:
+        """Put a robot on the first edge, at its end or its beginning. `stops`: the route ends where the robot stays."""
+        name = self._name[robot]
+        self._api.route.add(name, edges)
+        position = str(self._api.lane.getLength(edges[0] + "_0")) if at_end else "0"
+        self._vehicle.add(name, name, f"type_{kind}", departPos=position, departSpeed="0")
+        if stops:
+            self._stop_at_end(name, edges[-1])
+
+    def begin(self) -> None:
+        """The step in which all robots appear."""
+        self._api.simulationStep()
+        found = self._vehicle.getIDCount()
+        if found != len(self._name):
+            raise ExecutionError(f"SUMO inserted {found} of {len(self._name)} robots")
+        for name in self._name:
+            self._vehicle.setSpeed(name, 0.0)
+        self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))
+
+    def step(self) -> None:
+        self._api.simulationStep()
+        for robot, driven_m in self._turned:
+            self._base[robot] = self._vehicle.getDistance(self._name[robot]) - driven_m
+        self._turned.clear()
+
+    def read_driven(self, driven_m: FloatArray, moving: BoolArray) -> None:
+        """Bring odometers [R] up to date, since `begin`; those not `moving` are left as they are."""
+        if moving.all():
+            driven_m[:] = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))
+            driven_m -= self._base
+        elif moving.any():
+            names = compress(self._name, moving.tolist())
+            driven_m[moving] = np.fromiter(map(self._vehicle.getDistance, names), np.float64) - self._base[moving]
+
+    def rebase(self, driven_m: FloatArray) -> None:
+        """Let odometers show these values [R] now."""
+        self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name)) - driven_m
+
+    def edge(self, robot: int) -> str:
+        return str(self._vehicle.getRoadID(self._name[robot]))
+
+    def set_route(self, robot: int, edges: list[str], stops: bool) -> None:
+        """Replace what lies ahead; the first edge is where the robot is."""
+        self._vehicle.setRoute(self._name[robot], edges)
+        if stops:
+            self._stop_at_end(self._name[robot], edges[-1])
+
+    def turn_back(self, robot: int, edge: str, onward: list[str], stops: bool, driven_m: float) -> None:
+        """Put a standing robot at the same place of the opposite edge. Its odometer shows `driven_m` after the next step."""
+        name = self._name[robot]
+        here, length = self._vehicle.getRoadID(name), self._api.lane.getLength(edge + "_0")
+        along = self._vehicle.getLanePosition(name)
+        self._vehicle.setRoute(name, [here, edge, *onward])
+        self._vehicle.moveTo(name, edge + "_0", length - along)
+        if stops:
+            self._stop_at_end(name, ([edge, *onward])[-1])
+        self._turned.append((robot, driven_m))
+
+    def leader(self, robot: int, within_m: float) -> int:
+        """The robot ahead on the route, -1: none."""
+        found = self._vehicle.getLeader(self._name[robot], within_m)
+        return int(found[0].removeprefix("robot_")) if found and found[0] else -1
+
+    def collisions(self) -> list[tuple[str, str, str]]:
+        """What SUMO reports of the last step: collider, victim, kind."""
+        return [(c.collider, c.victim, c.type) for c in self._api.simulation.getCollisions()]
+
+    def positions(self) -> FloatArray:
+        """[R, 2] m, SUMO's own."""
+        return np.array([self._vehicle.getPosition(name) for name in self._name]).reshape(-1, 2)
+
+    def _stop_at_end(self, name: str, edge: str) -> None:
+        self._vehicle.setStop(name, edge, pos=self._api.lane.getLength(edge + "_0"), duration=1e7)
+
+
+@contextmanager
+def running_sumo(network: Path, fleet: Fleet, separation_m: float, step_length_s: float, seed: int, gui: bool = False) -> Iterator[Sumo]:
+    """Start SUMO (sumo-gui with `gui`) on a network, and close it whatever happens.
+
+    Robots' types are numbered by `type_of`.
+
+    Raises
+    ------
+    ExecutionError
+        For a network that SUMO does not load, and for every error of SUMO inside the block.
+    """
+    global _running
+    if _running:
+        raise ExecutionError("a simulation is already running in this process, and SUMO can only do one")
+    _check_whole(Path(network))
+    api, program = _api(gui)
+    with tempfile.TemporaryDirectory() as folder:
+        types = Path(folder) / "types.add.xml"
+        types.write_text(_types(fleet, separation_m, step_length_s))
+        _running = True
+        try:
+            api.start(
+                [
+                    *(program, "-n", str(network), "-a", _additional(Path(network), types, gui), "--step-length", f"{step_length_s:g}"),
+                    *("--time-to-teleport", "-1", "--insertion-checks", "none", "--collision.action", "warn"),
+                    *(
+                        "--collision.stoptime",
+                        "100000",
+                        "--collision.mingap-factor",
+                        "0.5",
+                        "--no-step-log",
+                        "true",
+                        "--no-warnings",
+                        "true",
+                    ),
+                    *("--xml-validation", "never", "--duration-log.disable", "true", "--seed", str(seed % 2**31)),
+                    *(VIEW if gui else ()),
+                ]
+            )
+            yield Sumo(api, fleet.num_robots)
+        except (api.TraCIException, api.FatalTraCIError, struct.error, ConnectionError) as error:
+            if gui and not isinstance(error, api.TraCIException):
+                raise ExecutionError("sumo-gui was closed before the end of the run") from error
+            raise ExecutionError(f"SUMO gave up: {str(error).strip() or 'it said nothing'}") from error
+        finally:
+            _running = False
+            with suppress(*((api.FatalTraCIError, struct.error, ConnectionError) if gui else ())):  # gone already
+                api.close()
+
+
+def type_of(fleet: Fleet) -> list[int]:
+    """[R] the vehicle type of each robot: robots with equal limits share one."""
+    columns = (fleet.accel_mps2, fleet.decel_mps2, fleet.max_speed_mps, fleet.width_m)
+    kinds: list[int] = np.unique(np.stack(columns, 1), axis=0, return_inverse=True)[1].reshape(-1).tolist()
+    return kinds
+
+
+def _check_whole(network: Path) -> None:
+    """libsumo may crash on half a file."""
+    if not network.is_file():
+        raise ExecutionError(f"{network}: no such network")
+    with network.open("rb") as file:
+        file.seek(max(0, network.stat().st_size - 64))
+        if not file.read().rstrip().endswith(b"</net>"):
+            raise ExecutionError(f"{network}: not a whole SUMO network, expected '</net>' at its end")
+
+
+def _api(gui: bool) -> tuple[Any, str]:
+    if not gui:
+        import libsumo
+
+        return libsumo, "sumo"
+    import sumo
+    import traci
+
+    return traci, str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui")
+
+
+def _additional(network: Path, types: Path, gui: bool) -> str:
+    from mrp_sumo.engines.sumo.network import backdrop_of
+
+    backdrop = backdrop_of(network)
+    return f"{types},{backdrop}" if gui and backdrop.is_file() else str(types)
+
+
+def _types(fleet: Fleet, separation_m: float, step_length_s: float) -> str:
+    kind = np.array(type_of(fleet))
+    lines = ["<additional>"]
+    for k in range(kind.max() + 1):
+        r = int(np.flatnonzero(kind == k)[0])
+        lines.append(
+            f'<vType id="type_{k}" length="{separation_m / 2:.6f}" minGap="{separation_m / 2:.6f}" width="{fleet.width_m[r]:.6f}" '
+            f'accel="{fleet.accel_mps2[r]:.6f}" decel="{fleet.decel_mps2[r]:.6f}" apparentDecel="{fleet.decel_mps2[r]:.6f}" '
+            f'emergencyDecel="{2 * fleet.decel_mps2[r]:.6f}" maxSpeed="{fleet.max_speed_mps[r]:.6f}" speedFactor="1" speedDev="0" '
+            f'sigma="0" tau="{step_length_s:g}"/>'  # emergencyDecel: with less, SUMO lets some head-on robots collide
+        )
+    return "\n".join([*lines, "</additional>\n"])

@@ -1,0 +1,94 @@
+"""Maps, plan graphs and SUMO networks, made once and used by every run of a process."""
+
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:  # loaded with the first map: workers are there at once
+    from mrp_sumo.core.graph import PlanGraph
+    from mrp_sumo.io.scenario import Discretisation, MapChoice
+    from mrp_sumo.maps.building import Building
+    from mrp_sumo.maps.load import Map
+
+MAX_KEPT = 48  # things made; a suite with more maps makes some of them again
+
+T = TypeVar("T")
+
+
+class Workshop:
+    """A context: networks are files in a temporary folder that goes with it."""
+
+    def __init__(self) -> None:
+        self._made: dict[Hashable, Any] = {}
+        self._scratch = TemporaryDirectory(prefix="mrp_sumo_")
+        self._count = 0
+
+    def __enter__(self) -> "Workshop":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._scratch.cleanup()
+
+    def map(self, choice: "MapChoice", folder: Path, cell_m: float, robot_radius_m: float) -> "Map":
+        """The map that a scenario in `folder` chooses, repaired as it asks for. Raises MapError."""
+        from mrp_sumo.maps.catalogue import find_map
+        from mrp_sumo.maps.load import load_map
+        from mrp_sumo.maps.repair import repair
+
+        path = find_map(choice.file, folder)
+        state = path.stat()
+
+        def make() -> "Map":
+            map_ = load_map(
+                path,
+                graph=choice.graph,
+                level=choice.level,
+                meters_per_pixel=choice.meters_per_pixel,
+                cell_m=cell_m,
+                robot_radius_m=robot_radius_m,
+            )
+            repaired, _ = repair(
+                map_, snap_m=choice.snap_m, split_at_crossings=choice.split_crossings, only_largest=choice.largest_component
+            )
+            return repaired
+
+        return self._once((path.resolve(), state.st_mtime_ns, state.st_size, choice, cell_m, robot_radius_m), make)
+
+    def graph(self, map_: "Map", choice: "Discretisation") -> "PlanGraph":
+        """The nav graph of a map as it is planned on."""
+        from mrp_sumo.core.graph import PlanGraph
+        from mrp_sumo.maps.grid import paper_grid
+        from mrp_sumo.maps.roadmap import cut_lanes
+
+        nav = map_.nav
+        if isinstance(nav, PlanGraph):  # a grid map is one already
+            return nav
+
+        def make() -> PlanGraph:
+            return paper_grid(nav, choice.cell_m) if choice.kind == "grid" else cut_lanes(nav, choice.cell_m, choice.lanes == "two_way")
+
+        return self._once((id(nav), choice), make, nav)
+
+    def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
+        """The SUMO network of a plan graph, with a building drawn behind it for those who look."""
+        from mrp_sumo.engines.sumo.network import build_network
+
+        self._count += 1
+        path = Path(self._scratch.name) / str(self._count) / "network.net.xml"
+
+        def make() -> Path:
+            path.parent.mkdir()
+            return build_network(graph, path, backdrop)
+
+        return self._once(("network", id(graph), backdrop is None), make, graph)
+
+    def _once(self, key: Hashable, make: Callable[[], T], of: object = None) -> T:
+        """What was made under `key`, or is made now; `of` is kept alive with it, so that its id stays its own."""
+        if key not in self._made:
+            if len(self._made) >= MAX_KEPT:
+                self._made.clear()
+            self._made[key] = make(), of
+        made: T = self._made[key][0]
+        return made

@@ -1,0 +1,131 @@
+"""Writing a map in any format that holds its graph; the suffix chooses. What gets lost is told.
+
+Refuses suffixes it does not know, and several levels in formats that have one.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.graph import NavGraph, PlanGraph
+from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.maps.geojson import write_geojson
+from mrp_sumo.maps.grid import paper_cells
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.movingai import write_grid
+from mrp_sumo.maps.readers.nav_graph import document_of_map, write_nav_graph
+
+SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml")
+
+
+def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
+    """Write a map, whole or not at all.
+
+    Parameters
+    ----------
+    map_
+        Any.
+    path
+        Ends in .nav.yaml (RMF nav graph), .map (MovingAI), .geojson or .net.xml (SUMO).
+    cell_m
+        Side of the cells of a `.map` made of a nav graph.
+
+    Returns
+    -------
+    losses
+        What the format cannot hold, one text each.
+
+    Raises
+    ------
+    MapError
+        As the module refuses.
+    """
+    suffix = next((suffix for suffix in SUFFIXES if path.name.endswith(suffix) and path.name != suffix), None)
+    if suffix is None:
+        found = "".join(path.suffixes[-2:]) or path.name
+        raise MapError(f"{path.name}: no map format ends in '{found}'{nearest(found, SUFFIXES)}")
+    partial = path.with_name(f".{path.name.removesuffix(suffix)}.partial{suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        losses = _graphs_left_out(map_) + _WRITE[suffix](map_, partial, cell_m)
+        partial.replace(path)
+    except OSError as error:
+        raise MapError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return losses
+
+
+def _write_nav_graph(map_: Map, path: Path, cell_m: float) -> list[str]:
+    write_nav_graph(document_of_map(map_), path)
+    losses = _drawing_losses(map_, "walls", "floors")
+    if isinstance(map_.nav, PlanGraph):
+        losses.append(f"that it is a grid of {map_.nav.cell_m:g} m cells")
+    return [loss for loss in losses if loss]
+
+
+def _write_grid(map_: Map, path: Path, cell_m: float) -> list[str]:
+    nav = map_.nav
+    if map_.free is not None:
+        write_grid(map_.free, path)
+        return [f"the cell length, {nav.cell_m:g} m"] if isinstance(nav, PlanGraph) else []
+    free, _, origin = paper_cells(nav, cell_m)
+    write_grid(free, path)
+    losses = [f"the cell length, {cell_m:g} m, and the place of the lower left corner, ({origin[0]:.3f}, {origin[1]:.3f}) m"]
+    losses += ["where exactly vertices and lanes are", _count(sum(bool(name) for name in nav.vertex_name), "name")]
+    losses.append(_count(sum(bool(options) for options in nav.vertex_options), "vertex with properties", "vertices with properties"))
+    losses.append(_count(int(np.count_nonzero(nav.reverse < 0)), "one-way lane", "one-way lanes: cells have no direction"))
+    losses += _lane_losses(nav) + _drawing_losses(map_, "walls", "floors")
+    return [loss for loss in losses if loss]
+
+
+def _write_geojson(map_: Map, path: Path, cell_m: float) -> list[str]:
+    write_geojson(map_, path)
+    return [loss for loss in _drawing_losses(map_, "floors", "doors", "lifts") if loss]
+
+
+def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
+    from mrp_sumo.engines.sumo.network import backdrop_of, build_network
+
+    try:
+        build_network(map_.nav, path, None)
+    finally:
+        backdrop_of(path).unlink(missing_ok=True)
+    nav = map_.nav
+    losses = [_count(sum(bool(name) for name in nav.vertex_name), "name")]
+    losses.append(_count(sum(bool(options) for options in nav.vertex_options), "vertex with properties", "vertices with properties"))
+    losses.append(_count(sum("door_name" in o for o in nav.lane_options), "lane with a door", "lanes with a door"))
+    losses += _drawing_losses(map_, "walls", "floors", "lifts")
+    if len(map_.level_shift_m) > 1:
+        losses.append(f"which of the {len(map_.level_shift_m)} levels an edge is on; they are laid side by side")
+    return [loss for loss in losses if loss]
+
+
+_WRITE = {".nav.yaml": _write_nav_graph, ".map": _write_grid, ".geojson": _write_geojson, ".net.xml": _write_network}
+
+
+def _graphs_left_out(map_: Map) -> list[str]:
+    left = [str(graph) for graph in map_.graphs if graph not in map_.chosen]
+    return [f"graph{'s' if len(left) > 1 else ''} {', '.join(left)}; --graph chooses"] if left else []
+
+
+def _drawing_losses(map_: Map, *kinds: str) -> list[str]:
+    """How many walls, floors, doors, lifts of the building are lost."""
+    if map_.building is None:
+        return []
+    levels = [map_.building.levels[name] for name in map_.nav.level_names if name in map_.building.levels]
+    num = {"lifts": len(map_.building.lifts)} | {
+        kind: sum(len(getattr(lv, kind)) for lv in levels) for kind in ("walls", "floors", "doors")
+    }
+    return [_count(num[kind], kind.removesuffix("s")) for kind in kinds]
+
+
+def _lane_losses(nav: NavGraph) -> list[str]:
+    return [
+        _count(sum("door_name" in options for options in nav.lane_options), "lane with a door", "lanes with a door"),
+        _count(int(np.count_nonzero(np.isfinite(nav.speed_mps))), "speed limit"),
+    ]
+
+
+def _count(count: int, one: str, more: str = "") -> str:
+    return f"{count} {one if count == 1 else more or one + 's'}" if count else ""

@@ -1,0 +1,205 @@
+"""Reader of RMF Traffic Editor buildings (`*.building.yaml`), by the rules of Open-RMF's generator.
+
+Pixels become metres by the mean of the reference level's measurements, other levels are placed by
+fiducials they share with it, wgs84 goes through the file's `generate_crs`. Old key names are known;
+other people's extensions are ignored. Numbers come as they are: no rounding, no repair.
+
+Refuses what has no one meaning: broken structure, indices out of range, web_mercator (its generator is
+broken), scales that cannot be computed. What Open-RMF would accept although no robot could drive on it
+(no lanes, a level that is a list, a reference level without measurement) is a finding of severity
+`refuse`, so that a check can report it with the rest.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.errors import nearest
+from mrp_sumo.maps.building import Building, Lift
+from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
+from mrp_sumo.maps.readers.rmf.level import Draft, Reader, draft_of, told
+from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
+from mrp_sumo.maps.yaml_text import Text, parse, read_text
+
+SYSTEMS = ("reference_image", "cartesian_meters", "wgs84", "web_mercator")
+
+
+def is_building(document: Any) -> bool:
+    """Whether a YAML document is meant as a building."""
+    return (
+        isinstance(document, Mapping) and "levels" in document and not ("building_name" in document and _is_nav_graph(document["levels"]))
+    )
+
+
+def read_building(path: Path, meters_per_pixel: float | None = None) -> Building:
+    """Read a building file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    meters_per_pixel
+        Scale of the reference level's drawing, instead of its measurements.
+
+    Raises
+    ------
+    MapError
+        As the module refuses, with line, level and index. Findings of severity `refuse` do not raise here.
+    """
+    source = read_text(path)
+    return building_of(parse(source), source, meters_per_pixel)
+
+
+def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
+    """The building of a parsed document; see `read_building`."""
+    reader = Reader(source, Notes())
+    if not isinstance(document, Mapping):
+        raise source.fault(f"a building is a mapping with 'levels', this is {told(document)}")
+    name = document.get("building_name", document.get("name"))
+    if name is None:
+        raise source.fault("the building has no 'name'")
+    system = str(document.get("coordinate_system", SYSTEMS[0]))
+    if system not in SYSTEMS:
+        raise source.fault(f"coordinate_system '{system}' is unknown{nearest(system, SYSTEMS)}", "coordinate_system")
+    if system == "web_mercator":
+        raise source.fault(
+            "coordinate_system web_mercator is not read: Open-RMF's own generator misplaces it; export as wgs84", "coordinate_system"
+        )
+    if meters_per_pixel is not None:
+        if system != "reference_image":
+            raise source.fault(f"a scale in metres per pixel has no meaning in coordinate_system {system}")
+        if not (math.isfinite(meters_per_pixel) and meters_per_pixel > 0):
+            raise source.fault(f"meters per pixel is {meters_per_pixel}, expected a number above 0")
+    given = document.get("levels")
+    if not isinstance(given, Mapping) or not given:
+        raise RefusedMap(
+            str(source.fault("no levels: nothing to drive on", "levels")),
+            (Finding("no_levels", "refuse", 1, ("levels: {}" if given == {} else "levels",)),),
+        )
+    reference = str(document.get("reference_level_name", next(iter(given))))
+    if reference not in map(str, given):
+        raise source.fault(
+            f"reference_level_name '{reference}' is not a level{nearest(reference, map(str, given))}", "reference_level_name"
+        )
+    parameters = reader.options(document.get("parameters"), "parameters", ("parameters",))
+
+    drafts = {str(key): draft_of(reader, str(key), value, key, system) for key, value in given.items()}
+    placements = placements_of(reader, drafts, reference, system, meters_per_pixel)
+    crs_name, offset = georeference(reader, system, parameters)
+    world = {n: project(source, d.raw_xy, crs_name) if system == "wgs84" else placements[n].apply(d.raw_xy) for n, d in drafts.items()}
+    on_lanes = [world[n][[lane.start, lane.end]] for n, d in drafts.items() for lane in d.lanes]
+    origin = origin_of(np.concatenate(on_lanes) if on_lanes else np.zeros((0, 2)), offset)
+    levels = {n: d.level(world[n], origin) for n, d in drafts.items()}
+    lifts = _lifts(
+        reader,
+        document.get("lifts"),
+        drafts,
+        placements,
+        reference,
+        crs_name if system == "wgs84" else "",
+        -1.0 if system == "reference_image" else 1.0,
+    )
+    _note_lanes(reader.notes, drafts)
+    _note_names(reader.notes, drafts)
+    if system != "reference_image":
+        moved = f", {origin[0]:g}, {origin[1]:g} m subtracted" if any(origin) else ""
+        reader.notes.add("not_reference_image", f"{system}{moved}")
+    return Building(
+        name=str(name),
+        path=source.path,
+        coordinate_system=system,
+        reference_level=reference,
+        levels=levels,
+        lifts=lifts,
+        crs_name=crs_name,
+        offset=offset,
+        origin_m=origin,
+        findings=reader.notes.findings(),
+    )
+
+
+def _lifts(
+    reader: Reader,
+    given: Any,
+    drafts: Mapping[str, Draft],
+    placements: Mapping[str, Placement],
+    reference: str,
+    crs_name: str,  # where coordinates are degrees
+    up: float,
+) -> dict[str, Lift]:
+    lifts: dict[str, Lift] = {}
+    if not given:
+        return lifts
+    if not isinstance(given, Mapping):
+        raise reader.source.fault(f"lifts is {told(given)}, expected a mapping", "lifts")
+    for key, value in given.items():
+        name, keys = str(key), ("lifts", key)
+        if not isinstance(value, Mapping):
+            raise reader.source.fault(f"lift '{name}' is {told(value)}, expected a mapping", *keys)
+        missing = [k for k in ("x", "y", "yaw", "width", "depth") if k not in value]
+        if missing:
+            raise reader.source.fault(f"lift '{name}' has no {missing[0]}", *keys)
+        x, y, yaw, width, depth = (reader.number(value[k], f"lift '{name}': {k}", (*keys, k)) for k in ("x", "y", "yaw", "width", "depth"))
+
+        floor, lowest, highest = (str(value.get(k) or "") for k in ("reference_floor_name", "lowest_floor", "highest_floor"))
+        for k, found in (("reference_floor_name", floor), ("lowest_floor", lowest), ("highest_floor", highest)):
+            if found and found not in drafts:
+                raise reader.source.fault(f"lift '{name}': {k} '{found}' is not a level{nearest(found, drafts)}", *keys, k)
+        raw = np.array([[x, up * y]])
+        at = project(reader.source, raw, crs_name) if crs_name else placements[floor or reference].apply(raw)
+        doors = value.get("level_doors") or {}
+        if not isinstance(doors, Mapping):
+            raise reader.source.fault(f"lift '{name}': level_doors is {told(doors)}, expected a mapping", *keys, "level_doors")
+        lifts[name] = Lift(
+            name=name,
+            x_m=float(at[0, 0]),
+            y_m=float(at[0, 1]),
+            yaw_rad=yaw,
+            width_m=width,
+            depth_m=depth,
+            lowest_m=drafts[lowest].elevation_m if lowest else -math.inf,
+            highest_m=drafts[highest].elevation_m if highest else math.inf,
+            level_doors={str(k): tuple(map(str, v)) if isinstance(v, list) else () for k, v in doors.items()},
+        )
+    return lifts
+
+
+def _note_lanes(notes: Notes, drafts: Mapping[str, Draft]) -> None:
+    graphs: dict[int, int] = {}
+    for draft in drafts.values():
+        for lane in draft.lanes:
+            graphs[lane.graph] = graphs.get(lane.graph, 0) + 1
+    if not graphs:
+        num_vertices, num_walls = (sum(len(x) for x in xs) for xs in zip(*((d.raw_xy, d.walls) for d in drafts.values())))
+        notes.add("no_lanes", f"{num_vertices} vertices, {num_walls} walls")
+        return
+    if max(graphs) > 0:
+        for graph, count in sorted(graphs.items()):
+            notes.add("several_graphs", f"graph {graph}: {count} lanes")
+    for name, draft in drafts.items():
+        if not draft.lanes and draft.is_mapping:
+            notes.add("level_without_lanes", f"level {name}")
+
+
+def _note_names(notes: Notes, drafts: Mapping[str, Draft]) -> None:
+    count: dict[str, int] = {}
+    for draft in drafts.values():
+        for name in draft.vertex_name:
+            if name != "":
+                count[str(name)] = count.get(str(name), 0) + 1
+    for name in sorted(n for n, c in count.items() if c > 1):
+        notes.add("duplicate_vertex_name", name)
+
+
+def _is_nav_graph(levels: Any) -> bool:
+    """Whether lanes carry plain options, as in nav graphs, instead of typed parameters."""
+    if not isinstance(levels, Mapping):
+        return False
+    for level in levels.values():
+        for lane in (level.get("lanes") or []) if isinstance(level, Mapping) else []:
+            if isinstance(lane, list) and len(lane) == 3 and isinstance(lane[2], Mapping):
+                return "graph_idx" not in lane[2]
+    return not any(isinstance(level, Mapping) and ({"walls", "elevation", "drawing"} & set(level)) for level in levels.values())

@@ -1,0 +1,388 @@
+"""The replay page: one HTML file that shows a run in any browser, without a network.
+
+`replay_page` packs trajectory, plan, events and map as integers (positions to 5 mm, headings to 1.4 degrees, differences
+in time, deflated, base64) beside the scripts of `replay/`, which draw them with PixiJS. Names are written so that no
+HTML can begin in them, and the scripts set them as text only. Refuses run folders with nothing to show.
+"""
+
+import base64
+import html
+import json
+import math
+import re
+import zlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.outline import Outline, read_outline
+from mrp_sumo.io.record import Record
+from mrp_sumo.io.run_reader import Run, load_run
+from mrp_sumo.reports.shown import furniture_and_walls, is_grid_map, shown_record, shown_states
+
+SOURCES = Path(__file__).parent
+SCRIPTS = ("data.js", "motion.js", "shaders.js", "scene.js", "timeline.js", "panel.js", "main.js")
+NEVER = 2**32 - 1
+POSITION_M = 0.005
+MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
+MARGIN_M = 0.6
+MAX_JUNCTIONS = 20_000
+STATION_KINDS = (  # option of RMF, what people call it; the first that holds
+    ("is_charger", "charger"),
+    ("lift", "lift"),
+    ("dock_name", "dock"),
+    ("pickup_dispenser", "pick-up"),
+    ("dropoff_ingestor", "drop-off"),
+    ("is_parking_spot", "parking"),
+    ("is_holding_point", "holding point"),
+)
+
+
+@dataclass(frozen=True)
+class About:
+    """What the page tells of the run in words."""
+
+    name: str
+    subtitle: str = ""
+    status: str = ""
+    is_good: bool = True
+    note: str = ""
+    facts: tuple[tuple[str, str], ...] = ()
+    metrics: tuple[tuple[str, str], ...] = ()
+    outline: Outline | None = None
+    is_plan_only: bool = False  # the record's execution is the plan itself
+
+
+@dataclass
+class Columns:
+    """Integer columns on their way into the page; `data.js` reads them."""
+
+    manifest: list[dict[str, Any]] = field(default_factory=list)
+    parts: list[bytes] = field(default_factory=list)
+    offset: int = 0
+
+    def add(self, name: str, values: NDArray[Any], dtype: str, order: int = 0) -> None:
+        """Add rows [rows, length] (or one row [length]) of unsigned integers, as differences of an order along the row."""
+        words = np.atleast_2d(values).astype(dtype, order="C")
+        rows, length = words.shape
+        size = words.dtype.itemsize
+        for _ in range(order):
+            words[:, 1:] -= words[:, :-1].copy()
+        if order:
+            signed = words.view(f"i{size}")
+            words = ((signed << 1) ^ (signed >> (8 * size - 1))).view(dtype)
+        planes = words.view(np.uint8).reshape(rows * length, size)
+        self.parts += [planes[:, k].tobytes() for k in range(size)]
+        self.manifest.append({"name": name, "offset": self.offset, "rows": rows, "length": length, "size": size, "order": order})
+        self.offset += rows * length * size
+
+    def packed(self) -> str:
+        """All columns, deflated, as base64."""
+        press = zlib.compressobj(6)
+        return base64.b64encode(b"".join([*(press.compress(part) for part in self.parts), press.flush()])).decode()
+
+
+def write_replay(folder: Path, out: Path | None = None) -> Path:
+    """Write the replay page of a run.
+
+    Parameters
+    ----------
+    folder
+        A run folder.
+    out
+        The page; `replay.html` in the run folder by default.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    MrpSumoError
+        For a folder without a run, a run without a plan and a trajectory, and a page that cannot be written.
+    """
+    run = load_run(folder)
+    if out is not None and out.is_dir():
+        raise MrpSumoError(f"{out}: is a folder, expected a file such as {out / 'replay.html'}")
+    page = page_of(run)
+    out = out or folder / "replay.html"
+    part = out.with_name(f".{out.name}.part")
+    try:
+        part.write_text(page, encoding="utf-8")
+        part.replace(out)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise MrpSumoError(f"{out}: cannot be written: {error.strerror or error}") from None
+    return out
+
+
+def page_of(run: Run) -> str:
+    """The page of a run folder. Raises MrpSumoError where it is damaged or there is nothing to replay."""
+    try:
+        record = shown_record(run)
+        about = _about(run, record)
+    except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
+        raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {error}") from None
+    return replay_page(record, about)
+
+
+def replay_page(record: Record, about: About) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    record
+        An executed run; at least one sample and one robot. For a plan alone see `plan_as_execution`.
+    about
+        What is told of it, and the building.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is nothing to show.
+    """
+    execution = record.execution
+    num_samples, num_robots = execution.x_m.shape
+    if not num_samples or not num_robots:
+        raise MrpSumoError(f"{about.name}: nothing to replay: {num_robots} robots, {num_samples} samples")
+    low, high = _extent(record, about.outline)
+    columns = Columns()
+    head: dict[str, Any] = {
+        "name": about.name,
+        "subtitle": about.subtitle,
+        "status_text": about.status,
+        "is_good": about.is_good,
+        "note": about.note,
+        "facts": about.facts,
+        "metrics": about.metrics,
+        "plan_only": about.is_plan_only,
+        "robots": record.fleet.robot_name,
+        "length": record.fleet.length_m.round(4),
+        "width": record.fleet.width_m.round(4),
+        "spacing_m": record.graph.cell_m,
+        "goal_s": [None if math.isnan(t) else round(t, 3) for t in execution.goal_s.tolist()],
+        "map": _map(record, about.outline, low, high),
+    }
+    head |= _add_motion(columns, execution, low, high)
+    used = _add_plan(columns, record, low, high)
+    index = used.pop("vertex_index")
+    head |= used | _add_events(columns, record, index)
+    head["manifest"] = columns.manifest
+    return _filled(
+        title=html.escape(f"{about.name} – replay"),
+        style=(SOURCES / "page.css").read_text(encoding="utf-8"),
+        head=_script_json(head),
+        data=columns.packed(),
+        library=_packed_library(),
+        script="\n".join((SOURCES / name).read_text(encoding="utf-8") for name in SCRIPTS),
+    )
+
+
+def _about(run: Run, record: Record) -> About:
+    """What is told of a run, from its result."""
+    scenario, metrics = run.result["scenario"], run.metrics
+    status = run.result["status"].replace("_", " ")
+    planner, map_name = scenario["planner"]["name"], Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
+    num_robots = record.fleet.num_robots
+    facts: dict[str, Any] = {
+        "Status": status,
+        "Map": map_name,
+        "Robots": f"{num_robots}",
+        "Planner": planner,
+        "Assignment": scenario["assignment"]["mode"],
+        "Policy": run.result.get("policy"),
+        "Seed": run.result["seed"],
+        "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
+        "Planned makespan": _seconds(metrics.get("makespan_s")),
+        "Execution": _seconds(metrics.get("execution_time_s")),
+    }
+    told = {
+        "Planning time": _seconds(metrics.get("planning_time_s")),
+        "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
+        "Lower bound": f"{metrics['lower_bound_steps']:.0f} steps" if metrics.get("lower_bound_steps") else None,
+        "Blocked in all": _seconds(metrics.get("time_blocked_total_s")),
+        "Mean lateness": _seconds(metrics.get("lateness_mean_s")),
+        "Largest lateness": _seconds(metrics.get("lateness_max_s")),
+        "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
+        "Overlaps": metrics.get("num_overlaps"),
+    }
+    return About(
+        name=run.result["scenario"]["name"],
+        subtitle=f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {planner}",
+        status=status if run.executed else f"{status}, plan only",
+        is_good=run.result["status"] == "completed",
+        note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
+        facts=tuple((name, str(value)) for name, value in facts.items() if value is not None),
+        metrics=tuple((name, str(value)) for name, value in told.items() if value is not None),
+        outline=read_outline(run.folder / "building.json"),
+        is_plan_only=not run.executed,
+    )
+
+
+def _seconds(value: float | None) -> str | None:
+    if value is None:
+        return None
+    return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
+
+
+def _extent(record: Record, outline: Outline | None) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right of everything there is to show."""
+    execution = record.execution
+    nav = record.nav or record.graph
+    points = [nav.xy]
+    if not np.isnan(execution.x_m).all():
+        points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
+    if record.plan is not None:
+        points.append(record.graph.xy[record.plan.vertex])
+    if outline is not None:
+        points += [outline.walls.reshape(-1, 2), *outline.floors]
+    every = np.concatenate(points)
+    return every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
+
+
+def _add_motion(columns: Columns, execution: Execution, low: FloatArray, high: FloatArray) -> dict[str, Any]:
+    """Poses and states, robot by robot."""
+    stride = math.ceil(execution.x_m.size / MAX_POSES)
+    state = shown_states(execution)
+    kept = slice(None, None, stride)
+    unit_m = max(POSITION_M, float((high - low).max()) / 65000)
+
+    def quantised(values: FloatArray, origin: float) -> NDArray[Any]:
+        cells = np.rint((values[kept].T - origin) / unit_m)
+        return np.clip(np.where(np.isfinite(cells), cells, 0), 0, 65535)
+
+    columns.add("x", quantised(execution.x_m, low[0]), "<u2", 2)
+    columns.add("y", quantised(execution.y_m, low[1]), "<u2", 2)
+    yaw = np.nan_to_num(execution.yaw_rad[kept].T)
+    columns.add("yaw", np.rint(yaw * (128 / np.pi)).astype(np.int64) % 256, "<u1", 1)
+    columns.add("state", state[kept].T, "<u1", 1)
+    t_s = execution.t_s[kept]
+    period_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1) if len(t_s) > 1 else 0.1
+    return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": unit_m}
+
+
+def _add_plan(columns: Columns, record: Record, low: FloatArray, high: FloatArray) -> dict[str, Any]:
+    """Planned visits and when they were reached; the vertices that plan, goals and events name, numbered anew."""
+    plan, graph = record.plan, record.graph
+    named = [record.target, np.array([e.vertex for e in record.execution.events], np.int64)]
+    if plan is not None:
+        named.append(plan.vertex)
+    vertices = np.unique(np.concatenate(named))
+    vertices = vertices[(vertices >= 0) & (vertices < graph.num_vertices)]
+    index = np.full(graph.num_vertices + 1, -1)
+    index[vertices] = np.arange(len(vertices))
+    unit_m = max(0.001, float((high - low).max()) / 1e6)
+    xy = np.rint((graph.xy[vertices] - low) / unit_m)
+    columns.add("vertex_x", xy[:, 0], "<u4", 1)
+    columns.add("vertex_y", xy[:, 1], "<u4", 1)
+    if plan is not None:
+        columns.add("plan_first", plan.first, "<u4", 1)
+        columns.add("plan_vertex", index[plan.vertex], "<u4", 1)
+        columns.add("plan_arrive", _milliseconds(plan.arrive_s), "<u4", 1)
+        columns.add("plan_depart", _milliseconds(plan.depart_s), "<u4", 1)
+        columns.add("plan_arrived", _milliseconds(record.execution.arrived_s), "<u4", 1)
+    return {
+        "vertex_unit_m": unit_m,
+        "vertices": [graph.label(int(v)) for v in vertices],
+        "target": index[record.target] if len(record.target) else [],
+        "vertex_index": index,
+    }
+
+
+def _add_events(columns: Columns, record: Record, index: IntArray) -> dict[str, Any]:
+    """The events, by time."""
+    events = sorted(record.execution.events, key=lambda event: event.t_s)
+    kinds = list(dict.fromkeys(event.kind for event in events))
+    if events:
+        columns.add("event_t", _milliseconds(np.array([e.t_s for e in events])), "<u4", 1)
+        columns.add("event_duration", _milliseconds(np.array([e.duration_s for e in events])), "<u4")
+        columns.add("event_kind", np.array([kinds.index(e.kind) for e in events]) % 256, "<u1")
+        columns.add("event_robot", np.array([e.robot for e in events]) % 2**32, "<u4")
+        columns.add("event_other", np.array([e.other for e in events]) % 2**32, "<u4")
+        columns.add("event_vertex", index[np.array([e.vertex for e in events])] % 2**32, "<u4")
+    return {"event_kinds": kinds, "event_text": {i: e.text for i, e in enumerate(events) if e.text}}
+
+
+def _milliseconds(t_s: FloatArray) -> NDArray[Any]:
+    """Whole milliseconds; NEVER where it is not finite."""
+    with np.errstate(invalid="ignore"):
+        ms = np.rint(t_s * 1000)
+    return np.where(np.isfinite(ms), np.clip(np.nan_to_num(ms, posinf=0), 0, NEVER - 1), NEVER)
+
+
+def _map(record: Record, outline: Outline | None, low: FloatArray, high: FloatArray) -> dict[str, Any]:
+    """What is drawn under the robots, in m from the lower left corner."""
+    nav = record.nav or record.graph
+    told: dict[str, Any] = {"size_m": high - low, "floors": [], "holes": [], "cells": [], "furniture": [], "inner": []}
+    told |= {"lifts": [], "walls": [], "doors": [], "lanes": [], "stations": [], "junctions": []}
+    if outline is not None:
+        furniture, inner, walls = furniture_and_walls(outline.walls)
+        told["floors"] = [_flat(p - low) for p in outline.floors]
+        told["holes"] = [_flat(p - low) for p in outline.holes]
+        told["lifts"] = [_flat(p - low) for p in outline.lifts]
+        told["furniture"] = [_flat(p - low) for p in furniture]
+        told["inner"] = _flat(inner - low)
+        told["walls"] = _flat(walls - low)
+        told["doors"] = [_flat(d - low) for d in outline.doors]
+    if is_grid_map(record):
+        told["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
+    else:
+        once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
+        ends = np.column_stack((nav.xy[nav.tail[once]] - low, nav.xy[nav.head[once]] - low, nav.reverse[once] < 0))
+        told["lanes"] = _flat(ends)
+        kind = [next((name for option, name in STATION_KINDS if options.get(option)), "") for options in nav.vertex_options]
+        xy = (nav.xy - low).round(3).tolist()
+        told["stations"] = [
+            {"name": name, "kind": kind[v], "x": xy[v][0], "y": xy[v][1]} for v, name in enumerate(nav.vertex_name) if name or kind[v]
+        ]
+        bare = np.array([not (nav.vertex_name[v] or kind[v]) for v in range(nav.num_vertices)], np.bool_)
+        bare[np.setdiff1d(np.arange(nav.num_vertices), np.concatenate([nav.tail, nav.head]))] = False
+        told["junctions"] = _flat(nav.xy[bare][:MAX_JUNCTIONS] - low)
+    return told
+
+
+def _rows_of_cells(grid: PlanGraph) -> list[tuple[float, float, float, float]]:
+    """The free cells of a grid as (x, y, width, height), neighbours in a row as one."""
+    cell = np.rint((grid.xy - grid.xy.min(axis=0)) / grid.cell_m).astype(np.int64)
+    order = np.lexsort(cell.T)
+    column, row = cell[order].T
+    begin = np.flatnonzero(np.concatenate(([True], (np.diff(row) != 0) | (np.diff(column) != 1))))
+    length = np.diff(np.append(begin, len(order)))
+    corner = grid.xy[order[begin]] - grid.cell_m / 2
+    return [(x, y, n * grid.cell_m, grid.cell_m) for (x, y), n in zip(corner.tolist(), length.tolist())]
+
+
+def _flat(values: NDArray[Any]) -> list[float]:
+    return np.asarray(values, np.float64).round(3).ravel().tolist()
+
+
+def _script_json(value: Any) -> str:
+    """JSON in which no tag can begin or end."""
+
+    def plain(item: Any) -> Any:
+        if isinstance(item, np.ndarray | np.generic):
+            return item.tolist()
+        raise TypeError(type(item))
+
+    text = json.dumps(value, default=plain, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def _packed_library() -> str:
+    code = (SOURCES / "pixi.min.js").read_bytes()
+    return base64.b64encode(zlib.compress(code, 9)).decode()
+
+
+def _filled(**parts: str) -> str:
+    """The page with its parts; what looks like a place in a part is left alone."""
+    page = (SOURCES / "page.html").read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], page)

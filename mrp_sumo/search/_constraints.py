@@ -1,0 +1,137 @@
+"""The constraints of a record, laid out for a search, and the room that searches work in."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mrp_sumo.search._records import (
+    EDGE,
+    FOREVER,
+    MAX_COST,
+    MIN_COST,
+    NO_PATH,
+    OK,
+    PARENT,
+    RANGE,
+    ROBOT,
+    ROW0,
+    ROW1,
+    SCRATCH_FULL,
+    TOO_LATE,
+)
+
+# columns of Scratch.rule
+NEXT, FROM, TO, TAIL = 0, 1, 2, 3
+# columns of Scratch.state
+VERTEX, STEP, BEFORE, LABEL, BELOW, ALIKE = 0, 1, 2, 3, 4, 5
+# entries of Scratch.number
+STAMP, EXPANSIONS, NUM_RULES, MARK = 0, 1, 2, 3
+# entries of Scratch.limit, what the constraints say
+LAST_MUST, EARLIEST, LATEST, OPEN_FROM = 0, 1, 2, 3
+
+
+class Scratch(NamedTuple):
+    """Tables of one search. Entries tell by themselves whether they are of this search, so that none is cleared."""
+
+    touched: np.ndarray  # [V] int32, stamp of vertices with constraints
+    rule_at: np.ndarray  # [V] int32, the first rule of a vertex that is touched
+    rule: np.ndarray  # [C, 4] int32: the vertex's next rule or -1, from step, to step, tail or -1 for all
+    must: np.ndarray  # [T] int64, stamp << 32 | the vertex to be at
+    visited: np.ndarray  # [C] int32, states by vertex and delay; only what the state named says too holds
+    state: np.ndarray  # [N, 6] int32
+    top: np.ndarray  # [B] int32, the last state put into each bucket, -1 for none; empty between searches
+    later: np.ndarray  # [T + 1] int32, visits of others at the goal from this step on
+    mark: np.ndarray  # [V] int64, stamps of level sets
+    queue: np.ndarray  # [V] int64
+    reach: np.ndarray  # [V] int32, distance table of a corridor's end
+    level: np.ndarray  # [M] int64 levels being built
+    member: np.ndarray  # [Q] int32
+    number: np.ndarray  # [4] int64
+    limit: np.ndarray  # [4] int64
+
+
+@njit(cache=True)
+def load(world, store, scratch, record):
+    """Lay out the constraints of a record's chain.
+
+    Returns
+    -------
+    code
+        OK, NO_PATH when they contradict each other, TOO_LATE or SCRATCH_FULL.
+    """
+    goal = world.goal[store.meta[record, ROBOT]]
+    number, limit, rule, touched, rule_at = scratch.number, scratch.limit, scratch.rule, scratch.touched, scratch.rule_at
+    number[STAMP] += 1
+    stamp = number[STAMP]
+    num_rules = 0
+    open_from, earliest, latest = np.int64(0), np.int64(0), np.int64(FOREVER)
+    last_must, last_must_vertex = np.int64(-1), np.int64(-1)
+    while record >= 0:
+        for k in range(store.meta[record, ROW0], store.meta[record, ROW1]):
+            kind = store.rows[k, 0]
+            v = np.int64(store.rows[k, 1])
+            begin, end = np.int64(store.rows[k, 3]), np.int64(store.rows[k, 4])
+            if kind in (RANGE, EDGE):
+                if kind == RANGE and v == goal:
+                    if end >= FOREVER:
+                        return NO_PATH
+                    open_from = max(open_from, end + 1)
+                if num_rules >= len(rule):
+                    return SCRATCH_FULL
+                rule[num_rules, NEXT] = rule_at[v] if touched[v] == stamp else -1
+                rule[num_rules, FROM], rule[num_rules, TO] = begin, end
+                rule[num_rules, TAIL] = store.rows[k, 2] if kind == EDGE else -1
+                touched[v] = stamp
+                rule_at[v] = num_rules
+                num_rules += 1
+            elif kind == MIN_COST:
+                earliest = max(earliest, begin)
+            elif kind == MAX_COST:
+                latest = min(latest, begin)
+            else:
+                if begin + 1 >= len(scratch.must):
+                    return TOO_LATE
+                old = scratch.must[begin]
+                if old >> 32 == stamp and (old & 0xFFFFFFFF) != v:
+                    return NO_PATH
+                scratch.must[begin] = (stamp << 32) | v
+                if begin > last_must:
+                    last_must, last_must_vertex = begin, v
+        record = store.meta[record, PARENT]
+    for t in range(last_must + 1):  # the robot may only end after every place it must pass
+        old = scratch.must[t]
+        if old >> 32 == stamp and (old & 0xFFFFFFFF) != goal:
+            open_from = max(open_from, t + 1)
+    if last_must_vertex >= 0 and last_must > latest and last_must_vertex != goal:
+        return NO_PATH
+    number[NUM_RULES] = num_rules
+    earliest = max(earliest, open_from)
+    limit[LAST_MUST], limit[EARLIEST], limit[LATEST], limit[OPEN_FROM] = last_must, earliest, latest, open_from
+    return OK if earliest <= latest else NO_PATH
+
+
+@njit(cache=True)
+def elsewhere(must, stamp, step, vertex):
+    """Whether the robot must be at another vertex at this step."""
+    return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != vertex
+
+
+@njit(cache=True)
+def barred(rule, rule_at, u, v, step):
+    """Whether a rule of a touched vertex v forbids to come from u at this step."""
+    k = rule_at[v]
+    while k >= 0:
+        if rule[k, FROM] <= step <= rule[k, TO] and (rule[k, TAIL] < 0 or rule[k, TAIL] == u):
+            return True
+        k = rule[k, NEXT]
+    return False
+
+
+@njit(cache=True)
+def forbidden(scratch, u, v, step):
+    """Whether the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
+    stamp = scratch.number[STAMP]
+    if scratch.touched[v] == stamp and barred(scratch.rule, scratch.rule_at, u, v, step):
+        return True
+    return step <= scratch.limit[LAST_MUST] and elsewhere(scratch.must, stamp, step, v)

@@ -1,0 +1,79 @@
+"""Distance tables: steps from every vertex to a goal, along the lanes' directions.
+
+One table a goal, searched backwards, built when first asked for and shared by all who plan on the graph.
+"""
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.graph import IntArray, NavGraph, frozen
+from mrp_sumo.search._distance import UNREACHABLE, reversed_lanes, steps_to_all
+
+__all__ = ["UNREACHABLE", "Distances", "distances"]
+
+StepArray = NDArray[np.int32]
+
+KEPT_BYTES = 512 << 20  # tables beyond this are handed out, but not kept
+
+
+class Distances:
+    """The distance tables of one graph. Get the shared one by `distances(graph)`."""
+
+    def __init__(self, first: IntArray, head: IntArray) -> None:
+        self.first = first  # [V + 1] lanes that leave a vertex
+        self.head = head  # [L]
+        self.first_in, self.tail_in = reversed_lanes(first, head)  # [V + 1], [L] tails of the lanes that enter
+        self._table: dict[int, StepArray] = {}
+
+    def to(self, goal: int) -> StepArray:
+        """[V] steps from each vertex to `goal`, `UNREACHABLE` where there is no way; read-only."""
+        table: StepArray = self.to_all(np.array([goal], np.int64))[0]
+        return table
+
+    def to_all(self, goals: IntArray) -> StepArray:
+        """[G, V] steps from each vertex to each goal; read-only.
+
+        Parameters
+        ----------
+        goals
+            [G] vertices.
+        """
+        goals = np.asarray(goals, np.int64)
+        missing = np.array(sorted({int(g) for g in goals} - self._table.keys()), np.int64)
+        if len(missing) == len(goals) and (missing == goals).all():  # nothing known, in order: no copy
+            tables: StepArray = steps_to_all(goals, self.first_in, self.tail_in)
+            tables.setflags(write=False)
+            self._keep(goals, tables)
+            return tables
+        found = dict(zip(missing.tolist(), steps_to_all(missing, self.first_in, self.tail_in)))
+        tables = np.empty((len(goals), len(self.first) - 1), np.int32)
+        for k, goal in enumerate(goals.tolist()):
+            tables[k] = self._table[goal] if goal in self._table else found[goal]
+        for table in found.values():
+            table.setflags(write=False)
+        self._keep(missing, [found[int(g)] for g in missing])
+        tables.setflags(write=False)
+        return tables
+
+    def _keep(self, goals: IntArray, tables: StepArray | list[StepArray]) -> None:
+        room = KEPT_BYTES // (4 * (len(self.first) - 1)) - len(self._table)
+        for goal, table in zip(goals[: max(room, 0)].tolist(), tables):
+            self._table[goal] = table
+
+
+def prepare() -> None:
+    """Compile or load the search, so that the first table takes no longer than the next."""
+    Distances(frozen(np.array([0, 1, 1], np.int64)), frozen(np.array([1], np.int64))).to(1)
+
+
+_shared: WeakKeyDictionary[NavGraph, Distances] = WeakKeyDictionary()
+
+
+def distances(graph: NavGraph) -> Distances:
+    """The tables of this graph, shared by all callers for as long as the graph lives."""
+    found = _shared.get(graph)
+    if found is None:
+        found = _shared[graph] = Distances(graph.first, graph.head)
+    return found

@@ -1,0 +1,111 @@
+"""A valid plan found beside a search that proves a bound: MAPF-LNS2 until there is one, then large neighbourhood search.
+
+Works in slices measured in labels made, not in time, so that the same seed gives the same plans. Gives up where its
+tables would be too large, and where a robot has no path within its horizon.
+"""
+
+from collections.abc import Iterator
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.problem import Problem
+from planners._world import small_problem, steps_table, sum_of_costs
+from planners.neighbourhood import _lns
+from planners.neighbourhood._collisions import find_collisions
+from planners.neighbourhood._refinement import Refinement, room_bytes, room_to_repair, task_of
+from planners.neighbourhood._traffic import path_of
+
+CHANCE = 14  # purpose of the stream of chance
+NEIGHBOURHOOD = 8  # robots planned again at a time while there are collisions, half of it afterwards
+AT_ONCE = 4  # neighbourhoods between looks at the work done
+LABELS_AT_ONCE = 10_000
+CELLS_A_LABEL = 4
+MOST_BYTES = 1 << 30
+
+
+class Incumbent:
+    """The best valid plan so far."""
+
+    def __init__(self, problem: Problem, table: np.ndarray, deadline_s: float) -> None:
+        """`table` [R, V] is the steps to each robot's goal."""
+        self.cost: int | None = None  # sum of costs in steps, None without a plan
+        self.labels = 0  # work done
+        self.entry = (
+            _horizon(problem, table) * problem.graph.num_vertices // CELLS_A_LABEL
+        )  # labels that take as long as laying out the tables
+        self._deadline_s = deadline_s
+        self._path = np.empty((0, problem.num_robots), np.int32)
+        self._refinement: Refinement | None = None
+        self._progress = self._search(problem, table)
+
+    def work(self, labels: int, enough: float) -> None:
+        """Go on until so many labels have been made in all, or the plan costs at most `enough`, or the deadline (perf_counter).
+
+        A call that has nothing left to try returns at once.
+        """
+        while self.labels < labels and perf_counter() < self._deadline_s and not (self.cost is not None and self.cost <= enough):
+            made = next(self._progress, None)
+            if made is None:
+                return
+            self.labels += made
+
+    def counters(self) -> dict[str, float]:
+        """For the result's statistics."""
+        return {"incumbent_labels": float(self.labels)} | ({"incumbent_cost": float(self.cost)} if self.cost is not None else {})
+
+    def paths(self) -> list[IntArray]:
+        """[R] the vertex of each robot at each step; call it when there is a plan."""
+        path = self._refinement.path() if self._refinement else self._path
+        return list(np.ascontiguousarray(path.T, np.int64))
+
+    def _search(self, problem: Problem, table: np.ndarray) -> Iterator[int]:
+        """Labels made, again and again."""
+        steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
+        horizon = _horizon(problem, table)
+        task = task_of(problem, table)
+        if room_bytes(task, horizon) > MOST_BYTES:
+            return
+        rng = np.random.default_rng([problem.seed, CHANCE])
+        traffic, labels, hood = room_to_repair(task, horizon, NEIGHBOURHOOD)
+        before = 0
+        order = rng.permutation(problem.num_robots)
+        for robot in range(problem.num_robots):
+            if not _lns.plan_all(task, traffic, labels, order, robot, robot + 1):
+                return
+            yield int(labels.stamp[1]) - before
+            before = int(labels.stamp[1])
+        pairs = find_collisions(task, traffic, hood)
+        while pairs:
+            pairs = _lns.repair(task, traffic, labels, hood, NEIGHBOURHOOD, pairs, AT_ONCE, rng)
+            yield int(labels.stamp[1]) - before
+            before = int(labels.stamp[1])
+        self._path = path_of(traffic)
+        self.cost = sum_of_costs(self._path, task.goal)
+        del traffic, labels, hood
+        self._refinement = refinement = Refinement(task, self._path, NEIGHBOURHOOD // 2, rng)
+        made = 0
+        while self.cost > int(steps.sum()):
+            made += LABELS_AT_ONCE
+            refinement.until(self._deadline_s, most_labels=made)
+            self.cost = refinement.cost
+            yield LABELS_AT_ONCE
+
+
+def _horizon(problem: Problem, table: np.ndarray) -> int:
+    """Steps to plan for: twice the longest way, and some."""
+    longest = int(table[np.arange(problem.num_robots), problem.start].max(initial=0))
+    return (2 * longest + 128 + problem.num_robots // 2 + 31) // 32 * 32
+
+
+def prepare() -> None:
+    """Compile or load the kernels."""
+    problem = small_problem()
+    table = steps_table(problem, np.inf)
+    task = task_of(problem, table)
+    traffic, labels, hood = room_to_repair(task, 32, 2)
+    _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))
+    Incumbent(problem, table, np.inf).work(LABELS_AT_ONCE, 0.0)
+    path = np.array([[0, 2], [1, 2], [3, 1], [3, 0], [1, 0], [2, 0]], np.int32)  # a solution that LNS tries to better
+    Refinement(task, path, 2, np.random.default_rng(0)).until(np.inf, most_labels=10)

@@ -1,0 +1,67 @@
+"""Kernel of a constraint tree's step: one robot replanned under more constraints, and whom it is in conflict with then."""
+
+import numpy as np
+from numba import njit
+
+from mrp_sumo.search._conflicts import conflicts_of
+from mrp_sumo.search._occupancy import install_all
+from mrp_sumo.search._records import MDD0, OK, ORIGIN, RECORDS, STORE_FULL, add_record
+from mrp_sumo.search._space_time import replan
+
+
+@njit(cache=True)
+def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, patience, budget):
+    """Replan a robot of a node with constraints on top of those it has.
+
+    Parameters
+    ----------
+    records
+        [R] of the node, -1 for robots that do not count yet.
+    conflicts
+        [K, WIDTH] of the node.
+    row0, row1
+        The constraints to add.
+    w, lower, patience, budget
+        See `replan`.
+
+    Returns
+    -------
+    code, record, conflicts
+        OK, the new record of the robot, the conflicts of the node with it; nothing is kept otherwise.
+    """
+    record = add_record(store, records[robot], robot, row0, row1)
+    if record < 0:
+        return STORE_FULL, record, conflicts
+    code = install_all(store, occupancy, records, robot)
+    if code == OK:
+        code = replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
+    if code != OK:
+        store.used[RECORDS] -= 1
+        return code, np.int64(-1), conflicts
+    return OK, record, conflicts_of(world, store, occupancy, robot, record, conflicts)
+
+
+@njit(cache=True)
+def same_path(store, record, robot, path_of, like, row0, row1):
+    """A record on the path of another one; -1 when there is no room.
+
+    Parameters
+    ----------
+    record
+        Whose constraints it continues, -1 for none.
+    path_of
+        Whose path it takes.
+    like
+        A record with the same constraints, whose MDD serves; -1 for none.
+    row0, row1
+        Constraints that the path keeps already.
+    """
+    new = add_record(store, record, robot, row0, row1)
+    if new >= 0:
+        for column in (4, 5, 6):  # PATH0, COST, BOUND
+            store.meta[new, column] = store.meta[path_of, column]
+        if like >= 0:
+            store.meta[new, ORIGIN] = store.meta[like, ORIGIN]
+            store.meta[new, MDD0] = store.meta[like, MDD0]
+            store.meta[new, 6] = min(store.meta[like, 6], store.meta[path_of, 5])
+    return new

@@ -1,0 +1,202 @@
+"""Kernels of the weighted dependency graph heuristic: what each pair of robots costs more than its paths, and their cover.
+
+Source: Li, Felner, Boyarski, Ma, Koenig, "Improved heuristics for multi-agent path finding with conflict-based
+search", IJCAI 2019 (WDG). The cost of a pair is found by a small conflict-based search of the two alone.
+"""
+
+import numpy as np
+from numba import njit
+
+from mrp_sumo.search._conflicts import A0, A1, B0, B1, WIDTH, conflicts_of
+from mrp_sumo.search._heap import pop, push
+from mrp_sumo.search._mdd import mdd_of
+from mrp_sumo.search._occupancy import install_all
+from mrp_sumo.search._records import COST, MDD0, NO_PATH, OK, ROBOT, STORE_FULL, add_record
+from mrp_sumo.search._space_time import replan
+from planners.conflict_based._symmetry import choose
+
+PAIR_PATIENCE = 20
+IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its constraints
+MOST_COVER_STEPS = 20_000
+
+
+@njit(cache=True)
+def pair_weight(world, store, occupancy, scratch, one, other, most_nodes, budget):
+    """The least sum of costs of two robots without conflicts, minus that of their paths.
+
+    Parameters
+    ----------
+    occupancy
+        Used for these two; nobody else may be installed.
+    one, other
+        Records with shortest paths.
+    most_nodes
+        Nodes to expand; when they do not suffice the weight is a lower bound.
+
+    Returns
+    -------
+    code, weight
+    """
+    for record in (one, other):  # before the mark, so that their MDDs are kept
+        if store.meta[record, MDD0] == -1:
+            code = mdd_of(world, store, scratch, record)
+            if code != OK:
+                return code, np.int64(0)
+    mark = store.used.copy()
+    code, weight = _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget)
+    store.used[:] = mark  # what the search appended is dropped
+    return code, weight
+
+
+@njit(cache=True)
+def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget):
+    num_robots = len(world.start)
+    i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]
+    base = store.meta[one, COST] + store.meta[other, COST]
+    records = np.full(num_robots, -1, np.int64)
+    nothing = np.empty((0, WIDTH), np.int32)
+    node = np.empty((2 * most_nodes + 3, 2), np.int64)
+    heap = np.empty(2 * most_nodes + 3, np.int64)
+    node[0, 0], node[0, 1] = one, other
+    num_nodes = 1
+    push(heap, 0, base << 32)
+    count = 1
+    code = OK
+    weight = np.int64(IMPOSSIBLE)
+    for expanded in range(most_nodes + 1):
+        if count == 0:
+            break
+        key = pop(heap, count)
+        count -= 1
+        weight = (key >> 32) - base
+        if expanded == most_nodes:
+            break
+        k = key & 0xFFFFF
+        records[i], records[j] = node[k, 0], node[k, 1]
+        code = install_all(store, occupancy, records, i)
+        if code != OK:
+            break
+        conflicts = conflicts_of(world, store, occupancy, i, records[i], nothing)
+        if len(conflicts) == 0:
+            break
+        code, chosen = choose(world, store, scratch, records, conflicts, True)
+        if code != OK:
+            break
+        row = conflicts[chosen]
+        for side in range(2):
+            robot = row[side]
+            row0, row1 = (row[A0], row[A1]) if side == 0 else (row[B0], row[B1])
+            parent = records[robot]
+            record = add_record(store, parent, robot, row0, row1)
+            if record < 0:
+                code = STORE_FULL
+                break
+            code = install_all(store, occupancy, records, robot)
+            if code != OK:
+                break
+            code = replan(world, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], PAIR_PATIENCE, budget)
+            if code == NO_PATH:
+                code = OK
+                continue
+            if code != OK:
+                break
+            third = records[j] if robot == i else records[i]
+            node[num_nodes, 0] = record if robot == i else third
+            node[num_nodes, 1] = third if robot == i else record
+            push(heap, count, ((store.meta[record, COST] + store.meta[third, COST]) << 32) | num_nodes)
+            num_nodes += 1
+            count += 1
+        if code != OK:
+            break
+        weight = np.int64(IMPOSSIBLE)
+    records[i], records[j] = -1, -1
+    install_all(store, occupancy, records, -1)
+    return code, weight
+
+
+@njit(cache=True)
+def cover(weight):
+    """The least sum of x >= 0 with x[i] + x[j] >= weight[i, j]: exact for small components, a lower bound for large ones.
+
+    Parameters
+    ----------
+    weight
+        [R, R] int64, symmetric.
+    """
+    num_robots = len(weight)
+    seen = np.zeros(num_robots, np.bool_)
+    member = np.empty(num_robots, np.int64)
+    total = np.int64(0)
+    for r in range(num_robots):
+        if seen[r]:
+            continue
+        seen[r] = True
+        member[0] = r
+        k, count = 0, 1
+        while k < count:
+            for s in range(num_robots):
+                if weight[member[k], s] > 0 and not seen[s]:
+                    seen[s] = True
+                    member[count] = s
+                    count += 1
+            k += 1
+        if count == 2:
+            total += weight[member[0], member[1]]
+        elif count > 2:
+            total += _cover_component(weight, member[:count])
+    return total
+
+
+@njit(cache=True)
+def _cover_component(weight, member):
+    """Depth first over the values of each robot, in the order of `member`; each value at least what earlier ones leave open."""
+    size = len(member)
+    matched = np.zeros(size, np.bool_)  # greedy matching: a lower bound to fall back on
+    lower = np.int64(0)
+    while True:
+        best, a, b = np.int64(0), -1, -1
+        for i in range(size):
+            for j in range(i):
+                if not matched[i] and not matched[j] and weight[member[i], member[j]] > best:
+                    best, a, b = weight[member[i], member[j]], i, j
+        if a < 0:
+            break
+        matched[a] = matched[b] = True
+        lower += best
+    most = np.zeros(size, np.int64)
+    for i in range(size):
+        for j in range(size):
+            most[i] = max(most[i], weight[member[i], member[j]])
+    value = np.full(size, -1, np.int64)
+    need = np.zeros(size, np.int64)
+    upper = most.sum()
+    steps = 0
+    spent = np.int64(0)
+    k = 0
+    while k >= 0:
+        steps += 1
+        if steps > MOST_COVER_STEPS:
+            return lower
+        if value[k] < 0:
+            need[k] = 0
+            for j in range(k):
+                need[k] = max(need[k], weight[member[k], member[j]] - value[j])
+            value[k] = need[k]
+        else:
+            spent -= value[k]
+            value[k] += 1
+        if value[k] > most[k] or spent + value[k] >= upper:
+            value[k] = -1
+            k -= 1
+            continue
+        spent += value[k]
+        if k == size - 1:
+            upper = spent
+            if upper == lower:
+                return upper
+            spent -= value[k]
+            value[k] = -1
+            k -= 1
+        else:
+            k += 1
+    return upper

@@ -1,0 +1,406 @@
+"""Kernels that choose the conflict to split on, and how to split it: cardinality and pairwise symmetries.
+
+Sources: Boyarski et al., "ICBS: improved conflict-based search algorithm for multi-agent pathfinding", IJCAI 2015
+(cardinal conflicts first); Li, Harabor, Stuckey, Ma, Gange, Koenig, "Pairwise symmetry reasoning for multi-agent
+path finding search", AIJ 2021 (rectangles with barrier constraints in section 4, targets in section 5, corridors
+in section 6). Every split is sound: each pair of paths without conflict keeps one side's constraints at least.
+
+Rectangles are looked for on 4-connected grids only. The barrier of a robot is restricted to the members of its
+MDD: a path through (vertex, step) of an MDD has come through the MDD's earlier levels of one member, so it has
+entered the rectangle where the reasoning needs it to.
+"""
+
+import numpy as np
+from numba import njit
+
+from mrp_sumo.search._conflicts import A0, A1, AT, B0, B1, FOLLOW, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, TAIL, TARGET, UNKNOWN
+from mrp_sumo.search._constraints import load
+from mrp_sumo.search._distance import UNREACHABLE
+from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._mdd import mdd_cost, mdd_of, only, raises_cost
+from mrp_sumo.search._records import (
+    COST,
+    EDGE,
+    FOREVER,
+    MDD0,
+    MIN_COST,
+    NO_PATH,
+    OK,
+    PATH0,
+    RANGE,
+    ROWS,
+    STORE_FULL,
+    add_row,
+    place,
+)
+
+PLAIN, RECTANGLE, CORRIDOR, AT_TARGET = 0, 1, 2, 3  # in the order of preference among equally cardinal ones
+MOST_CORNERS = 5  # levels of one member looked at for each corner of a rectangle
+CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
+
+
+@njit(cache=True)
+def choose(world, store, scratch, records, conflicts, symmetries):
+    """Fill in the priorities and splits that are unknown, and choose.
+
+    Parameters
+    ----------
+    records
+        [R] of the node.
+    conflicts
+        [K, WIDTH], K > 0; priorities and splits are written.
+    symmetries
+        Whether to look for rectangles, corridors and targets.
+
+    Returns
+    -------
+    code, chosen
+        OK and the row of the conflict to split on: cardinal ones before semi-cardinal before others, then by
+        kind, then the earliest.
+    """
+    chosen = -1
+    for k in range(len(conflicts)):
+        row = conflicts[k]
+        if row[PRIORITY] == UNKNOWN:
+            one, other = records[row[ONE]], records[row[OTHER]]
+            for record in (one, other):
+                if store.meta[record, MDD0] == -1:
+                    code = mdd_of(world, store, scratch, record)
+                    if code != OK:
+                        return code, -1
+            code = _split(world, store, scratch, one, other, row, symmetries)
+            if code != OK:
+                return code, -1
+        if (
+            chosen < 0
+            or row[PRIORITY] > conflicts[chosen, PRIORITY]
+            or (row[PRIORITY] == conflicts[chosen, PRIORITY] and row[STEP] < conflicts[chosen, STEP])
+        ):
+            chosen = k
+    return OK, chosen
+
+
+@njit(cache=True)
+def _split(world, store, scratch, one, other, row, symmetries):
+    """Write the best split of one conflict."""
+    kind, at, step = row[KIND], row[AT], row[STEP]
+    begin = store.used[ROWS]
+    if begin + 4 > len(store.rows):
+        return STORE_FULL
+    sort = PLAIN
+    if kind == TARGET:
+        sort = AT_TARGET
+        add_row(store, MIN_COST, at, -1, step + 1, step + 1)
+        middle = store.used[ROWS]
+        add_row(store, RANGE, at, -1, step, FOREVER)
+    elif kind == MEET:
+        add_row(store, RANGE, at, -1, step, step)
+        middle = store.used[ROWS]
+        add_row(store, RANGE, at, -1, step, step)
+    elif kind == SWAP:
+        add_row(store, EDGE, at, row[TAIL], step, step)
+        middle = store.used[ROWS]
+        add_row(store, EDGE, row[TAIL], at, step, step)
+    else:
+        add_row(store, RANGE, at, -1, step, step)
+        middle = store.used[ROWS]
+        add_row(store, RANGE, at, -1, step + 1, step + 1)
+    row[A0], row[A1], row[B0], row[B1] = begin, middle, middle, store.used[ROWS]
+    rank = _rank(world, store, scratch, one, other, row)
+    if symmetries and kind != TARGET and kind != FOLLOW:
+        corridor = np.empty(4, np.int64)
+        if _corridor_of(world, store, one, other, row, corridor):
+            code = _split_corridor(world, store, scratch, one, other, row, corridor)
+            if code == OK:
+                sort = CORRIDOR
+                rank = _rank(world, store, scratch, one, other, row)
+            elif code != NO_PATH:
+                return code
+        if sort == PLAIN and kind == MEET and len(world.column) and rank < 2:
+            kept = store.used[ROWS]
+            code = _split_rectangle(world, store, one, other, row)
+            if code == OK:
+                sort = RECTANGLE
+                rank = _rank(world, store, scratch, one, other, row)
+            elif code == NO_PATH:
+                store.used[ROWS] = kept
+            else:
+                return code
+    row[PRIORITY] = 4 * rank + sort
+    return OK
+
+
+@njit(cache=True)
+def _rank(world, store, scratch, one, other, row):
+    """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
+    rank = 0
+    if raises_cost(world, store, scratch, one, row[A0], row[A1]):
+        rank += 1
+    if raises_cost(world, store, scratch, other, row[B0], row[B1]):
+        rank += 1
+    return rank
+
+
+@njit(cache=True)
+def _between(world, v, ends):
+    """Whether v has exactly two neighbours, both ways; they are written to `ends`."""
+    if world.first[v + 1] - world.first[v] != 2 or world.first_in[v + 1] - world.first_in[v] != 2:
+        return False
+    a, b = world.first[v], world.first_in[v]
+    ends[0], ends[1] = world.head[a], world.head[a + 1]
+    return world.head[a] == world.tail_in[b] and world.head[a + 1] == world.tail_in[b + 1]
+
+
+@njit(cache=True)
+def _corridor_of(world, store, one, other, row, corridor):
+    """Find the corridor around a conflict of robots that go through it in opposite directions.
+
+    `corridor` becomes: the end at which ONE comes out, the end at which OTHER comes out, its length in lanes,
+    and the vertex before ONE's end.
+    """
+    at, step = row[AT], row[STEP]
+    ends = np.empty(2, np.int64)
+    one_goal, other_goal = world.goal[row[ONE]], world.goal[row[OTHER]]
+    one_start, other_start = world.start[row[ONE]], world.start[row[OTHER]]
+    if row[KIND] == MEET:
+        if not _between(world, at, ends) or at in (one_goal, other_goal, one_start, other_start):
+            return False
+        # the robots came from either side
+        one_from, other_from = np.int64(-1), np.int64(-1)
+        for t in range(step - 1, -1, -1):
+            if one_from < 0 and place(store, one, t) != at:
+                one_from = place(store, one, t)
+            if other_from < 0 and place(store, other, t) != at:
+                other_from = place(store, other, t)
+        if one_from < 0 or other_from < 0 or one_from == other_from:
+            return False
+        ahead, behind = other_from, one_from  # seen from ONE
+        length = 2
+        last, previous = at, at
+    else:
+        ahead, behind = at, row[TAIL]
+        length = 1
+        last, previous = behind, ahead
+    before = last
+    while ahead != one_goal and ahead != other_goal and ahead != one_start and ahead != other_start and _between(world, ahead, ends):
+        step_on = ends[0] if ends[1] == before else ends[1]
+        if step_on == behind:
+            return False  # a ring
+        before, ahead = ahead, step_on
+        length += 1
+    corridor[3] = before
+    before = previous
+    while behind != one_goal and behind != other_goal and behind != one_start and behind != other_start and _between(world, behind, ends):
+        step_on = ends[0] if ends[1] == before else ends[1]
+        if step_on == ahead:
+            return False
+        before, behind = behind, step_on
+        length += 1
+    if length < 2:
+        return False
+    corridor[0], corridor[1], corridor[2] = ahead, behind, length
+    return True
+
+
+@njit(cache=True)
+def _first_at(store, record, vertex, step):
+    """When the path is at a vertex, from a step on; -1 for never."""
+    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+    for t in range(step, cost + 1):
+        if store.path[path0 + t] == vertex:
+            return t
+    return -1
+
+
+@njit(cache=True)
+def _steps_without(world, scratch, end, ban_u, ban_v):
+    """Fill `scratch.reach` with the steps to `end` that do not use an edge."""
+    reach, queue = scratch.reach, scratch.queue
+    reach[:] = UNREACHABLE
+    reach[end] = 0
+    queue[0] = end
+    k, count = 0, 1
+    while k < count:
+        v = queue[k]
+        k += 1
+        for m in range(world.first_in[v], world.first_in[v + 1]):
+            u = world.tail_in[m]
+            if reach[u] == UNREACHABLE and not ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u)):
+                reach[u] = reach[v] + 1
+                queue[count] = u
+                count += 1
+
+
+@njit(cache=True)
+def _arrival(world, scratch, start, end, ban_u, ban_v):
+    """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
+    _steps_without(world, scratch, end, ban_u, ban_v)
+    code, cost, _ = earliest_arrival(world, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
+    return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
+
+
+@njit(cache=True)
+def _split_corridor(world, store, scratch, one, other, row, corridor):
+    """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
+    one_end, other_end, length = corridor[0], corridor[1], corridor[2]
+    if row[KIND] == MEET:
+        cut_u, cut_v = corridor[3], one_end
+    else:
+        cut_u, cut_v = row[TAIL], row[AT]
+    one_at = _first_at(store, one, one_end, row[STEP])
+    other_at = _first_at(store, other, other_end, row[STEP])
+    if one_at < 0 or other_at < 0:
+        return NO_PATH
+    code = load(world, store, scratch, one)
+    if code != OK:
+        return code
+    one_start = world.start[row[ONE]]
+    one_through = _arrival(world, scratch, one_start, one_end, -1, -1)
+    one_around = _arrival(world, scratch, one_start, one_end, cut_u, cut_v)
+    if one_at >= one_around:
+        return NO_PATH
+    code = load(world, store, scratch, other)
+    if code != OK:
+        return code
+    other_start = world.start[row[OTHER]]
+    other_through = _arrival(world, scratch, other_start, other_end, -1, -1)
+    other_around = _arrival(world, scratch, other_start, other_end, cut_u, cut_v)
+    one_until = min(one_around - 1, other_through + length)
+    other_until = min(other_around - 1, one_through + length)
+    if one_at > one_until or other_at > other_until:
+        return NO_PATH
+    begin = store.used[ROWS]
+    if not add_row(store, RANGE, one_end, -1, 0, one_until):
+        return STORE_FULL
+    if not add_row(store, RANGE, other_end, -1, 0, other_until):
+        return STORE_FULL
+    row[A0], row[A1], row[B0], row[B1] = begin, begin + 1, begin + 1, begin + 2
+    return OK
+
+
+@njit(cache=True)
+def _corners(world, store, record, at, step, direction, corner):
+    """Steps of MDD levels with one member from which (direction -1) or to which (+1) all paths run straight to the conflict.
+
+    The conflict's own step comes first; [MOST_CORNERS] steps, nearest first, are written. Straight: in as many steps as cells lie between.
+    """
+    count = 0
+    t = step
+    cost = mdd_cost(store, record)
+    while 0 <= t <= cost and count < MOST_CORNERS:
+        v = only(store, record, t)
+        if v >= 0:
+            apart = abs(world.column[v] - world.column[at]) + abs(world.line[v] - world.line[at])
+            if apart != abs(step - t):
+                break
+            corner[count] = t
+            count += 1
+        t += direction
+    return count
+
+
+@njit(cache=True)
+def _ways(world, store, record, at, direction, step, ways):
+    """The signs in which a corner at `step` lies from the conflict, in the sense of travel: ways[0] for columns, ways[1] for lines."""
+    v = only(store, record, step)
+    ways[0] = direction * np.sign(world.column[v] - world.column[at])
+    ways[1] = direction * np.sign(world.line[v] - world.line[at])
+
+
+@njit(cache=True)
+def _split_rectangle(world, store, one, other, row):
+    """Barrier constraints of a rectangle around a meeting; NO_PATH when there is none."""
+    at, step = row[AT], row[STEP]
+    if store.meta[one, MDD0] < 0 or store.meta[other, MDD0] < 0:
+        return NO_PATH
+    if step > mdd_cost(store, one) or step > mdd_cost(store, other):
+        return NO_PATH
+    from_one, from_other = np.empty(MOST_CORNERS, np.int64), np.empty(MOST_CORNERS, np.int64)
+    to_one, to_other = np.empty(MOST_CORNERS, np.int64), np.empty(MOST_CORNERS, np.int64)
+    num_from_one = _corners(world, store, one, at, step, -1, from_one)
+    num_from_other = _corners(world, store, other, at, step, -1, from_other)
+    num_to_one = _corners(world, store, one, at, step, 1, to_one)
+    num_to_other = _corners(world, store, other, at, step, 1, to_other)
+    ways = np.empty((4, 2), np.int64)
+    for a in range(num_from_one - 1, -1, -1):
+        for b in range(num_from_other - 1, -1, -1):
+            for c in range(num_to_one - 1, -1, -1):
+                for d in range(num_to_other - 1, -1, -1):
+                    _ways(world, store, one, at, -1, from_one[a], ways[0])
+                    _ways(world, store, other, at, -1, from_other[b], ways[1])
+                    _ways(world, store, one, at, 1, to_one[c], ways[2])
+                    _ways(world, store, other, at, 1, to_other[d], ways[3])
+                    code = _barriers(
+                        world,
+                        store,
+                        one,
+                        other,
+                        row,
+                        only(store, one, from_one[a]),
+                        only(store, other, from_other[b]),
+                        only(store, one, to_one[c]),
+                        only(store, other, to_other[d]),
+                        ways,
+                    )
+                    if code != NO_PATH:
+                        return code
+    return NO_PATH
+
+
+@njit(cache=True)
+def _barriers(world, store, one, other, row, from_one, from_other, to_one, to_other, ways):
+    """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
+    at, step = row[AT], row[STEP]
+    right, up = 0, 0  # the directions in which both travel
+    for k in range(4):
+        if ways[k, 0] * right < 0 or ways[k, 1] * up < 0:
+            return NO_PATH
+        right = right or ways[k, 0]
+        up = up or ways[k, 1]
+    if right == 0 or up == 0:
+        return NO_PATH
+    # in coordinates that grow in the direction of travel
+    x_one, y_one = right * world.column[from_one], up * world.line[from_one]
+    x_other, y_other = right * world.column[from_other], up * world.line[from_other]
+    if x_one <= x_other and y_one >= y_other and (x_one, y_one) != (x_other, y_other):
+        one_from_left = True
+    elif x_one >= x_other and y_one <= y_other and (x_one, y_one) != (x_other, y_other):
+        one_from_left = False
+    else:
+        return NO_PATH
+    low_x, low_y = max(x_one, x_other), max(y_one, y_other)
+    high_x = min(right * world.column[to_one], right * world.column[to_other])
+    high_y = min(up * world.line[to_one], up * world.line[to_other])
+    x_at, y_at = right * world.column[at], up * world.line[at]
+    if low_x > x_at or low_y > y_at or high_x < x_at or high_y < y_at or (low_x == high_x and low_y == high_y):
+        return NO_PATH
+    begin = store.used[ROWS]
+    bounds = np.empty(3, np.int64)
+    bounds[0] = begin
+    for k in range(2):
+        record = one if k == 0 else other
+        path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+        mdd_end = mdd_cost(store, record)
+        vertical = one_from_left == (k == 0)  # who enters from the left leaves through the right side
+        broken = False
+        length = high_y - low_y + 1 if vertical else high_x - low_x + 1
+        for m in range(length):
+            x, y = (high_x, low_y + m) if vertical else (low_x + m, high_y)
+            t = step + (x + y) - (x_at + y_at)
+            if t < 0 or t > mdd_end:
+                continue
+            mdd = store.meta[record, MDD0]
+            for p in range(store.level[mdd + t], store.level[mdd + t + 1]):
+                v = store.member[p]
+                if right * world.column[v] == x and up * world.line[v] == y:
+                    if not add_row(store, RANGE, v, -1, t, t):
+                        return STORE_FULL
+                    if t <= cost and store.path[path0 + t] == v:
+                        broken = True
+                    break
+        bounds[k + 1] = store.used[ROWS]
+        if not broken:
+            store.used[ROWS] = begin
+            return NO_PATH
+    row[A0], row[A1], row[B0], row[B1] = bounds[0], bounds[1], bounds[1], bounds[2]
+    return OK

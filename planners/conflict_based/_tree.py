@@ -1,0 +1,390 @@
+"""The constraint tree that conflict-based planners search: nodes, and the kernels' tables behind them.
+
+Kernels work in fixed room and say when it does not suffice; here it is made larger and the kernel called again.
+The clock is looked at between kernel calls, and a search that takes long is broken off to look at it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray, PlanGraph
+from mrp_sumo.core.plan import Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import require_limit
+from mrp_sumo.search import _records as st
+from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, SWAP, WIDTH
+from mrp_sumo.search._constraints import EXPANSIONS
+from mrp_sumo.search.distance import distances
+from mrp_sumo.search.solvable import unsolvable
+from planners.conflict_based._nodes import branch, same_path
+from planners.conflict_based._pairs import cover, pair_weight
+from planners.conflict_based._room import Room
+from planners.conflict_based._symmetry import choose
+
+FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
+EXPANSIONS_PER_S = 3_000_000
+PAIR_NODES = 64
+NODE_BYTES = 500  # of a node besides its arrays
+NODE_WORK = 300  # expansions that take as long as a node does besides its search, about
+PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
+SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
+NO_CONFLICTS = np.empty((0, WIDTH), np.int32)
+
+
+class OutOfReach(Exception):
+    """The time limit or the memory limit is reached: how the search ends, and why."""
+
+    def __init__(self, status: Status, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a search may take, from now on."""
+
+    time_limit_s: float
+    memory_mb: int
+    deadline: float  # on the clock of `perf_counter`
+
+    def check(self, num_bytes: int = 0) -> None:
+        """Raise OutOfReach when the time is up, or the tables and nodes take more than is allowed."""
+        if perf_counter() > self.deadline:
+            raise OutOfReach(Status.TIMED_OUT, f"no plan within {self.time_limit_s:g} s")
+        if num_bytes > self.memory_mb * 1_000_000:
+            raise OutOfReach(Status.GAVE_UP, f"no plan within {self.memory_mb} MB")
+
+
+def limits(time_limit_s: float, memory_mb: int) -> Limits:
+    """Limits that begin now.
+
+    Raises
+    ------
+    PlanError
+        When the time is not above 0.
+    """
+    require_limit(time_limit_s)
+    return Limits(time_limit_s, memory_mb, perf_counter() + time_limit_s)
+
+
+@dataclass(slots=True, eq=False)
+class Node:
+    """A node of the tree: a record a robot, and the conflicts of their paths."""
+
+    records: IntArray  # [R]
+    conflicts: IntArray  # [K, WIDTH]
+    cost: int  # sum of the paths' costs
+    bound: int  # sum of the paths' lower bounds
+    h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
+    looked_at: bool = False  # h is the node's own, not its parent's
+    depth: int = 0
+    distance_error: float = 0.0  # of the step to this node, for EECBS
+    cost_error: float = 0.0
+
+    @property
+    def f(self) -> int:
+        return self.cost + self.h
+
+
+class Tree:
+    """Makes nodes of one problem with one assignment; several may share their tables."""
+
+    def __init__(
+        self, problem: Problem, limits: Limits, *, following: bool = False, symmetries: bool = True, like: "Tree | None" = None
+    ) -> None:
+        tables = distances(problem.graph)
+        target = problem.target
+        column, line = (like.world.column, like.world.line) if like else _cells(problem.graph)
+        self.world = st.World(
+            tables.first,
+            tables.head,
+            tables.first_in,
+            tables.tail_in,
+            tables.to_all(target),
+            np.arange(problem.num_robots),
+            np.array(problem.start, np.int64),
+            np.array(target, np.int64),
+            column,
+            line,
+            following,
+        )
+        self.limits = limits
+        self.symmetries = symmetries
+        self.num_robots = problem.num_robots
+        longest = int(self.world.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
+        self._tables = like._tables if like else Room(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
+        self._weights: dict[tuple[int, int], int] = like._weights if like else {}
+        # (robot, goal) -> its record without constraints: what is known of one tree's serves the others
+        self._free: dict[tuple[int, int], int] = like._free if like else {}
+        self.generated = 0
+        self._problem, self._num_split, self._unsolvable = problem, 0, False
+
+    def again(self) -> "Tree":
+        """Another tree of the same problem, in the same room."""
+        return Tree(self._problem, self.limits, following=bool(self.world.following), symmetries=self.symmetries, like=self)
+
+    @property
+    def least(self) -> int:
+        """What the shortest ways cost in sum: a lower bound before there is a node."""
+        return int(self.world.distance[np.arange(self.num_robots), self.world.start].sum())
+
+    @property
+    def expansions(self) -> int:
+        """Low-level expansions so far."""
+        return int(self._tables.scratch.number[EXPANSIONS])
+
+    @property
+    def work(self) -> int:
+        """Work done, counted in low-level expansions, or about as much work of other kinds."""
+        return self.expansions + NODE_WORK * self._tables.generated
+
+    def root(self, w: float = 1.0) -> Node | None:
+        """The node without constraints: each robot's path, disturbing those before it least. None when there is none."""
+        node = Node(np.full(self.num_robots, -1), NO_CONFLICTS, 0, 0)
+        for robot in range(self.num_robots):
+            child = self._branch(node, robot, 0, 0, w)
+            if child is None:
+                return None
+            node = child
+            record = int(node.records[robot])
+            meta = self._tables.store.meta
+            free = self._free.setdefault((robot, int(self.world.goal[robot])), record)
+            meta[record, st.ORIGIN], meta[record, st.MDD0] = free, meta[free, st.MDD0]
+        node.depth = 0
+        return node
+
+    def choose(self, node: Node) -> int:
+        """The row of the conflict to split on."""
+        while True:
+            self.check_clock()
+            tables = self._tables
+            code, chosen = choose(self.world, tables.store, tables.scratch, node.records, node.conflicts, self.symmetries)
+            if code == st.OK:
+                return int(chosen)
+            self._make_room(code, 0)
+
+    def split(self, node: Node, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[Node]:
+        """The children: one side's constraints each."""
+        row = node.conflicts[chosen]
+        if disjoint and row[PRIORITY] % 4 == 0 and row[KIND] in (MEET, SWAP):
+            return self._split_disjoint(node, row, w)
+        children = [
+            self._branch(node, int(row[ONE]), int(row[A0]), int(row[A1]), w),
+            self._branch(node, int(row[OTHER]), int(row[B0]), int(row[B1]), w),
+        ]
+        return [child for child in children if child is not None]
+
+    def children(self, node: Node, w: float = 1.0, lower: int | None = None, *, bypass: bool = True, disjoint: bool = False) -> list[Node]:
+        """Split on the best conflict, unless a child shows a way to end it within the bounds: then look again (bypass).
+
+        Parameters
+        ----------
+        node
+            With conflicts. It may get other paths.
+        w, lower
+            The factor and the tree's lower bound; without, a bypass may not cost more than the node.
+        bypass, disjoint
+            Whether to.
+
+        Returns
+        -------
+        children
+            None at all for a problem that turns out to have no solution: that is looked for when many splits have not helped.
+        """
+        self._num_split += 1
+        if self._num_split == SPLITS_BEFORE_DOUBT:
+            self._unsolvable = unsolvable(self._problem, bool(self.world.following))
+        if self._unsolvable:
+            return []
+        while True:
+            children = self.split(node, self.choose(node), w, disjoint)
+            if not bypass or disjoint:
+                return children
+            better = [c for c in children if len(c.conflicts) < len(node.conflicts) and self._may_adopt(node, c, w, lower)]
+            if not better:
+                return children
+            self.adopt(node, min(better, key=lambda c: len(c.conflicts)))
+            if not len(node.conflicts):
+                return [node]
+
+    def adopt(self, node: Node, child: Node) -> None:
+        """Bypass: give the node its child's paths, without the child's constraints."""
+        robot = int(np.flatnonzero(node.records != child.records)[0])
+        old, new = int(node.records[robot]), int(child.records[robot])
+        record = self._record(old, robot, new, old, 0, 0)
+        store = self._tables.store
+        node.cost += int(store.meta[record, st.COST] - store.meta[old, st.COST])
+        node.records = node.records.copy()
+        node.records[robot] = record
+        node.bound = self._bound(node.records)
+        node.conflicts = child.conflicts
+        node.conflicts[(node.conflicts[:, ONE] == robot) | (node.conflicts[:, OTHER] == robot), PRIORITY] = -1
+
+    def _may_adopt(self, node: Node, child: Node, w: float, lower: int | None) -> bool:
+        """Whether the node stays within the bounds, its robots' and the tree's, with its child's paths."""
+        if lower is None:
+            return child.cost == node.cost
+        robot = int(np.flatnonzero(node.records != child.records)[0])
+        meta = self._tables.store.meta
+        cost, bound = meta[child.records[robot], st.COST], meta[node.records[robot], st.BOUND]
+        return bool(child.cost <= w * lower + 1e-9 and cost <= w * bound + 1e-9)
+
+    def heuristic(self, node: Node) -> int:
+        """WDG: what the pairs in conflict cost more than their paths, at least."""
+        if self._unsolvable:
+            return 0
+        weight = np.zeros((self.num_robots, self.num_robots), np.int64)
+        origin = self._tables.store.meta[:, st.ORIGIN]
+        for i, j in sorted({(min(a, b), max(a, b)) for a, b in node.conflicts[:, :2].tolist()}):
+            one, other = int(node.records[i]), int(node.records[j])
+            key = (int(origin[one]), int(origin[other]))
+            found = self._weights.get(key)
+            if found is None:
+                found = self._weights[key] = self._pair_weight(one, other)
+                origin = self._tables.store.meta[:, st.ORIGIN]
+            weight[i, j] = weight[j, i] = found
+        return int(cover(weight))
+
+    def paths(self, node: Node) -> list[IntArray]:
+        """[R] the vertex of each robot at each step."""
+        store = self._tables.store
+        found = []
+        for record in node.records:
+            begin, cost = store.meta[record, st.PATH0], store.meta[record, st.COST]
+            found.append(store.path[begin : begin + cost + 1].astype(np.int64))
+        return found
+
+    def check_clock(self) -> None:
+        """Raise OutOfReach when the time is up or memory runs short."""
+        self.limits.check(self._tables.num_bytes)
+
+    def _branch(self, node: Node, robot: int, row0: int, row1: int, w: float) -> Node | None:
+        store = self._tables.store
+        old = int(node.records[robot])
+        lower = int(store.meta[old, st.BOUND]) if old >= 0 else 0
+        found = self._call(
+            branch, node.records, node.conflicts, robot, row0, row1, w, lower, min(PATIENCE + self._num_split, MOST_PATIENCE), budget=True
+        )
+        self.generated += 1
+        self._tables.generated += 1
+        if found is None:
+            return None
+        record, conflicts = found
+        self._tables.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
+        store = self._tables.store
+        records = node.records.copy()
+        records[robot] = record
+        cost = node.cost + int(store.meta[record, st.COST]) - (int(store.meta[old, st.COST]) if old >= 0 else 0)
+        return Node(records, conflicts, cost, self._bound(records), depth=node.depth + 1)
+
+    def _bound(self, records: IntArray) -> int:
+        """Sum of the lower bounds: asked anew, since building an MDD may raise a record's."""
+        return int(self._tables.store.meta[records[records >= 0], st.BOUND].sum())
+
+    def _split_disjoint(self, node: Node, row: IntArray, w: float) -> list[Node]:
+        """One child where a robot is not there then, one where it is and nobody else (Li et al., ICAPS 2019)."""
+        one, other = int(row[ONE]), int(row[OTHER])
+        children = [self._branch(node, one, int(row[A0]), int(row[A1]), w)]
+        at, step, tail = int(row[4]), int(row[5]), int(row[3])
+        swap = row[KIND] == SWAP
+        must = self._rows([(st.MUST, at, -1, step, step)] + ([(st.MUST, tail, -1, step - 1, step - 1)] if swap else []))
+        barred = [(st.RANGE, at, -1, step, step)]
+        if swap:
+            barred += [(st.RANGE, tail, -1, step - 1, step - 1), (st.EDGE, tail, at, step, step)]
+        bar = self._rows(barred)
+        record = self._record(int(node.records[one]), one, int(node.records[one]), -1, *must)
+        child: Node | None = Node(node.records.copy(), node.conflicts, node.cost, node.bound, depth=node.depth + 1)
+        assert child is not None
+        child.records[one] = record
+        breaks = []
+        for robot in range(self.num_robots):
+            if robot == one:
+                continue
+            here, before = self._place(node, robot, step), self._place(node, robot, step - 1)
+            if here == at or (swap and (before == tail or (before == at and here == tail))):
+                breaks.append(robot)
+            else:
+                child.records[robot] = self._record(int(node.records[robot]), robot, int(node.records[robot]), -1, *bar)
+        assert other in breaks
+        for robot in breaks:
+            if child is not None:
+                child = self._branch(child, robot, *bar, w)
+        children.append(child)
+        for made in children:
+            if made is not None:
+                made.depth = node.depth + 1
+        return [made for made in children if made is not None]
+
+    def _place(self, node: Node, robot: int, step: int) -> int:
+        return int(st.place(self._tables.store, int(node.records[robot]), step))
+
+    def _rows(self, rows: list[tuple[int, int, int, int, int]]) -> tuple[int, int]:
+        store = self._tables.store
+        while store.used[st.ROWS] + len(rows) > len(store.rows):
+            self._tables.grow_store()
+            store = self._tables.store
+        begin = int(store.used[st.ROWS])
+        store.rows[begin : begin + len(rows)] = rows
+        store.used[st.ROWS] += len(rows)
+        return begin, begin + len(rows)
+
+    def _record(self, parent: int, robot: int, path_of: int, like: int, row0: int, row1: int) -> int:
+        while (record := int(same_path(self._tables.store, parent, robot, path_of, like, row0, row1))) < 0:
+            self._tables.grow_store()
+        return record
+
+    def _pair_weight(self, one: int, other: int) -> int:
+        tables = self._tables
+        budget = FIRST_BUDGET
+        while True:
+            self.check_clock()
+            code, weight = pair_weight(self.world, tables.store, tables.pair, tables.scratch, one, other, PAIR_NODES, budget)
+            if code == st.OK:
+                return int(weight)
+            budget = self._make_room(code, budget)
+
+    def _call(self, kernel: Callable[..., Any], *arguments: Any, budget: bool = False) -> Any:
+        """What the kernel returns after its code, None for NO_PATH."""
+        tables = self._tables
+        allowed = FIRST_BUDGET
+        while True:
+            self.check_clock()
+            more = (allowed,) if budget else ()
+            code, *found = kernel(self.world, tables.store, tables.occupancy, tables.scratch, *arguments, *more)
+            if code == st.OK:
+                return found
+            if code == st.NO_PATH:
+                return None
+            allowed = self._make_room(code, allowed)
+
+    def _make_room(self, code: int, budget: int) -> int:
+        if code == st.STORE_FULL:
+            self._tables.grow_store()
+        elif code == st.SCRATCH_FULL:
+            self._tables.grow_scratch()
+        elif code == st.TOO_LATE:
+            self._tables.grow_horizon()
+        else:
+            self.limits.check()
+            left = self.limits.deadline - perf_counter()
+            return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
+        return budget
+
+
+def _cells(graph: PlanGraph) -> tuple[IntArray, IntArray]:
+    """[V] column and line of each vertex where the graph is a 4-connected grid, else nothing."""
+    nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    if not graph.num_lanes or not graph.cell_m > 0:
+        return nothing
+    cell = (graph.xy - graph.xy.min(axis=0)) / graph.cell_m
+    whole = np.rint(cell).astype(np.int64)
+    place = np.sort(whole[:, 0] * (whole[:, 1].max() + 1) + whole[:, 1])
+    if np.abs(cell - whole).max() > 1e-3 or (place[1:] == place[:-1]).any():
+        return nothing
+    if (np.abs(whole[graph.tail] - whole[graph.head]).sum(axis=1) != 1).any() or (graph.level != graph.level[0]).any():
+        return nothing
+    return np.ascontiguousarray(whole[:, 0]), np.ascontiguousarray(whole[:, 1])

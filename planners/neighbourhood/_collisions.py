@@ -1,0 +1,81 @@
+"""Which pairs of robots are in collision, kept up to date while their paths change."""
+
+import numpy as np
+from numba import njit
+
+from planners.neighbourhood._traffic import closes_ring, holds, lane_between
+
+
+@njit(cache=True)
+def find_collisions(task, traffic, hood):
+    """Fill `hit`; the number of pairs."""
+    hood.hit[:] = False
+    hood.num_hits[:] = 0
+    pairs = 0
+    for robot in range(len(task.goal)):
+        pairs += collide(task, traffic, hood, robot)
+    return pairs
+
+
+@njit(cache=True)
+def collide(task, traffic, hood, robot):
+    """Enter the pairs of a robot whose path is in the traffic; how many were not known.
+
+    Of a ring the robot and the one ahead of it are such a pair. It stays one until one of the two is planned again,
+    also when the ring is broken elsewhere; and where several hold a vertex only one of them is followed. So rings have
+    to be looked for again when no pair is left.
+    """
+    new = 0
+    rings = not traffic.rotations and not traffic.following
+    before = np.int64(-1)
+    for t in range(traffic.at.shape[1]):
+        v = np.int64(traffic.at[robot, t])
+        if traffic.num_on[v, t] > 1:
+            new += _hit_holders(traffic, hood, robot, v, t)
+        if t > 0 and v != before:
+            if traffic.following and traffic.num_on[before, t] > 1:
+                new += _hit_holders(traffic, hood, robot, before, t)
+            back = lane_between(task.first, task.head, v, before)
+            if back >= 0 and traffic.num_along[back, t] > 0:
+                for other in range(len(traffic.at)):
+                    crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
+                    if crossed and not hood.hit[robot, other]:
+                        new += _hit(hood, robot, other)
+            ahead = traffic.who[v, t - 1]
+            if rings and ahead >= 0 and ahead != robot and not hood.hit[robot, ahead] and closes_ring(traffic, before, v, t):
+                new += _hit(hood, robot, ahead)
+        before = v
+    return new
+
+
+@njit(cache=True)
+def _hit_holders(traffic, hood, robot, v, t):
+    """Enter the pairs of a robot and all others that hold a vertex at a step."""
+    new = 0
+    for other in range(len(traffic.at)):
+        if other != robot and not hood.hit[robot, other] and holds(traffic, other, v, t):
+            new += _hit(hood, robot, other)
+    return new
+
+
+@njit(cache=True)
+def _hit(hood, robot, other):
+    hood.hit[robot, other] = True
+    hood.hit[other, robot] = True
+    hood.num_hits[robot] += 1
+    hood.num_hits[other] += 1
+    return 1
+
+
+@njit(cache=True)
+def forget(hood, robot):
+    """Drop the pairs of a robot; how many there were."""
+    num = hood.num_hits[robot]
+    if num > 0:
+        for other in range(len(hood.num_hits)):
+            if hood.hit[robot, other]:
+                hood.hit[robot, other] = False
+                hood.hit[other, robot] = False
+                hood.num_hits[other] -= 1
+        hood.num_hits[robot] = 0
+    return num

@@ -1,0 +1,179 @@
+"""Kernels of large neighbourhood search over paths: take a few out, plan them again one by one, keep what is better.
+
+Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search",
+IJCAI 2021 (`improve`: fewer steps, never a collision), and "MAPF-LNS2", AAAI 2022 (`repair`: fewer pairs of robots
+in collision). Both choose among three kinds of neighbourhoods by how much each has gained lately.
+"""
+
+import numpy as np
+from numba import njit
+
+from planners.neighbourhood._collisions import collide, find_collisions, forget
+from planners.neighbourhood._neighbourhoods import (
+    DECAY,
+    around_collision,
+    around_failure,
+    around_late,
+    around_place,
+    fill_any,
+    fill_by_hits,
+    pick_kind,
+)
+from planners.neighbourhood._sipps import plan_one
+from planners.neighbourhood._traffic import add_path, remove_path
+
+
+@njit(cache=True)
+def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
+    """Try to make paths without collisions shorter.
+
+    Parameters
+    ----------
+    task, traffic, labels, hood
+        The problem, the paths, room, room.
+    size
+        Robots in a neighbourhood, at most K.
+    iterations
+        How often.
+    most_labels
+        Stop when `labels.stamp[1]` has come to this.
+    rng
+        Chance.
+
+    Returns
+    -------
+    int
+        Steps gained in the sum of costs.
+    """
+    gained = np.int64(0)
+    horizon = traffic.at.shape[1]
+    for _ in range(iterations):
+        if labels.stamp[1] >= most_labels:
+            break
+        kind = pick_kind(hood, rng)
+        hood.chosen[:] = False
+        if kind == 0:
+            num = around_late(task, traffic, hood, size, rng)
+        elif kind == 1:
+            num = around_place(task, traffic, hood, size, rng)
+        else:
+            num = fill_any(hood, 0, size, rng)
+        slack = np.int64(0)
+        for k in range(num):
+            robot = hood.robot[k]
+            slack += traffic.end[robot] - task.steps[robot, task.start[robot]]
+        gain = np.int64(0)
+        if slack > 0:
+            _take_out(task, traffic, hood, num, rng)
+            gain = slack
+            planned = 0
+            while planned < num:
+                robot = hood.robot[planned]
+                least = np.int64(task.steps[robot, task.start[robot]])
+                limit = min(least + gain, horizon - 2)
+                end = plan_one(
+                    task.first, task.head, task.reverse, traffic, labels, robot,
+                    task.start[robot], task.goal[robot], task.steps[robot], limit, False, len(labels.vertex),
+                )  # fmt: skip
+                if end < 0:
+                    break
+                gain -= end - least
+                add_path(task.first, task.head, traffic, robot)
+                planned += 1
+            if planned < num:
+                gain = 0
+                _put_back(task, traffic, hood, num, planned)
+        gained += gain
+        hood.record[kind] = (1 - DECAY) * hood.record[kind] + DECAY * max(gain, 0.05)
+    return gained
+
+
+@njit(cache=True)
+def plan_all(task, traffic, labels, order, begin, end):
+    """Plan robots order[begin:end] one after another, crossing others where it has to be. False when one has no path or room."""
+    for k in range(begin, end):
+        robot = order[k]
+        arrival = plan_one(
+            task.first, task.head, task.reverse, traffic, labels, robot,
+            task.start[robot], task.goal[robot], task.steps[robot], traffic.at.shape[1] - 2, True, len(labels.vertex),
+        )  # fmt: skip
+        if arrival < 0:
+            return False
+        add_path(task.first, task.head, traffic, robot)
+    return True
+
+
+@njit(cache=True)
+def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
+    """Try to bring down the number of pairs in collision, `pairs`; what is left of it."""
+    horizon = traffic.at.shape[1]
+    rings = not traffic.rotations and not traffic.following
+    for _ in range(iterations):
+        if pairs == 0:
+            break
+        kind = pick_kind(hood, rng)
+        hood.chosen[:] = False
+        if kind == 0:
+            num = around_collision(task, traffic, hood, size, rng)
+        elif kind == 1:
+            num = around_failure(task, traffic, hood, size, rng)
+        else:
+            num = fill_by_hits(hood, 0, size, rng)
+        old = np.int64(0)
+        for k in range(num):
+            old += forget(hood, hood.robot[k])
+        new = np.int64(0)
+        if old > 0:
+            _take_out(task, traffic, hood, num, rng)
+            planned = 0
+            while planned < num:
+                robot = hood.robot[planned]
+                end = plan_one(
+                    task.first, task.head, task.reverse, traffic, labels, robot,
+                    task.start[robot], task.goal[robot], task.steps[robot], horizon - 2, True, len(labels.vertex),
+                )  # fmt: skip
+                if end < 0:
+                    break
+                add_path(task.first, task.head, traffic, robot)
+                new += collide(task, traffic, hood, robot)
+                planned += 1
+                if new > old:
+                    break
+            if planned < num or new > old:
+                for k in range(planned):
+                    forget(hood, hood.robot[k])
+                _put_back(task, traffic, hood, num, planned)
+                new = np.int64(0)
+                for k in range(num):
+                    new += collide(task, traffic, hood, hood.robot[k])
+        pairs += new - old
+        hood.record[kind] = (1 - DECAY) * hood.record[kind] + DECAY * max(old - new, 0.05)
+        if pairs == 0 and rings:
+            pairs = find_collisions(task, traffic, hood)
+    return pairs
+
+
+@njit(cache=True)
+def _take_out(task, traffic, hood, num, rng):
+    """Save and remove the chosen robots' paths, and shuffle the robots."""
+    for k in range(num):
+        other = np.int64(rng.random() * (num - k)) + k
+        hood.robot[k], hood.robot[other] = hood.robot[other], hood.robot[k]
+        robot = hood.robot[k]
+        hood.saved[k] = traffic.at[robot]
+        hood.saved_end[k] = traffic.end[robot]
+        remove_path(task.first, task.head, traffic, robot)
+        traffic.end[robot] = -1  # its row of `at` is out of date until it is planned
+
+
+@njit(cache=True)
+def _put_back(task, traffic, hood, num, planned):
+    """Undo: the first `planned` robots have new paths in the traffic, the others none."""
+    for k in range(planned):
+        remove_path(task.first, task.head, traffic, hood.robot[k])
+        traffic.end[hood.robot[k]] = -1
+    for k in range(num):
+        robot = hood.robot[k]
+        traffic.at[robot] = hood.saved[k]
+        traffic.end[robot] = hood.saved_end[k]
+        add_path(task.first, task.head, traffic, robot)

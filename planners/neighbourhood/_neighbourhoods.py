@@ -1,0 +1,233 @@
+"""Which robots are planned again together: kinds of neighbourhoods, chosen by what each has gained lately.
+
+Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI
+2021 (a robot that is late and those in its way; robots about one place; any), and "MAPF-LNS2", AAAI 2022 (robots in
+collision and those in their way).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from planners.neighbourhood._traffic import Task, holds
+
+DECAY = 0.01  # of a neighbourhood kind's record
+
+
+class Neighbourhood(NamedTuple):
+    """Room for K robots taken out of R, over T steps."""
+
+    robot: np.ndarray  # [K] int64
+    chosen: np.ndarray  # [R] bool
+    saved: np.ndarray  # [K, T] int32 their old paths
+    saved_end: np.ndarray  # [K] int64
+    record: np.ndarray  # [3] float64 what each kind has gained lately
+    queue: np.ndarray  # [R] int64
+    hit: np.ndarray  # [R, R] bool pairs in collision, [1, 1] when there can be none
+    num_hits: np.ndarray  # [R] int64 of each robot
+
+
+@njit(cache=True)
+def pick_kind(hood, rng):
+    x = rng.random() * (hood.record[0] + hood.record[1] + hood.record[2])
+    if x < hood.record[0]:
+        return 0
+    return 1 if x < hood.record[0] + hood.record[1] else 2
+
+
+@njit(cache=True)
+def _choose(hood, num, robot):
+    """Add a robot to the neighbourhood unless it is in it."""
+    if hood.chosen[robot]:
+        return num
+    hood.chosen[robot] = True
+    hood.robot[num] = robot
+    return num + 1
+
+
+@njit(cache=True)
+def fill_any(hood, num, size, rng):
+    """Fill up with any robots."""
+    num_robots = len(hood.chosen)
+    size = min(size, num_robots)
+    while num < size:
+        num = _choose(hood, num, np.int64(rng.random() * num_robots))
+    return num
+
+
+@njit(cache=True)
+def fill_by_hits(hood, num, size, rng):
+    """Fill up with robots by the number of their collisions."""
+    num_robots = len(hood.chosen)
+    total = np.int64(0)
+    for robot in range(num_robots):
+        total += hood.num_hits[robot] + 1
+    for _ in range(4 * size):
+        if num >= min(size, num_robots):
+            return num
+        x = np.int64(rng.random() * total)
+        robot = 0
+        while x >= hood.num_hits[robot] + 1:
+            x -= hood.num_hits[robot] + 1
+            robot += 1
+        num = _choose(hood, num, np.int64(robot))
+    return fill_any(hood, num, size, rng)
+
+
+@njit(cache=True)
+def around_late(task, traffic, hood, size, rng):
+    """A robot that is late, and those met on random walks that would bring it home earlier."""
+    num_robots = len(task.goal)
+    size = min(size, num_robots)
+    late, latest = np.int64(0), np.int64(-1)
+    for _ in range(1 + num_robots // 16):
+        robot = np.int64(rng.random() * num_robots)
+        delay = traffic.end[robot] - task.steps[robot, task.start[robot]]
+        if delay > latest:
+            late, latest = robot, delay
+    num = _choose(hood, 0, late)
+    for _ in range(10):
+        if num >= size:
+            break
+        robot = hood.robot[np.int64(rng.random() * num)] if rng.random() < 0.5 else late
+        num = _walk(task, traffic, hood, num, size, robot, traffic.end[robot], rng)
+    return fill_any(hood, num, size, rng)
+
+
+@njit(cache=True)
+def _walk(task, traffic, hood, num, size, robot, before, rng):
+    """Walk from a random step of a robot's path, so that it could still arrive `before`; choose whom it meets."""
+    if traffic.end[robot] <= 0:
+        return num
+    t = np.int64(rng.random() * traffic.end[robot])
+    v = np.int64(traffic.at[robot, t])
+    for _ in range(traffic.at.shape[1]):
+        if num >= size or t + 2 >= traffic.at.shape[1]:
+            break
+        a, b = task.first[v], task.first[v + 1]
+        count = b - a + 1
+        shift = np.int64(rng.random() * count)
+        moved = False
+        for k in range(count):
+            at = a + (k + shift) % count
+            u = task.head[at] if at < b else v
+            if t + 1 + task.steps[robot, u] >= before:
+                continue
+            moved = True
+            if (traffic.busy[u, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
+                num = _choose_on(traffic, hood, num, size, u, t + 1)
+            if num < size and at < b and task.reverse[at] >= 0:
+                back = task.reverse[at]
+                if (traffic.along[back, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
+                    num = _choose_on(traffic, hood, num, size, v, t + 1)
+            v = u
+            break
+        if not moved:
+            break
+        t += 1
+    return num
+
+
+@njit(cache=True)
+def _choose_on(traffic, hood, num, size, v, t):
+    """Choose the robots that hold a vertex at a step."""
+    if traffic.num_on[v, t] == 1 and num < size:
+        return _choose(hood, num, np.int64(traffic.who[v, t]))
+    if traffic.num_on[v, t] > 1:
+        for robot in range(len(traffic.at)):
+            if num < size and holds(traffic, robot, v, t):
+                num = _choose(hood, num, np.int64(robot))
+    return num
+
+
+@njit(cache=True)
+def around_place(task, traffic, hood, size, rng):
+    """Robots that are about a place at about one time: around a random robot's position at a random step."""
+    num_robots = len(traffic.at)
+    size = min(size, num_robots)
+    robot = np.int64(rng.random() * num_robots)
+    t = np.int64(rng.random() * (traffic.end[robot] + 1))
+    num = _choose(hood, 0, robot)
+    begin, end = 0, 1
+    hood.queue[0] = traffic.at[robot, t]
+    while begin < end and num < size:
+        v = hood.queue[begin]
+        begin += 1
+        for d in range(-3, 4):
+            if 0 <= t + d < traffic.at.shape[1] and (traffic.busy[v, (t + d) >> 5] >> ((t + d) & 31)) & 1:
+                num = _choose_on(traffic, hood, num, size, v, t + d)
+        a, b = task.first[v], task.first[v + 1]
+        shift = np.int64(rng.random() * (b - a)) if b > a else np.int64(0)
+        for k in range(b - a):
+            if end < len(hood.queue):  # vertices may come twice: that is cheaper than to remember them
+                hood.queue[end] = task.head[a + (k + shift) % (b - a)]
+                end += 1
+    return fill_any(hood, num, size, rng)
+
+
+@njit(cache=True)
+def around_collision(task, traffic, hood, size, rng):
+    """Robots of one component of the graph of collisions: all, and whom they meet on walks, or some on a random walk in it."""
+    num_robots = len(task.goal)
+    size = min(size, num_robots)
+    root = np.int64(rng.random() * num_robots)
+    while hood.num_hits[root] == 0:
+        root = (root + 1) % num_robots
+    num = _choose(hood, 0, root)
+    k = 0
+    while k < num and num < size:  # breadth first, others in a random rotation
+        shift = np.int64(rng.random() * num_robots)
+        for j in range(num_robots):
+            other = (j + shift) % num_robots
+            if hood.hit[hood.robot[k], other] and num < size:
+                num = _choose(hood, num, other)
+        k += 1
+    for _ in range(10):
+        if num >= size:
+            break
+        robot = hood.robot[np.int64(rng.random() * num)]
+        num = _walk(task, traffic, hood, num, size, robot, np.int64(traffic.at.shape[1]), rng)
+    return fill_any(hood, num, size, rng)
+
+
+@njit(cache=True)
+def around_failure(task, traffic, hood, size, rng):
+    """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
+    num_robots = len(task.goal)
+    size = min(size, num_robots)
+    num = fill_by_hits(hood, 0, 1, rng)
+    robot = hood.robot[0]
+    shift = np.int64(rng.random() * num_robots)
+    for j in range(num_robots):
+        other = (j + shift) % num_robots
+        if num >= size:
+            break
+        end = traffic.end[other]
+        blocks = end <= traffic.end[robot] and task.steps[robot, task.start[robot]] == (
+            task.steps[robot, task.goal[other]] + task.steps[other, task.start[robot]]
+        )
+        if other != robot and blocks:
+            num = _choose(hood, num, other)
+    for t in range(traffic.end[robot], traffic.at.shape[1]):
+        if num >= size:
+            break
+        if traffic.num_on[task.goal[robot], t] > 1:
+            num = _choose_on(traffic, hood, num, size, task.goal[robot], t)
+    return fill_any(hood, num, size, rng)
+
+
+def room_for_hood(task: Task, horizon: int, size: int, *, with_hits: bool) -> Neighbourhood:
+    """Room for neighbourhoods of `size`, and for pairs in collision if there can be any."""
+    num_robots = len(task.goal)
+    hits = num_robots if with_hits else 1
+    return Neighbourhood(
+        robot=np.zeros(size, np.int64),
+        chosen=np.zeros(num_robots, np.bool_),
+        saved=np.zeros((size, horizon), np.int32),
+        saved_end=np.zeros(size, np.int64),
+        record=np.ones(3, np.float64),
+        queue=np.zeros(max(num_robots, 256), np.int64),
+        hit=np.zeros((hits, hits), np.bool_),
+        num_hits=np.zeros(num_robots, np.int64),
+    )

@@ -1,0 +1,77 @@
+"""Large neighbourhood search over the paths of a problem, driven by the clock or by the work done."""
+
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.problem import Problem
+from planners._world import SLICE_S
+from planners.neighbourhood import _lns
+from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
+from planners.neighbourhood._sipps import Labels, room_for_labels
+from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, path_of, traffic_of
+
+SPARE_STEPS = 8  # room beyond the longest path
+FOREVER = 1 << 62
+MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
+
+
+def task_of(problem: Problem, table: np.ndarray) -> Task:
+    """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
+    graph = problem.graph
+    return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table)
+
+
+def room_to_repair(
+    task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True
+) -> tuple[Traffic, Labels, Neighbourhood]:
+    """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time."""
+    horizon = (horizon + WORD - 1) // WORD * WORD
+    traffic = empty_traffic(task, horizon, following=following, rotations=rotations)
+    labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
+    return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
+
+
+def room_bytes(task: Task, horizon: int) -> int:
+    """Memory for traffic and searches over so many steps."""
+    return horizon * (24 * len(task.first) + 2 * len(task.head) + 4 * len(task.goal))
+
+
+def polishing_labels(a_robot: int, num_robots: int) -> int:
+    """How many labels may be made: so many a robot for 100 robots or fewer, more, to the power of 3/4, for more.
+
+    The work is bounded by labels and not by time so that the same seed gives the same plan.
+    """
+    return int(a_robot * num_robots * max(1.0, num_robots / 100) ** 0.75)
+
+
+class Refinement:
+    """Paths without collisions that get shorter."""
+
+    def __init__(
+        self, task: Task, path: np.ndarray, size: int, rng: np.random.Generator, *, following: bool = False, rotations: bool = True
+    ) -> None:
+        """`path` is [T, R], everybody at the goal in the last row; `size` robots are planned again at a time."""
+        self._task, self._size, self._rng = task, size, rng
+        self._traffic = traffic_of(task, path, SPARE_STEPS, following=following, rotations=rotations)
+        horizon = self._traffic.at.shape[1]
+        self._labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
+        self._hood = room_for_hood(task, horizon, size, with_hits=False)
+        self._at_once = 1
+        self._least = int(task.steps[np.arange(len(task.goal)), task.start].sum())
+
+    @property
+    def cost(self) -> int:
+        """Sum of costs in steps."""
+        return int(self._traffic.end.sum())
+
+    def until(self, deadline_s: float, *, most_labels: int = FOREVER) -> None:
+        """Go on until the deadline (perf_counter), until so many labels have been made since the beginning, or nothing is left to gain."""
+        while self.cost > self._least and self._labels.stamp[1] < most_labels and (slice_s := perf_counter()) < deadline_s:
+            _lns.improve(self._task, self._traffic, self._labels, self._hood, self._size, self._at_once, most_labels, self._rng)
+            pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
+            self._at_once = min(max(1, int(self._at_once * min(pace, 2.0))), MOST_AT_ONCE)
+
+    def path(self) -> np.ndarray:
+        """[T, R], up to the last arrival."""
+        return path_of(self._traffic)

@@ -1,0 +1,280 @@
+"""Kernels of a search over safe intervals among paths that may be crossed at a price.
+
+Source: SIPPS of Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2: fast repairing for multi-agent path finding via
+large neighborhood search", AAAI 2022 (section 4), after Phillips and Likhachev, "SIPP", ICRA 2011. A vertex's
+time falls into runs in which it is free or somebody is on it. A path is rated by the runs of others it enters
+and the swaps and rings it makes, then by its length; or, when crossing is forbidden, by its length alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from planners.neighbourhood._traffic import closes_ring, run_end
+
+
+class Labels(NamedTuple):
+    """Room for a search: N labels, and what is known of each run, named by its vertex and last step."""
+
+    vertex: np.ndarray  # [N] int64
+    low: np.ndarray  # [N] int64 arrival
+    high: np.ndarray  # [N] int64 last step of the run
+    cost: np.ndarray  # [N] int64 crossings
+    parent: np.ndarray  # [N] int64
+    heap_key: np.ndarray  # [N] int64
+    heap_label: np.ndarray  # [N] int64
+    link: np.ndarray  # [N] int64 the next label of the same length, where crossing is forbidden
+    queue: np.ndarray  # [T] int64 the first label of each length, likewise
+    pushed: np.ndarray  # [V, T] int64 stamp, cost and arrival of the last label that was worth it
+    closed: np.ndarray  # [V, T] int64 stamp and earliest arrival that was expanded
+    stamp: np.ndarray  # [2] int64 number of searches, number of labels in all of them
+
+
+@njit(cache=True)
+def _first_crossing(traffic, along, rings, back, v, u, t, until):
+    """The first arrival at u from v, not before `t`, that swaps with nobody and closes no ring; beyond `until`: none."""
+    while t <= until and ((back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1) or (rings and closes_ring(traffic, v, u, t))):
+        t += 1
+    return t
+
+
+@njit(cache=True)
+def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
+    """The best path of a robot that is not in the traffic, written to its row of `at`.
+
+    Parameters
+    ----------
+    first, head, reverse
+        The graph.
+    traffic, labels
+        The others, and room.
+    robot, start, goal
+        Who goes where.
+    steps
+        [V] steps to the goal.
+    limit
+        Arrival at the latest, at most T - 1.
+    crossing
+        Whether others' paths may be crossed.
+    most
+        Labels after which it gives up.
+
+    Returns
+    -------
+    int
+        Step of arrival, -1 when there is no path. `labels.stamp[1]` goes up by the number of labels.
+    """
+    if crossing:
+        end, num_labels = _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
+    else:
+        end, num_labels = _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
+    labels.stamp[1] += num_labels
+    return end
+
+
+@njit(cache=True)
+def _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
+    """`plan_one` where nobody may be crossed: only arrivals count, so that a queue of lengths does for a heap.
+
+    Of labels of one length the last is the first to be expanded, which goes straight on.
+    """
+    busy, along, following = traffic.busy, traffic.along, traffic.following
+    vertex, lows, highs, parent, link, queue, seen = (
+        labels.vertex, labels.low, labels.high, labels.parent, labels.link, labels.queue, labels.pushed,
+    )  # fmt: skip
+    horizon = traffic.at.shape[1]
+    rings = not traffic.rotations and not following
+    labels.stamp[0] += 1
+    stamp = labels.stamp[0] << 32
+    room = min(len(vertex), most)
+    occupied, high = run_end(busy[start], 0)
+    if occupied or steps[start] > limit:
+        return np.int64(-1), 1
+    length = np.int64(steps[start])
+    queue[length : limit + 1] = -1
+    vertex[0], lows[0], highs[0], parent[0], link[0] = start, 0, high, -1, -1
+    queue[length] = 0
+    num_labels = 1
+    while True:
+        while length <= limit and queue[length] < 0:
+            length += 1
+        if length > limit:
+            return np.int64(-1), num_labels
+        x = queue[length]
+        queue[length] = link[x]
+        v, low, high = vertex[x], lows[x], highs[x]
+        if v == goal and high == horizon - 1:
+            _write(labels, traffic, robot, x)
+            return low, num_labels
+        mark = seen[v, high]
+        if mark >= stamp and mark - stamp < low:
+            continue
+        leave = high if following else high + 1
+        for lane in range(first[v], first[v + 1]):
+            u = head[lane]
+            to_go = np.int64(steps[u])
+            t = low + 1
+            last = min(leave, limit - to_go)
+            back = reverse[lane]
+            while t <= last:
+                occupied, end = run_end(busy[u], t)
+                if not occupied:
+                    until = min(end, last)
+                    t = _first_crossing(traffic, along, rings, back, v, u, t, until)
+                    mark = seen[u, end]
+                    if t <= until and (mark < stamp or mark - stamp > t):
+                        if num_labels >= room:
+                            return np.int64(-1), num_labels
+                        seen[u, end] = stamp + t
+                        vertex[num_labels], lows[num_labels], highs[num_labels], parent[num_labels] = u, t, end, x
+                        link[num_labels] = queue[t + to_go]
+                        queue[t + to_go] = num_labels
+                        num_labels += 1
+                t = end + 1
+
+
+@njit(cache=True)
+def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
+    """`plan_one` where others may be crossed."""
+    busy, along, following = traffic.busy, traffic.along, traffic.following
+    horizon = traffic.at.shape[1]
+    rings = not traffic.rotations and not following
+    labels.stamp[0] += 1
+    stamp = labels.stamp[0] << 32
+    room = min(len(labels.vertex) - 2, most)
+    occupied, high = run_end(busy[start], 0)
+    if steps[start] > limit:
+        return np.int64(-1), 1
+    labels.vertex[0], labels.low[0], labels.high[0], labels.parent[0] = start, 0, high, -1
+    labels.cost[0] = 1 if occupied else 0
+    num_labels, num_heap = 1, 1
+    labels.heap_key[0] = np.int64(steps[start]) << 20
+    labels.heap_label[0] = 0
+    while num_heap > 0:
+        x = labels.heap_label[0]
+        num_heap = _pop(labels, num_heap)
+        final = x < 0
+        if final:
+            x = -1 - x
+        v, low, high, cost = labels.vertex[x], labels.low[x], labels.high[x], labels.cost[x]
+        if final:
+            _write(labels, traffic, robot, x)
+            return low, num_labels
+        mark = labels.closed[v, high]
+        if mark >= stamp and mark - stamp <= low:
+            continue
+        labels.closed[v, high] = stamp + low
+        if v == goal:
+            later, t = cost, high + 1
+            while t < horizon:
+                occupied, t = run_end(busy[v], t)
+                later += 1 if occupied else 0
+                t += 1
+            if later == cost:  # nobody comes by any more
+                _write(labels, traffic, robot, x)
+                return low, num_labels
+            num_heap = _push(labels, num_heap, (later << 40) + (low << 20), -1 - x)
+        if num_labels + 8 * (first[v + 1] - first[v] + 1) > room or num_heap + 8 * (first[v + 1] - first[v] + 1) > room:
+            return np.int64(-1), num_labels
+        if high + 1 + steps[v] <= limit:
+            occupied, end = run_end(busy[v], high + 1)
+            num_labels, num_heap = _reach(
+                labels, num_labels, num_heap, stamp, x, v, high + 1, end, cost + (1 if occupied else 0), np.int64(steps[v])
+            )
+        leave = high if following else high + 1
+        for lane in range(first[v], first[v + 1]):
+            u = head[lane]
+            to_go = np.int64(steps[u])
+            t = low + 1
+            last = min(leave, limit - to_go)
+            back = reverse[lane]
+            while t <= last:
+                occupied, end = run_end(busy[u], t)
+                arrive, price = t, cost + (1 if occupied else 0)
+                until = min(end, last)
+                arrive = _first_crossing(traffic, along, rings, back, v, u, arrive, until)
+                if arrive > until:
+                    arrive, price = t, price + 1
+                if num_labels >= room or num_heap >= room:
+                    return np.int64(-1), num_labels
+                num_labels, num_heap = _reach(labels, num_labels, num_heap, stamp, x, u, arrive, end, price, to_go)
+                t = end + 1
+    return np.int64(-1), num_labels
+
+
+@njit(cache=True)
+def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_go):
+    """Put a label in the queue unless a better one of its run was there before."""
+    mark = labels.pushed[v, high]
+    if mark >= stamp and ((mark - stamp) >> 18) <= cost and ((mark - stamp) & 0x3FFFF) <= low:
+        return num_labels, num_heap
+    mark = labels.closed[v, high]
+    if mark >= stamp and mark - stamp <= low:
+        return num_labels, num_heap
+    labels.pushed[v, high] = stamp + (min(cost, 0x3FFF) << 18) + low
+    labels.vertex[num_labels] = v
+    labels.low[num_labels] = low
+    labels.high[num_labels] = high
+    labels.cost[num_labels] = cost
+    labels.parent[num_labels] = parent
+    num_heap = _push(labels, num_heap, (cost << 40) + ((low + to_go) << 20) + to_go, num_labels)
+    return num_labels + 1, num_heap
+
+
+@njit(cache=True)
+def _write(labels, traffic, robot, x):
+    """The path that ends in label x, and the stay at its end."""
+    at = traffic.at[robot]
+    traffic.end[robot] = labels.low[x]
+    end = len(at)
+    while x >= 0:
+        at[labels.low[x] : end] = labels.vertex[x]
+        end = labels.low[x]
+        x = labels.parent[x]
+
+
+@njit(cache=True)
+def _push(labels, num, key, label):
+    keys, heap = labels.heap_key, labels.heap_label
+    k = num
+    while k > 0:
+        up = (k - 1) >> 1
+        if keys[up] <= key:
+            break
+        keys[k], heap[k] = keys[up], heap[up]
+        k = up
+    keys[k], heap[k] = key, label
+    return num + 1
+
+
+@njit(cache=True)
+def _pop(labels, num):
+    keys, heap = labels.heap_key, labels.heap_label
+    num -= 1
+    key, label = keys[num], heap[num]
+    k = 0
+    while True:
+        down = 2 * k + 1
+        if down >= num:
+            break
+        if down + 1 < num and keys[down + 1] < keys[down]:
+            down += 1
+        if keys[down] >= key:
+            break
+        keys[k], heap[k] = keys[down], heap[down]
+        k = down
+    keys[k], heap[k] = key, label
+    return num
+
+
+def room_for_labels(num_vertices: int, num_lanes: int, horizon: int) -> Labels:
+    """Room for searches over so many steps."""
+    num_labels = 20_000 + 16 * num_vertices + 2 * num_lanes
+    return Labels(
+        *(np.zeros(num_labels, np.int64) for _ in range(8)),
+        queue=np.zeros(horizon, np.int64),
+        pushed=np.zeros((num_vertices, horizon), np.int64),
+        closed=np.zeros((num_vertices, horizon), np.int64),
+        stamp=np.zeros(2, np.int64),
+    )

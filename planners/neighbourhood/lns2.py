@@ -1,0 +1,120 @@
+"""MAPF-LNS2: plan one after another with collisions allowed, then repair by large neighbourhood search.
+
+Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2: fast repairing for multi-agent path finding via large
+neighborhood search", AAAI 2022; what improves a plan without collisions is Li et al., "Anytime multi-agent path
+finding via large neighborhood search", IJCAI 2021. Incomplete, no bound; in practice solves crowded instances at low cost.
+"""
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import ClassVar
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import order_clash
+from mrp_sumo.search.distance import UNREACHABLE
+from planners._world import (
+    SLICE_S,
+    checked_deadline,
+    gave_up,
+    small_problem,
+    solved,
+    steps_table,
+    sum_of_costs,
+    timed_out,
+    without_search,
+)
+from planners.neighbourhood import _lns
+from planners.neighbourhood._collisions import find_collisions
+from planners.neighbourhood._refinement import Refinement, polishing_labels, room_bytes, room_to_repair, task_of
+from planners.neighbourhood._traffic import path_of
+
+CHANCE = 13  # purpose of the stream of chance
+
+
+@dataclass(frozen=True)
+class Lns2:
+    """Plans by MAPF-LNS2; `anytime` spends the rest of the time on lower cost."""
+
+    assigns: ClassVar[bool] = False
+    guarantee: ClassVar[str] = "valid, not complete"
+
+    anytime: bool = False
+    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
+    rotations: bool = True  # rings of robots may move at once
+    neighbourhood: int = 8  # robots planned again at a time while there are collisions, half of it afterwards
+    horizon: int = 0  # steps to plan for; 0: twice the longest way, plus 128 and half a step a robot
+    polish: int = 2500  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
+    memory_mb: int = 2000  # for tables; gives up at once where they would take more
+
+    def __post_init__(self) -> None:
+        if self.neighbourhood < 1 or self.memory_mb < 1 or self.horizon < 0 or self.polish < 0:
+            raise PlanError("lns2: expected neighbourhood and memory_mb of 1 or more, horizon and polish of 0 or more")
+
+    def prepare(self) -> None:
+        """Compile or load the kernels."""
+        problem = small_problem()
+        task = task_of(problem, steps_table(problem, np.inf))
+        rng = np.random.default_rng(0)
+        traffic, labels, hood = room_to_repair(task, 32, 2)
+        _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2)
+        _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 3, rng)
+        detour = np.array([[0, 2], [0, 2], [1, 2], [3, 2], [3, 1], [3, 0], [1, 0], [2, 0]])
+        Refinement(task, detour, 2, rng).until(np.inf, most_labels=20)
+
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
+        begin_s = perf_counter()
+        deadline_s = checked_deadline(time_limit_s)
+        if 4 * problem.num_robots * problem.graph.num_vertices > self.memory_mb * 1_000_000:
+            return gave_up(begin_s, 0.0, f"tables of distances take more than {self.memory_mb} MB")
+        table = steps_table(problem, deadline_s)
+        if table is None:
+            return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
+        steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
+        steps[steps >= UNREACHABLE] = -1
+        known = without_search(problem, steps, begin_s) or order_clash(problem)
+        if known:
+            return known
+        lower_bound = float(steps.sum())
+        rng = np.random.default_rng([problem.seed, CHANCE])
+        task = task_of(problem, table)
+        horizon = self.horizon or 2 * int(steps.max()) + 128 + problem.num_robots // 2
+        horizon = max(horizon, int(steps.max()) + 2)
+        if (need := table.nbytes + room_bytes(task, horizon) + problem.num_robots**2) > self.memory_mb * 1_000_000:
+            return gave_up(
+                begin_s, lower_bound, f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
+            )
+        kind = {"following": self.following, "rotations": self.rotations}
+        traffic, labels, hood = room_to_repair(task, horizon, self.neighbourhood, **kind)
+        order = rng.permutation(problem.num_robots)
+        for a in range(problem.num_robots):
+            if perf_counter() > deadline_s:
+                return timed_out(begin_s, lower_bound, f"no solution within {time_limit_s:g} s")
+            if not _lns.plan_all(task, traffic, labels, order, a, a + 1):
+                name = problem.fleet.robot_name[order[a]]
+                return gave_up(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
+        pairs = find_collisions(task, traffic, hood)
+        stats = {"initial_pairs": float(pairs)}
+        at_once = 1
+        while pairs:
+            slice_s = perf_counter()
+            if slice_s > deadline_s:
+                message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
+                return timed_out(begin_s, lower_bound, message, pairs=float(pairs), **stats)
+            pairs = _lns.repair(task, traffic, labels, hood, self.neighbourhood, pairs, at_once, rng)
+            at_once = max(1, int(at_once * min(SLICE_S / max(perf_counter() - slice_s, 1e-6), 2.0)))
+        path = path_of(traffic)
+        cost = sum_of_costs(path, task.goal)
+        stats |= {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
+        del traffic, labels, hood
+        if (self.polish or self.anytime) and cost > lower_bound:
+            refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, **kind)
+            refinement.until(deadline_s, most_labels=polishing_labels(self.polish, problem.num_robots))
+            while self.anytime and refinement.cost > lower_bound and perf_counter() < deadline_s:
+                refinement.until(min(deadline_s - 0.02, perf_counter() + 0.5))
+            path, cost = refinement.path(), refinement.cost
+        return solved(problem, path, begin_s, lower_bound, cost=float(cost), **stats)

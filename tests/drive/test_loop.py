@@ -1,0 +1,198 @@
+"""Small worlds driven in SUMO whose outcome is known by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, problem_of, square_grid
+
+from mrp_sumo.core.execution import Outcome
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo.network import build_network
+from mrp_sumo.errors import ExecutionError, PlanError
+
+pytestmark = pytest.mark.kernel
+
+SEPARATION_M = 0.325  # of two Burgers: hypot(0.138, 0.178) + 0.1, rounded down
+
+
+def test_a_robot_alone_drives_its_path_at_its_speed(tmp_path):
+    run = drive(tmp_path, line(5), [[0, 1, 2, 3, 4]])
+    assert run.outcome is Outcome.COMPLETED
+    assert run.goal_s[0] == pytest.approx(1.6 / 0.22, abs=0.1)
+    assert run.x_m[-1, 0] == pytest.approx(1.6, abs=0.0011)
+    assert (run.y_m == 0).all() and (run.yaw_rad == 0).all()
+    assert run.speed_mps.max() == pytest.approx(0.22)
+    assert run.t_s[1] == 0.1 and run.t_s[-1] == run.sim_time_s
+    assert kinds(run) == {"started": [0], "goal": [0]}
+
+
+def test_a_robot_that_stays_has_heading_zero_and_is_at_its_goal(tmp_path):
+    run = drive(tmp_path, line(3), [[2], [0, 1]])
+    assert run.goal_s[0] == 0
+    assert (run.yaw_rad[:, 0] == 0).all() and (run.x_m[:, 0] == 0.8).all()
+
+
+def test_a_corner_takes_the_time_of_the_turn_and_the_heading_is_never_faster(tmp_path):
+    straight = drive(tmp_path, line(3), [[0, 1, 2]])
+    corner = drive(tmp_path, square_grid(2), [[0, 1, 3]])
+    turn_s = np.pi / 2 / 2.84
+    # the turn, braking and starting again, each up to a step late
+    assert turn_s < corner.goal_s[0] - straight.goal_s[0] < turn_s + 0.3
+    assert np.abs(np.diff(corner.yaw_rad[:, 0])).max() <= 2.84 * 0.1 + 1e-9
+    assert corner.yaw_rad[-1, 0] == pytest.approx(np.pi / 2)
+
+
+def test_the_one_planned_first_crosses_first(tmp_path):
+    east_to_west, north_to_south = [1, 0, 7], [4, 0, 10]
+    run = drive(tmp_path, cross(), [east_to_west, [4, *north_to_south]])
+    assert run.goal_s[0] < run.goal_s[1]
+    run = drive(tmp_path, cross(), [[1, *east_to_west], north_to_south])
+    assert run.goal_s[0] > run.goal_s[1]
+    assert least_distance_m(run) >= SEPARATION_M
+    assert kinds(run)["waited"] == [0]
+
+
+def test_a_platoon_drives_as_one(tmp_path):
+    run = drive(tmp_path, line(8), [[3, 4, 5, 6, 7], [2, 3, 4, 5, 6], [1, 2, 3, 4, 5]])
+    assert run.all_at_goal
+    assert np.diff(run.goal_s).min() > 0
+    assert least_distance_m(run) >= SEPARATION_M
+
+
+def test_head_on_in_a_corridor_is_a_deadlock_in_open_loop(tmp_path):
+    run = drive(tmp_path, line(6), [[0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0]], "open_loop", time_limit_s=30.0)
+    assert run.outcome is Outcome.TIME_LIMIT
+    assert run.sim_time_s == 30.0
+    assert np.isnan(run.goal_s).all()
+    deadlock = next(event for event in run.events if event.kind == "deadlock")
+    assert {deadlock.robot, deadlock.other} == {0, 1}
+    assert deadlock.t_s < 7
+    assert sorted(kinds(run)["blocked"]) == [0, 1]
+    assert least_distance_m(run) >= SEPARATION_M
+
+
+def test_head_on_on_one_long_lane_stops_before_a_collision(tmp_path):
+    graph = graph_of([(0, 0), (0.4, 0), (6, 0), (6.4, 0)], [(0, 1), (1, 2), (2, 3)])
+    run = drive(tmp_path, graph, [[0, 1, 2, 3], [3, 2, 1, 0]], "open_loop", time_limit_s=40.0)
+    assert not run.all_at_goal
+    assert "deadlock" in kinds(run)
+    assert least_distance_m(run) >= SEPARATION_M
+
+
+def test_followers_share_a_long_lane(tmp_path):
+    graph = graph_of([(0, 0), (0.4, 0), (0.8, 0), (10, 0), (10.4, 0), (10.8, 0)], [(k, k + 1) for k in range(5)])
+    run = drive(tmp_path, graph, [[1, 2, 3, 4, 5], [0, 1, 2, 3, 4]], step_s=45.0)
+    assert run.all_at_goal
+    assert run.goal_s[1] - run.goal_s[0] < 5  # a lane for one robot at a time would take 40 s more
+    assert least_distance_m(run) >= SEPARATION_M
+
+
+def test_a_dead_end_is_left_before_the_next_comes(tmp_path):
+    # robot_0 backs out of the arm into the side while robot_1 waits to go in
+    run = drive(tmp_path, cross(), [[2, 1, 0, 4], [7, 7, 7, 7, 0, 1]])
+    assert run.all_at_goal
+    assert least_distance_m(run) >= SEPARATION_M
+
+
+def test_who_stands_at_its_goal_blocks_the_others_for_good(tmp_path):
+    run = drive(tmp_path, line(5), [[2], [0, 1, 2, 3]], "open_loop", time_limit_s=30.0)
+    assert run.goal_s[0] == 0 and np.isnan(run.goal_s[1])
+    blocked = next(event for event in run.events if event.kind == "blocked")
+    assert (blocked.robot, blocked.other, blocked.vertex) == (1, 0, 2)
+    assert run.x_m[-1, 1] == pytest.approx(0.4, abs=0.002)
+
+
+@pytest.mark.parametrize("policy", ["adg", "adg_timed"])
+def test_orders_that_nobody_can_keep_are_refused(tmp_path, policy):
+    with pytest.raises(PlanError, match="cyclic"):
+        drive(tmp_path, line(2), [[0, 1], [1, 0]], policy)
+    with pytest.raises(PlanError, match="cyclic"):
+        drive(tmp_path, square_grid(2), [[0, 1], [1, 3], [3, 2], [2, 0]], policy)
+    with pytest.raises(PlanError, match="robot_0 stays at 'v1'"):
+        drive(tmp_path, line(3), [[1], [0, 1, 2]], policy)
+
+
+@pytest.mark.parametrize("policy", ["timed", "adg_timed"])
+def test_no_vertex_is_left_before_the_plan_does(tmp_path, policy):
+    run = drive(tmp_path, line(4), [[0, 1, 1, 1, 2, 3]], policy)
+    assert run.goal_s[0] == pytest.approx(5 * 3.0, abs=0.5)
+    early = drive(tmp_path, line(4), [[0, 1, 1, 1, 2, 3]], "adg")
+    assert early.goal_s[0] < 6
+
+
+def test_one_way_streets_and_dead_ends_without_exit_are_driven(tmp_path):
+    graph = graph_of([(0, 0), (0.4, 0), (0.8, 0)], [], one_way=[(0, 1), (1, 2)])
+    run = drive(tmp_path, graph, [[0, 1, 2]])
+    assert run.all_at_goal
+    assert run.x_m[-1, 0] == pytest.approx(0.8, abs=0.002)
+
+
+def test_every_second_is_booked_once(tmp_path):
+    run = drive(tmp_path, cross(), [[1, 1, 0, 7], [4, 0, 10], [12]])
+    assert run.booked_s.shape == (3, 8)
+    assert run.booked_s.sum(1) == pytest.approx(run.sim_time_s)
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path):
+    paths = [[1, 0, 7], [4, 4, 0, 10]]
+    one, two = (drive(tmp_path, cross(), paths) for _ in range(2))
+    assert one.x_m.tobytes() == two.x_m.tobytes()
+    assert one.arrived_s.tobytes() == two.arrived_s.tobytes()
+    assert one.events == two.events
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.2, 0.5, 1.0])
+def test_step_lengths_change_the_outcome_little(tmp_path, dt):
+    run = drive(tmp_path, cross(), [[3, 2, 1, 0, 7, 8], [12, 12, 11, 10, 0, 4]], step_length_s=dt, record_period_s=dt)
+    assert run.all_at_goal
+    assert least_distance_m(run) >= SEPARATION_M
+    assert run.goal_s[0] == pytest.approx(2.0 / 0.22, abs=2 * dt + 0.2)
+
+
+def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path):
+    def refused(message, graph, paths, **settings):
+        with pytest.raises(ExecutionError, match=message) as caught:
+            drive(tmp_path, graph, paths, **settings)
+        assert "\n" not in str(caught.value)
+
+    refused(r"do not fit: with their gap they need 0\.325 m", line(3, 0.3), [[0, 1]])
+    refused("where there is no lane", line(4), [[0, 2]])
+    refused("'v2', which has no lane", graph_of([(0, 0), (1, 0), (2, 0)], [(0, 1)]), [[2]])
+    refused("start 0.300 m apart", graph_of([(0, 0), (1, 0), (0.3, 0), (0.3, 1)], [(0, 1), (2, 3)]), [[0, 1], [2, 3]])
+    refused(r"unknown execution policy 'agd' \(did you mean 'adg'\?\)", line(3), [[0, 1]], policy="agd")
+    refused("record_period_s is 0.25, expected a whole number of steps", line(3), [[0, 1]], record_period_s=0.25)
+    refused("time_limit_s is 0.0", line(3), [[0, 1]], time_limit_s=0.0)
+
+
+def test_a_network_of_another_graph_is_refused(tmp_path):
+    problem, plan = problem_of(line(4), [[0, 1, 2, 3]])
+    settings = ExecutionSettings()
+    with pytest.raises(ExecutionError, match="no such network"):
+        simulate(problem, plan, settings, tmp_path / "missing.net.xml")
+    with pytest.raises(ExecutionError, match="no edge 'e2_3'"):
+        simulate(problem, plan, settings, build_network(line(3), tmp_path / "short.net.xml"))
+    with pytest.raises(ExecutionError, match=r"0\.5 m long, expected 0\.4 m"):
+        simulate(problem, plan, settings, build_network(line(4, 0.5), tmp_path / "other.net.xml"))
+    (tmp_path / "bad.net.xml").write_text("<net>")
+    with pytest.raises(ExecutionError, match="not a whole SUMO network"):
+        simulate(problem, plan, settings, tmp_path / "bad.net.xml")
+    good = simulate(problem, plan, settings, build_network(line(4), tmp_path / "good.net.xml"))  # SUMO starts again after all that
+    assert good.all_at_goal
+
+
+def test_progress_is_told_once_a_second(tmp_path):
+    told = []
+    problem, plan = problem_of(line(3), [[0, 1, 2]], BURGER)
+    network = build_network(line(3), tmp_path / "world.net.xml")
+    simulate(problem, plan, ExecutionSettings(), network, progress=lambda t_s, at_goal: told.append((t_s, at_goal)))
+    assert told == [(1.0, 0), (2.0, 0), (3.0, 0)]
+
+
+def test_a_plan_that_rides_a_lift_is_refused_in_one_line(tmp_path):
+    graph = line(3)
+    options = tuple({"lift": "L1"} if {a, b} == {1, 2} else {} for a, b in zip(graph.tail.tolist(), graph.head.tolist()))
+    with pytest.raises(ExecutionError, match=r"robot_0 rides lift 'L1' from 'v1' to 'v2', and execution has no lifts yet"):
+        drive(tmp_path, dataclasses.replace(graph, lane_options=options), [[0, 1, 2]])
+    assert drive(tmp_path, dataclasses.replace(graph, lane_options=options), [[0, 1]]).all_at_goal

@@ -1,0 +1,144 @@
+"""Places too close for two robots are zones or kept apart by their vertex; proven by sampling, and by hand where the answer is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.traffic.resources import LEFT_M, _last_within, distance_m, needs_of, resources_of, segments
+
+R = 0.325
+
+
+def both_ways(xy, pairs):
+    return nav_graph(name="world", xy=xy, lanes=[lane for a, b in pairs for lane in ((a, b), (b, a))])
+
+
+def zones(graph, separation=R):
+    found = resources_of(graph, separation)
+    return found, {tuple(pair) for pair in found.zone.tolist()}
+
+
+def test_a_grid_of_cells_wider_than_robots_has_no_zones():
+    graph = both_ways([(0.4 * x, 0.4 * y) for y in range(3) for x in range(3)], [(0, 1), (1, 2), (3, 4), (4, 5), (1, 4), (4, 7)])
+    found, pairs = zones(graph)
+    assert not pairs
+    assert found.leave_m == pytest.approx(R) and found.enter_m == pytest.approx(R)
+
+
+def test_an_acute_junction_is_held_for_r_over_its_sine():
+    angle = np.radians(40)
+    graph = both_ways([(0, 0), (3, 0), (3 * np.cos(angle), 3 * np.sin(angle))], [(0, 1), (0, 2)])
+    found, pairs = zones(graph)
+    assert not pairs
+    out = graph.lane_between(0, 1)
+    assert found.leave_m[out] == pytest.approx(R / np.sin(angle))
+    assert found.enter_m[graph.lane_between(1, 0)] == pytest.approx(R / np.sin(angle))
+    assert found.leave_m[graph.lane_between(1, 0)] == pytest.approx(R)  # alone at the far end
+
+
+def test_where_the_clearance_does_not_fit_the_next_vertex_is_in_a_zone():
+    angle = np.radians(40)
+    graph = both_ways([(0, 0), (0.4, 0), (3 * np.cos(angle), 3 * np.sin(angle))], [(0, 1), (0, 2)])
+    found, pairs = zones(graph)
+    assert found.leave_m[graph.lane_between(0, 1)] == pytest.approx(0.4 - LEFT_M)
+    long_track = graph.num_vertices + int(found.track[graph.lane_between(0, 2)])
+    assert pairs == {(1, long_track)}
+
+
+def test_crossing_and_neighbouring_lanes_without_a_common_vertex_are_zones():
+    crossing = both_ways([(-1, 0), (1, 0), (0, -1), (0, 1)], [(0, 1), (2, 3)])
+    assert zones(crossing)[1] == {(4, 5)}
+    beside = both_ways([(0, 0), (1, 0), (0, 0.3), (1, 0.3)], [(0, 1), (2, 3)])
+    assert zones(beside)[1] == {(0, 2), (1, 3), (0, 5), (1, 5), (2, 4), (3, 4), (4, 5)}
+    assert not zones(both_ways([(0, 0), (1, 0), (0, 0.33), (1, 0.33)], [(0, 1), (2, 3)]))[1]
+
+
+def test_places_on_other_levels_and_vertices_without_lanes_do_not_matter():
+    pairs = [(0, 1), (2, 3)]
+    lanes = [lane for a, b in pairs for lane in ((a, b), (b, a))]
+    floors = nav_graph(name="two", xy=[(0, 0), (1, 0), (0, 0), (1, 0)], lanes=lanes, level_names=("L1", "L2"), level=[0, 0, 1, 1])
+    assert not zones(floors)[1]
+    alone = nav_graph(name="one", xy=[(0, 0), (1, 0), (0.5, 0)], lanes=[(0, 1)])
+    assert not zones(alone)[1]
+
+
+def test_a_visit_needs_its_vertex_and_the_zones_of_its_vertex_and_lane():
+    graph = both_ways([(-1, 0), (1, 0), (0, -1), (0, 1)], [(0, 1), (2, 3)])
+    found, _ = zones(graph)
+    plan = plan_of_paths([[0, 1]], 1.0)
+    needs = needs_of(graph, plan, np.array([-1, graph.lane_between(0, 1)]), found)
+    assert needs.resource.tolist() == [0, 1, 4]
+    assert needs.on_lane.tolist() == [False, False, True]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_robots_that_hold_what_they_need_are_apart(seed):
+    """Any two robots, each anywhere on what it may occupy with its vertices and zones held, are R apart (less what LEFT_M gives)."""
+    rng = np.random.default_rng(seed)
+    num = int(rng.integers(4, 9))
+    xy = rng.uniform(0, 2, (num, 2))
+    pairs = sorted({tuple(sorted(rng.choice(num, 2, replace=False).tolist())) for _ in range(num + 3)})
+    graph = both_ways(xy, pairs)
+    found, _ = zones(graph)
+    tracks = np.arange(len(found.ends))
+
+    def occupied(point, track):
+        """Places a robot at this share of a track holds: the track, and vertices it has not left or must have won."""
+        lane = graph.lane_between(*found.ends[track].tolist())
+        back = int(graph.reverse[lane])
+        length = graph.length_m[lane]
+        held = {graph.num_vertices + int(track)}
+        if point * length < found.leave_m[lane]:
+            held.add(int(found.ends[track, 0]))
+        if (1 - point) * length < found.leave_m[back]:
+            held.add(int(found.ends[track, 1]))
+        return held
+
+    zone_pairs = {tuple(pair) for pair in found.zone.tolist()}
+    for _ in range(200):
+        a, b = rng.choice(tracks, 2)
+        u, v = rng.choice([0.0, 1.0, rng.random()]), rng.choice([0.0, 1.0, rng.random()])
+        if a == b:
+            continue
+        ends = graph.xy[found.ends]
+        p = ends[a, 0] + u * (ends[a, 1] - ends[a, 0])
+        q = ends[b, 0] + v * (ends[b, 1] - ends[b, 0])
+        if np.hypot(*(p - q)) >= R - 2 * LEFT_M:
+            continue
+        mine, other = occupied(u, a), occupied(v, b)
+        clash = bool(mine & other) or any(tuple(sorted((x, y))) in zone_pairs for x in mine for y in other)
+        assert clash, (p, q, mine, other)
+
+
+def test_distances_of_segments_are_right_on_known_cases():
+    def one(a, b):
+        return distance_m(np.array([a], float), np.array([b], float))[0]
+
+    assert one([(0, 0), (2, 0)], [(1, -1), (1, 1)]) == 0
+    assert one([(0, 0), (2, 0)], [(3, 1), (3, 2)]) == pytest.approx(np.sqrt(2))
+    assert one([(0, 0), (0, 0)], [(1, -1), (1, 1)]) == 1
+    assert one([(0, 0), (2, 0)], [(0, 0.5), (2, 0.5)]) == 0.5
+    graph = both_ways([(0, 0), (1, 0)], [(0, 1)])
+    assert segments(graph, np.array([[0, 1]])).tolist() == [[[0, 0], [0, 0]], [[1, 0], [1, 0]], [[0, 0], [1, 0]]]
+
+
+@pytest.mark.parametrize("spacing_m", [None, 0.4])
+def test_a_lane_leaves_the_reach_of_a_place_where_its_points_do(spacing_m):
+    """Lanes and places at random, and on a lattice, where lanes run along each other and end on each other."""
+    rng = np.random.default_rng(4)
+    xy = rng.uniform(0, 2, (40, 2)) if spacing_m is None else np.stack(np.divmod(np.arange(40), 7), 1) * spacing_m
+    lanes = [(a, b) for a, b in rng.integers(0, 40, (120, 2)).tolist() if a != b]
+    graph = nav_graph(name="any", xy=xy, lanes=sorted(set(lanes)))
+    resources = resources_of(graph, 0.35)
+    lane, other = rng.integers(0, graph.num_lanes, 400), rng.integers(0, len(xy) + len(resources.ends), 400)
+    found = _last_within(graph, resources, lane, other) / graph.length_m[lane]
+    place, fraction = segments(graph, resources.ends)[other], np.linspace(0, 1, 2001)
+    begin, along = xy[graph.tail[lane]], xy[graph.head[lane]] - xy[graph.tail[lane]]
+    for k in range(400):
+        point = np.repeat((begin[k] + fraction[:, None] * along[k])[:, None], 2, axis=1)
+        near = distance_m(point, np.broadcast_to(place[k], point.shape)) < 0.35 - 1e-6
+        assert found[k] == pytest.approx(fraction[near].max() if near.any() else 0.0, abs=6e-4 if near.any() else 0.02)
