@@ -17,7 +17,7 @@ from mrp_sumo.io.results import PLAN, load_results, record_path, write_record
 from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
 
 
-def nothing(job, workshop):
+def nothing(job, maps):
     """A run without work, with as many metrics as a real one."""
     metrics = {**{f"metric_{i}": i * 0.1 for i in range(40)}, **dict.fromkeys(MACHINE_DEPENDENT, 0.5), "time_blocked_s": [0.0] * 9}
     return {"status": "completed", "success": True, "reason": "", "metrics": metrics}

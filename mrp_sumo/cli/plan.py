@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _scenario(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Plan | None, Cells | None]":
-    from mrp_sumo.experiments.map_cache import Workshop
+    from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.run import solve
     from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.formats.peers import cells_of
@@ -88,8 +88,8 @@ def _scenario(options: argparse.Namespace) -> "tuple[dict[str, Any], Problem, Pl
             overrides[("planner", "name")] = ("--planner", name)
         overrides[("planner", "parameters")] = ("--set", parameters)
     file = read_scenario(find_scenario(options.scenario), overrides)
-    with Workshop() as workshop:
-        setup = set_up(file, workshop)
+    with MapCache() as maps:
+        setup = set_up(file, maps)
         solution = solve(setup)
     told = _told(solution.problem, solution.result, file.scenario.planner.name, solution.verdict)
     return told, solution.problem, solution.result.plan, cells_of(solution.problem.graph)

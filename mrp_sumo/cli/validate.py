@@ -89,7 +89,7 @@ def _num_robots(path: Path) -> int:
 
 
 def _of_scenario(options: argparse.Namespace) -> "Problem":
-    from mrp_sumo.experiments.map_cache import Workshop
+    from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.io.scenario import find_scenario, read_scenario
 
@@ -98,5 +98,5 @@ def _of_scenario(options: argparse.Namespace) -> "Problem":
         overrides[("seed",)] = ("--seed", options.seed)
     if options.robots is not None:
         overrides[("robots", "count")] = ("--robots", options.robots)
-    with Workshop() as workshop:
-        return set_up(read_scenario(find_scenario(options.scenario), overrides), workshop).problem
+    with MapCache() as maps:
+        return set_up(read_scenario(find_scenario(options.scenario), overrides), maps).problem

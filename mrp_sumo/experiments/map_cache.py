@@ -17,7 +17,7 @@ MAX_KEPT = 48  # things made; a suite with more maps makes some of them again
 T = TypeVar("T")
 
 
-class Workshop:
+class MapCache:
     """A context: networks are files in a temporary folder that goes with it."""
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Workshop:
         self._scratch = TemporaryDirectory(prefix="mrp_sumo_")
         self._count = 0
 
-    def __enter__(self) -> "Workshop":
+    def __enter__(self) -> "MapCache":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:

@@ -19,7 +19,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.policy import needs_sound_plan
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import PlanError
-from mrp_sumo.experiments.map_cache import Workshop
+from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.planning.answers import answer_of
@@ -111,8 +111,8 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
 
     report = progress or _silent
     check_replaceable(out)
-    with Workshop() as workshop:
-        outcome = carry_out(file, workshop, progress=progress, gui=gui)
+    with MapCache() as maps:
+        outcome = carry_out(file, maps, progress=progress, gui=gui)
         setup, solution = outcome.setup, outcome.solution
         report("writing the run folder", 0.0, 0.0)
         return write_run(
@@ -126,7 +126,7 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
             execution=outcome.execution,
             metrics=outcome.metrics,
             audit=outcome.audit,
-            network=workshop.network(solution.problem.graph),
+            network=maps.network(solution.problem.graph),
             nav=setup.map.nav,
             costmap=costmap(setup.map.building, setup.map.nav.level_names[0]) if setup.map.building else None,
             outline=outline_of(setup.map.building, setup.map.nav.level_names) if setup.map.building else None,
@@ -134,16 +134,14 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
         )
 
 
-def carry_out(
-    file: ScenarioFile, workshop: Workshop, *, execute: bool = True, progress: Progress | None = None, gui: bool = False
-) -> Outcome:
+def carry_out(file: ScenarioFile, maps: MapCache, *, execute: bool = True, progress: Progress | None = None, gui: bool = False) -> Outcome:
     """Run a scenario and measure it; writes nothing.
 
     Parameters
     ----------
     file
         The scenario.
-    workshop
+    maps
         Where maps and networks come from; give the same one to many runs.
     execute
         Drive the plan; without, a plan that was found ends the run with status `planned`.
@@ -162,14 +160,14 @@ def carry_out(
 
     report = progress or _silent
     report("loading the map", 0.0, 0.0)
-    setup = set_up(file, workshop)
+    setup = set_up(file, maps)
     scenario = file.scenario
     report("planning", 0.0, 0.0)
     solution = solve(setup)
     execution, note = None, solution.result.message
     if execute and solution.result.plan is not None:
         report("building the SUMO network", 0.0, 0.0)
-        network = workshop.network(solution.problem.graph, setup.map.building if gui else None)
+        network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         execution, note = _execute(setup, solution, network, report, gui)
     report("measuring", 0.0, 0.0)
     problem = solution.problem

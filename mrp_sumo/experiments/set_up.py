@@ -18,7 +18,7 @@ from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstac
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
-from mrp_sumo.experiments.map_cache import Workshop
+from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
@@ -45,7 +45,7 @@ class SetUp:
         return self.file.scenario
 
 
-def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
+def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
     """Load the map, fit the robots, draw or look up starts and goals.
 
     Raises
@@ -56,8 +56,8 @@ def set_up(file: ScenarioFile, workshop: Workshop) -> SetUp:
     scenario = file.scenario
     model, chosen_planner, chosen_assigner, settings = choices(file)
     cell_m = scenario.discretisation.cell_m
-    map_ = _located(file, ("map",), lambda: workshop.map(scenario.map, file.folder, cell_m, model.radius_m))
-    graph = _with_mutex_groups(file, map_.nav, workshop.graph(map_, scenario.discretisation))
+    map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
+    graph = _with_mutex_groups(file, map_.nav, maps.graph(map_, scenario.discretisation))
     _require_fit(file, graph, model)
     start, goal = _places(file, map_.nav, graph)
     fleet = fleet_of(model, len(start))

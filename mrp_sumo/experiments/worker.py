@@ -24,28 +24,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError
-from mrp_sumo.experiments.map_cache import Workshop
+from mrp_sumo.experiments.map_cache import MapCache
 
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario import ScenarioFile
 
 Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
 Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, and what the run took
-Function = Callable[[Job, Workshop], Answer]
+Function = Callable[[Job, MapCache], Answer]
 
 MEASURE = "mrp_sumo.experiments.worker:measure"
 CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_of_memory", "bad_input"
 
 
-def measure(job: Job, workshop: Workshop) -> Answer:
+def measure(job: Job, maps: MapCache) -> Answer:
     """Make a run as far as its suite says, and measure it."""
     from mrp_sumo.experiments.run import carry_out
 
     file = scenario_of(job)
     try:
         if job["until"] == "map":
-            return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, workshop)}
-        outcome = carry_out(file, workshop, execute=job["until"] == "execution")
+            return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, maps)}
+        outcome = carry_out(file, maps, execute=job["until"] == "execution")
     except MrpSumoError as error:
         lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
         return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines))
@@ -79,14 +79,14 @@ def machine() -> dict[str, str]:
     return {"machine": f"{platform.node()}, {model}, {os.cpu_count()} cores", "python": platform.python_version()}
 
 
-def _map_facts(file: Any, workshop: Workshop) -> dict[str, Any]:
+def _map_facts(file: Any, maps: MapCache) -> dict[str, Any]:
     """What the paper's Table I counts."""
     from mrp_sumo.experiments.set_up import choices
     from mrp_sumo.maps.facts import facts
 
     scenario = file.scenario
     cell_m = scenario.discretisation.cell_m
-    found = facts(workshop.map(scenario.map, file.folder, cell_m, choices(file)[0].radius_m), cell_m)
+    found = facts(maps.map(scenario.map, file.folder, cell_m, choices(file)[0].radius_m), cell_m)
     grid = found["grid"] or {}
     return {
         **{f"num_{name}": found[name] for name in ("vertices", "edges", "components")},
@@ -103,20 +103,20 @@ def main() -> None:
     module, _, name = sys.argv[2].partition(":")
     function: Function = getattr(importlib.import_module(module), name)
     connection.send_bytes(b"ready")
-    with Workshop() as workshop:
+    with MapCache() as maps:
         while True:
             try:
                 job = json.loads(connection.recv_bytes())
             except EOFError:
                 return
-            connection.send_bytes(json.dumps(_plain(_timed(function, job, workshop))).encode())
+            connection.send_bytes(json.dumps(_plain(_timed(function, job, maps))).encode())
 
 
-def _timed(function: Function, job: Job, workshop: Workshop) -> Answer:
+def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
     _forget_peak_memory()
     wall, cpu = time.perf_counter(), os.times()
     try:
-        answer = function(job, workshop)
+        answer = function(job, maps)
     except Exception as error:
         traceback.print_exc()  # to the log
         place = traceback.extract_tb(error.__traceback__)[-1]

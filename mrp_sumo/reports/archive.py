@@ -11,7 +11,7 @@ from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.batch import GO_ON, NOW, Batch, job_of
-from mrp_sumo.experiments.map_cache import Workshop
+from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.processes import Processes
 from mrp_sumo.experiments.worker import BAD_INPUT, Answer, Job, failure
 from mrp_sumo.io.results import Record, records_in
@@ -75,7 +75,7 @@ def keep_worst(batch: Batch, count: int, told: Callable[[str], None], *, workers
     return num_kept
 
 
-def make_kept(job: Job, workshop: Workshop) -> Answer:
+def make_kept(job: Job, maps: MapCache) -> Answer:
     """Make a run with its run folder and replay page. Called in worker processes."""
     from mrp_sumo.experiments.run import run_scenario
     from mrp_sumo.experiments.worker import scenario_of

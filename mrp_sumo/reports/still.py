@@ -20,7 +20,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import STATE_NAMES, Record
 from mrp_sumo.io.run_reader import Run
-from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, is_grid_map, shown_record, shown_states
+from mrp_sumo.reports.view import ABSENT, furniture_and_walls, is_grid_map, shown_record, shown_states
 
 INK, MUTED, PAPER, FLOOR, FURNITURE, WALL, LANE, DOOR = (
     "#17202c",

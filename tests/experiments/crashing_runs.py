@@ -9,7 +9,7 @@ from mrp_sumo.experiments import worker
 STEPS = 50  # before the crash
 
 
-def measure(job, workshop):
+def measure(job, maps):
     steps, step = 0, Sumo.step
 
     def crash_or_step(sumo):
@@ -21,6 +21,6 @@ def measure(job, workshop):
 
     Sumo.step = crash_or_step
     try:
-        return worker.measure(job, workshop)
+        return worker.measure(job, maps)
     finally:
         Sumo.step = step

@@ -10,7 +10,7 @@ from pathlib import Path
 EXITS, SEGFAULTS, HANGS, GROWS, RAISES, FAILS_ONCE = 101, 102, 103, 104, 105, 106
 
 
-def make(job, workshop):
+def make(job, maps):
     import json
 
     scenario = json.loads(job["scenario"])

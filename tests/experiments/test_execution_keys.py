@@ -7,7 +7,7 @@ import pytest
 
 from mrp_sumo.drive.disturbances import Closure
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.map_cache import Workshop
+from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.io.scenario import read_scenario
 
@@ -17,8 +17,8 @@ BUILDING = "map: office\ndiscretisation: {kind: roadmap, cell_m: 0.5}\nrobots: {
 def problem_of(tmp_path, execution):
     path = tmp_path / "scenario.yaml"
     path.write_text(BUILDING + "execution:\n" + "".join(f"  {line}\n" for line in execution))
-    with Workshop() as workshop:
-        return set_up(read_scenario(path), workshop)
+    with MapCache() as maps:
+        return set_up(read_scenario(path), maps)
 
 
 def test_recovery_is_what_the_scenario_says(tmp_path):

@@ -29,7 +29,7 @@ from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.reports.replay.page import About, replay_page, write_replay
-from mrp_sumo.reports.shown import ABSENT, furniture_and_walls, plan_as_execution, shown_states
+from mrp_sumo.reports.view import ABSENT, furniture_and_walls, plan_as_execution, shown_states
 
 MODEL = RobotType("cart", 0.4, 0.3, 1.0, 1.0, 1.0, 2.0)
 NASTY = "</script><img src=x onerror=alert(1)> & \u2028 'ö'"

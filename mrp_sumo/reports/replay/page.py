@@ -24,7 +24,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import Record
 from mrp_sumo.io.run_reader import Run, load_run
-from mrp_sumo.reports.shown import furniture_and_walls, is_grid_map, shown_record, shown_states
+from mrp_sumo.reports.view import furniture_and_walls, is_grid_map, shown_record, shown_states
 
 SOURCES = Path(__file__).parent
 SCRIPTS = ("data.js", "motion.js", "shaders.js", "scene.js", "timeline.js", "panel.js", "main.js")
