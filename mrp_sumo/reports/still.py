@@ -20,19 +20,11 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import STATE_NAMES, Record
 from mrp_sumo.io.run_reader import Run
+from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
 from mrp_sumo.reports.view import ABSENT, furniture_and_walls, is_grid_map, shown_record, shown_states
 
-INK, MUTED, PAPER, FLOOR, FURNITURE, WALL, LANE, DOOR = (
-    "#17202c",
-    "#5b6878",
-    "#eef1f5",
-    "#ffffff",
-    "#e6ebf1",
-    "#3a4454",
-    "#b9c7d8",
-    "#c2813f",
-)
-STATES = ("#2f7de1", "#e8960c", "#dc2f45", "#15936f")  # of the replay page: moving, waiting, blocked, at goal
+LIGHT = THEMES["light"]
+STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 MARGIN_M = 0.6
 TRAIL_S = 20.0
 NAMED = 60  # robots up to which they are named and the plan is shown
@@ -111,7 +103,7 @@ def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Fig
     inch_per_m = float(min((width_in - 0.4) / w, 14 / h))
     head_in, foot_in = 0.75, 0.45
     page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
-    figure = Figure(figsize=page, facecolor=PAPER)
+    figure = Figure(figsize=page, facecolor=LIGHT["paper"])
     FigureCanvasAgg(figure)
     left = (page[0] - w * inch_per_m) / 2
     ax = figure.add_axes((left / page[0], foot_in / page[1], w * inch_per_m / page[0], h * inch_per_m / page[1]))
@@ -125,26 +117,26 @@ def _draw_floor(ax: Axes, record: Record, outline: Outline | None, points_per_m:
     nav = record.nav or record.graph
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)
-        for polygons, colour in ((outline.floors, FLOOR), (outline.holes, PAPER), (furniture, FURNITURE)):
+        for polygons, colour in ((outline.floors, LIGHT["floor"]), (outline.holes, LIGHT["paper"]), (furniture, LIGHT["furniture"])):
             ax.add_collection(PolyCollection(list(polygons), facecolor=colour, edgecolor="none", zorder=0), autolim=False)
-        ax.add_collection(LineCollection(list(inner), color=WALL, lw=0.5, alpha=0.5, zorder=1), autolim=False)
+        ax.add_collection(LineCollection(list(inner), color=LIGHT["wall"], lw=0.5, alpha=0.5, zorder=1), autolim=False)
         lw = float(np.clip(0.1 * points_per_m, 0.6, 4))
-        ax.add_collection(LineCollection(list(outline.doors), color=DOOR, lw=0.6 * lw, zorder=2), autolim=False)
-        ax.add_collection(LineCollection(list(walls), color=WALL, lw=lw, capstyle="round", zorder=2), autolim=False)
+        ax.add_collection(LineCollection(list(outline.doors), color=LIGHT["door"], lw=0.6 * lw, zorder=2), autolim=False)
+        ax.add_collection(LineCollection(list(walls), color=LIGHT["wall"], lw=lw, capstyle="round", zorder=2), autolim=False)
     if is_grid_map(record):
         half = record.graph.cell_m / 2
         cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
-        ax.add_collection(PolyCollection(list(cells), facecolor=FLOOR, edgecolor=FLOOR, lw=0.3, zorder=0), autolim=False)
+        ax.add_collection(PolyCollection(list(cells), facecolor=LIGHT["floor"], edgecolor=LIGHT["floor"], lw=0.3, zorder=0), autolim=False)
         return
     once = (nav.reverse < 0) | (nav.tail < nav.head)
     ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
-    ax.add_collection(LineCollection(list(ends), color=LANE, lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
+    ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
     named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
-    ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color="#7b8da3", lw=0, zorder=2.5)
+    ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
     if len(named) <= 80:
         for v in named:
             x, y = nav.xy[v]
-            _write(ax, nav.vertex_name[v], x, y, -7 - 0.08 * points_per_m, 6.5, MUTED, 3)
+            _write(ax, nav.vertex_name[v], x, y, -7 - 0.08 * points_per_m, 6.5, LIGHT["muted"], 3)
 
 
 def _draw_robots(ax: Axes, record: Record, at_s: float, points_per_m: float) -> list[int]:
@@ -164,17 +156,17 @@ def _draw_robots(ax: Axes, record: Record, at_s: float, points_per_m: float) -> 
     if few and record.plan is not None:
         ghosts = planned_at(record.plan, record.graph, at_s)[there]
         ties = np.stack([ghosts, np.column_stack((x[there], y[there]))], axis=1)
-        ax.add_collection(LineCollection(list(ties), color=MUTED, lw=0.6, zorder=4.5), autolim=False)
+        ax.add_collection(LineCollection(list(ties), color=LIGHT["muted"], lw=0.6, zorder=4.5), autolim=False)
         boxes = [_box(*ghosts[i], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for i, r in enumerate(there)]
-        ax.add_collection(PolyCollection(boxes, facecolor="none", edgecolor=MUTED, lw=0.8, zorder=4.6), autolim=False)
+        ax.add_collection(PolyCollection(boxes, facecolor="none", edgecolor=LIGHT["muted"], lw=0.8, zorder=4.6), autolim=False)
     boxes = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for r in there]
-    ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=INK, lw=0.5, zorder=5), autolim=False)
+    ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=5), autolim=False)
     arrows = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
     ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
     if few:
         for r in there:
             half_pt = 0.5 * float(np.hypot(fleet.length_m[r], fleet.width_m[r]) * grow[r]) * points_per_m
-            _write(ax, fleet.robot_name[r], x[r], y[r], half_pt + 6, 7.5, INK, 6)
+            _write(ax, fleet.robot_name[r], x[r], y[r], half_pt + 6, 7.5, LIGHT["ink"], 6)
     return np.bincount(state, minlength=5)[:4].tolist()
 
 
@@ -191,28 +183,35 @@ def _write(ax: Axes, text: str, x: float, y: float, dy_pt: float, size_pt: float
     note = ax.annotate(
         text, (x, y), (0, dy_pt), textcoords="offset points", fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder
     )
-    note.set_path_effects([withStroke(linewidth=1.8, foreground=FLOOR)])
+    note.set_path_effects([withStroke(linewidth=1.8, foreground=LIGHT["floor"])])
     note.set_parse_math(False)  # a name is a name
 
 
 def _tell(figure: Figure, ax: Axes, record: Record, at_s: float, counts: list[int], *, planned: bool) -> None:
     width, height = figure.get_size_inches()
-    title = figure.text(0.2 / width, 1 - 0.3 / height, record.name, fontsize=14, fontweight="bold", color=INK, va="center")
+    title = figure.text(0.2 / width, 1 - 0.3 / height, record.name, fontsize=14, fontweight="bold", color=LIGHT["ink"], va="center")
     title.set_parse_math(False)
     what = "planned, at" if planned else "at"
     figure.text(
-        0.2 / width, 1 - 0.55 / height, f"{what} {at_s:.1f} s of {record.execution.t_s[-1]:.1f} s", fontsize=9, color=MUTED, va="center"
+        0.2 / width,
+        1 - 0.55 / height,
+        f"{what} {at_s:.1f} s of {record.execution.t_s[-1]:.1f} s",
+        fontsize=9,
+        color=LIGHT["muted"],
+        va="center",
     )
     style = {"marker": "s", "ls": "", "ms": 7, "mec": "none"}
     keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, STATE_NAMES, counts)]
     if record.plan is not None and record.fleet.num_robots <= NAMED and not planned:
-        keys.append(Line2D([], [], marker="s", ls="", ms=7, mfc="none", mec=MUTED, label="where the plan has it"))
+        keys.append(Line2D([], [], marker="s", ls="", ms=7, mfc="none", mec=LIGHT["muted"], label="where the plan has it"))
     where = {"loc": "lower left", "bbox_to_anchor": (0.1 / width, 0.02 / height)}
-    figure.legend(handles=keys, ncol=len(keys), frameon=False, fontsize=8.5, labelcolor=INK, handletextpad=0.3, columnspacing=1.4, **where)
+    figure.legend(
+        handles=keys, ncol=len(keys), frameon=False, fontsize=8.5, labelcolor=LIGHT["ink"], handletextpad=0.3, columnspacing=1.4, **where
+    )
     wanted = 90 / (72 * width * ax.get_position().width / float(np.ptp(ax.get_xlim())))
     power = 10.0 ** np.floor(np.log10(wanted))
     length = float(max(m * power for m in (1, 2, 5) if m * power <= wanted))
     right, low = ax.get_xlim()[1], ax.get_ylim()[0] - 0.12 * wanted
-    ax.plot([right - length, right], [low, low], color=MUTED, lw=2.5, solid_capstyle="butt", clip_on=False)
+    ax.plot([right - length, right], [low, low], color=LIGHT["muted"], lw=2.5, solid_capstyle="butt", clip_on=False)
     where = {"textcoords": "offset points", "ha": "right", "va": "center", "annotation_clip": False}
-    ax.annotate(f"{length:g} m", (right - length, low), (-4, 0), fontsize=8, color=MUTED, **where)
+    ax.annotate(f"{length:g} m", (right - length, low), (-4, 0), fontsize=8, color=LIGHT["muted"], **where)

@@ -141,16 +141,40 @@ def test_a_name_that_is_no_text_is_told_as_far_as_it_can_be():
     assert head["robots"][1] == "b"
 
 
+def modules_of(page):
+    """The page's own scripts, by the name under which they are imported."""
+    places = json.loads(re.search(r'<script type="importmap">(.*?)</script>', page, re.S)[1])["imports"]
+    kind = "data:text/javascript;base64,"
+    assert all(place.startswith(kind) for place in places.values())
+    return {name: base64.b64decode(place.removeprefix(kind)).decode() for name, place in places.items()}
+
+
+def own_code(page):
+    """What we wrote of a page: its HTML and scripts without the library and the run."""
+    return "\n".join([re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.S), *modules_of(page).values()])
+
+
+def test_every_import_of_a_script_is_exported_by_another():
+    modules = modules_of(replay_page(record_of(), About("trial")))
+    exported = {name: set(re.findall(r"^export (?:async )?(?:function|class|const) (\w+)", text, re.M)) for name, text in modules.items()}
+    taken = set()
+    for name, text in modules.items():
+        for names, source in re.findall(r'^import \{ (.*) \} from "(.*)";$', text, re.M):
+            assert set(names.split(", ")) <= exported[source], (name, source)
+            taken |= {(source, word) for word in names.split(", ")}
+            assert all(len(re.findall(rf"\b{word}\b", text)) > 1 for word in names.split(", ")), (name, source)
+    assert taken == {(name, word) for name, words in exported.items() for word in words}
+
+
 def test_page_asks_no_network():
-    page = replay_page(record_of(), About("trial"))
-    own = re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.S)
+    own = own_code(replay_page(record_of(), About("trial")))
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:,|#)[^"']+""", own)
     assert "import(" not in own
     assert "fetch(" not in own
 
 
 def test_page_sets_no_html():
-    own = re.sub(r'<script type="text/plain".*?</script>', "", replay_page(record_of(), About("trial")), flags=re.S)
+    own = own_code(replay_page(record_of(), About("trial")))
     assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(", own)
 
 

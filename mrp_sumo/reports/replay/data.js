@@ -1,8 +1,8 @@
 /* What the page carries: a JSON head, and columns of integers in one deflated, base64-encoded block.
    A column is rows of equal length; each row holds differences (of the given order) modulo the word size,
-   zigzag-coded, and the bytes lie plane by plane. replay.py writes the inverse. */
+   zigzag-coded, and the bytes lie plane by plane. `Columns` of page.py writes the inverse. */
 
-function bytesOfBase64(text) {
+export function bytesOfBase64(text) {
   text = text.trim();
   if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
   const raw = atob(text);
@@ -11,7 +11,7 @@ function bytesOfBase64(text) {
   return bytes;
 }
 
-async function inflate(bytes) {
+export async function inflate(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -36,11 +36,11 @@ function decodeColumn(column, bytes) {
   return words;
 }
 
-async function readRun() {
+export async function readRun() {
   const take = (id) => {
     const element = document.getElementById(id);
     const text = element.textContent;
-    element.remove(); // megabytes of text that nobody needs again
+    element.remove(); // megabytes of text that nothing needs again
     return text;
   };
   const run = JSON.parse(take("run-head"));

@@ -1,4 +1,11 @@
 /* The page: what the user does, and the loop that shows it. */
+import { AT_GOAL, BLOCKED, MOVING, NEVER, STATE_NAMES, WAITING } from "./constants.js";
+import { bytesOfBase64, inflate, readRun } from "./data.js";
+import { STATE_VARIABLES, clockText, make, spanText } from "./elements.js";
+import { Events, Motion } from "./motion.js";
+import { Panel } from "./panel.js";
+import { Scene } from "./scene.js";
+import { Timeline } from "./timeline.js";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16, 32];
 const $ = (id) => document.getElementById(id);

@@ -1,10 +1,7 @@
-/* Where everybody is, and should be, at any time. Lengths in metres from the lower left corner of the map. */
+/* Where every robot is, and where the plan has it, at any time. Lengths in metres from the lower left corner of the map. */
+import { ABSENT, NEVER } from "./constants.js";
 
-const MOVING = 0, WAITING = 1, BLOCKED = 2, AT_GOAL = 3, ABSENT = 4;
-const STATE_NAMES = ["moving", "waiting", "blocked", "at goal", "not on the floor"];
-const NEVER = 0xffffffff;
-
-class Motion {
+export class Motion {
   constructor(run) {
     const c = run.columns;
     this.numRobots = run.robots.length;
@@ -108,7 +105,7 @@ class Motion {
 }
 
 /* The events, by time, and by robot. */
-class Events {
+export class Events {
   constructor(run) {
     const c = run.columns;
     this.count = c.event_t ? c.event_t.length : 0;

@@ -24,11 +24,11 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import Record
 from mrp_sumo.io.run_reader import Run, load_run
+from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
 from mrp_sumo.reports.view import furniture_and_walls, is_grid_map, shown_record, shown_states
 
 SOURCES = Path(__file__).parent
-SCRIPTS = ("data.js", "motion.js", "shaders.js", "scene.js", "timeline.js", "panel.js", "main.js")
-NEVER = 2**32 - 1
+SCRIPTS = ("data.js", "elements.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
 MARGIN_M = 0.6
@@ -176,12 +176,13 @@ def replay_page(record: Record, about: About) -> str:
     head |= used | _add_events(columns, record, index)
     head["manifest"] = columns.manifest
     return _filled(
+        "page.html",
         title=html.escape(f"{about.name} – replay"),
-        style=(SOURCES / "page.css").read_text(encoding="utf-8"),
+        style=_filled("page.css", light=css_variables("light"), dark=css_variables("dark")),
         head=_script_json(head),
         data=columns.packed(),
         library=_packed_library(),
-        script="\n".join((SOURCES / name).read_text(encoding="utf-8") for name in SCRIPTS),
+        modules=_import_map(),
     )
 
 
@@ -382,7 +383,21 @@ def _packed_library() -> str:
     return base64.b64encode(zlib.compress(code, 9)).decode()
 
 
-def _filled(**parts: str) -> str:
-    """The page with its parts; what looks like a place in a part is left alone."""
-    page = (SOURCES / "page.html").read_text(encoding="utf-8")
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], page)
+def _import_map() -> str:
+    """The scripts as an import map of `data:` addresses, which a page of one file can load without a server.
+
+    In their files the modules import each other as `./scene.js`; an address like that leads nowhere from within
+    a `data:` address, so it becomes the name `replay/scene.js`, which the map resolves.
+    """
+    code = {"constants.js": constants_module()} | {name: (SOURCES / name).read_text(encoding="utf-8") for name in SCRIPTS}
+    places = {}
+    for name, text in code.items():
+        text = re.sub(r'(?<= from ")\./(?=\w+\.js";$)', "replay/", text, flags=re.MULTILINE)
+        places[f"replay/{name}"] = f"data:text/javascript;base64,{base64.b64encode(text.encode()).decode()}"
+    return json.dumps({"imports": places})
+
+
+def _filled(name: str, **parts: str) -> str:
+    """A file with its parts; what looks like a place in a part is left alone."""
+    text = (SOURCES / name).read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], text)

@@ -1,27 +1,6 @@
-/* The side panel: the run, its robots, its events, one robot. All text is set as text. */
-
-function make(tag, properties = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [key, value] of Object.entries(properties)) {
-    if (key === "style") for (const [name, v] of Object.entries(value)) element.style.setProperty(name, v);
-    else if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
-    else if (key.includes("-") || key === "role") element.setAttribute(key, value);
-    else element[key] = value;
-  }
-  element.append(...children.filter((c) => c !== null && c !== undefined));
-  return element;
-}
-
-function clockText(t, digits = 1) {
-  const tenths = Math.max(0, Math.round(t * 10 ** digits)) / 10 ** digits;
-  const minutes = Math.floor(tenths / 60), hours = Math.floor(minutes / 60);
-  const seconds = (tenths - 60 * minutes).toFixed(digits).padStart(digits ? 3 + digits : 2, "0");
-  return hours ? `${hours}:${String(minutes % 60).padStart(2, "0")}:${seconds}` : `${minutes}:${seconds}`;
-}
-
-function spanText(seconds) {
-  return seconds >= 600 ? clockText(seconds, 0) + " min" : seconds >= 100 ? `${Math.round(seconds)} s` : `${seconds.toFixed(1)} s`;
-}
+/* The side panel: the run, its robots, its events, one robot. */
+import { BLOCKED, NEVER, STATE_NAMES, WAITING } from "./constants.js";
+import { STATE_VARIABLES, clockText, cssColor, icon, kindColor, make, spanText } from "./elements.js";
 
 /* A list of any length: only the rows in sight exist. Rows that stay in sight stay the same elements, or clicks would get lost. */
 class Rows {
@@ -69,7 +48,7 @@ class Rows {
   }
 }
 
-class Panel {
+export class Panel {
   constructor(app) {
     this.app = app;
     this.body = document.getElementById("body");
@@ -296,12 +275,4 @@ class Panel {
       c.fillRect(px, 0, 1, 52);
     }
   }
-}
-
-function icon(name) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), use = document.createElementNS("http://www.w3.org/2000/svg", "use");
-  svg.setAttribute("class", "icon");
-  use.setAttribute("href", `#${name}`);
-  svg.append(use);
-  return svg;
 }

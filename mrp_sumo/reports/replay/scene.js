@@ -1,26 +1,19 @@
+/* global PIXI */
 /* Draws the map and the robots. What is drawn is decided by `view`, the state that the user changes. */
+import { ABSENT, AT_GOAL, BLOCKED, MOVING, NEVER, STATE_COLORS, THEMES, WAITING } from "./constants.js";
+import { Robots, Strokes, packed } from "./shaders.js";
 
-const THEMES = {
-  light: {
-    paper: "#eef1f5", floor: "#ffffff", furniture: "#e6ebf1", fine: "#aab4c0", hole: "#e2e7ee", wall: "#3a4454", lane: "#b9c7d8", door: "#c2813f", station: "#7b8da3", ink: "#17202c", halo: "#ffffff",
-    muted: "#5b6878", accent: "#1d4ed8", special: "#7c5cd6", states: ["#2f7de1", "#e8960c", "#dc2f45", "#15936f", "#9aa5b1"],
-  },
-  dark: {
-    paper: "#0c1015", floor: "#171f29", furniture: "#232c37", fine: "#465260", hole: "#0f141a", wall: "#8a97a8", lane: "#324154", door: "#b98a55", station: "#5d7085", ink: "#e6edf3", halo: "#0c1015",
-    muted: "#8d9aaa", accent: "#6ea8ff", special: "#a48df0", states: ["#4d9bff", "#f7b02e", "#ff5468", "#2fc597", "#667380"],
-  },
-};
 const TRAIL_S = 20;
 const MAX_TRAIL_PIECES = 48000;
 const MAX_LABELS = 260;
 
-class Scene {
+export class Scene {
   constructor(run, motion, events) {
     Object.assign(this, { run, motion, events });
     this.map = run.map;
     this.inset = 0; // pixels at the bottom that something covers
     this.camera = { scale: 1, x: 0, y: 0 }; // screen = (x * scale + camera.x, -y * scale + camera.y)
-    this.theme = THEMES.light;
+    this.theme = themeOf("light");
     this.heat = null;
   }
 
@@ -52,7 +45,7 @@ class Scene {
   }
 
   setTheme(name) {
-    this.theme = THEMES[name];
+    this.theme = themeOf(name);
     this.isDark = name === "dark";
     this.renderer.background.color = this.theme.paper;
     this.colors = this.theme.states.map((c) => packed(c));
@@ -424,6 +417,11 @@ class Scene {
     context.fillStyle = this.theme.muted;
     context.fillText(metres >= 1 ? `${metres} m` : `${Math.round(metres * 100)} cm`, x + w + 7, y - 3);
   }
+}
+
+/* The colours of a theme, and those of the states as a list. */
+function themeOf(name) {
+  return { ...THEMES[name], states: STATE_COLORS.map((state) => THEMES[name][state]) };
 }
 
 /* Yellow to deep red, as the waiting grows. */

@@ -1,3 +1,4 @@
+/* global PIXI */
 /* Two shaders for PixiJS meshes, both instanced, so that thousands of strokes or robots are one draw each.
    Coordinates are metres; uView is (pixels per metre, x and y of the origin in pixels, time), uScreen (width, height, ., .). */
 
@@ -134,7 +135,7 @@ class Instances {
   }
 }
 
-class Strokes extends Instances {
+export class Strokes extends Instances {
   constructor(uniforms) {
     super(STROKE_VERTEX, STROKE_FRAGMENT, [0, -1, 1, -1, 0, 1, 1, 1],
       [["aEnds", "float32x4", 16], ["aPen", "float32x3", 12], ["aFrom", "unorm8x4", 4], ["aTo", "unorm8x4", 4]], uniforms);
@@ -149,7 +150,7 @@ class Strokes extends Instances {
   }
 }
 
-class Robots extends Instances {
+export class Robots extends Instances {
   constructor(uniforms) {
     super(ROBOT_VERTEX, ROBOT_FRAGMENT, [-1, -1, 1, -1, -1, 1, 1, 1],
       [["aPose", "float32x3", 12], ["aSize", "float32x2", 8], ["aLook", "float32x4", 16], ["aColor", "unorm8x4", 4]], uniforms);
@@ -164,7 +165,7 @@ class Robots extends Instances {
 }
 
 /* "#rrggbb" and an opacity as the four bytes of a word. */
-function packed(hex, alpha = 1) {
+export function packed(hex, alpha = 1) {
   const rgb = parseInt(hex.slice(1), 16);
   return ((Math.round(alpha * 255) << 24) | ((rgb & 255) << 16) | (rgb & 0xff00) | (rgb >> 16)) >>> 0;
 }

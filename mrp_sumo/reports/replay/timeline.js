@@ -1,21 +1,13 @@
 /* The scrubber: how many robots were in which state, and under it a row of events a kind. */
+import { AT_GOAL, BLOCKED, MOVING, WAITING } from "./constants.js";
+import { STATE_VARIABLES, cssColor, kindColor } from "./elements.js";
 
 const KIND_ORDER = ["deadlock", "blocked", "disturbance", "yielded", "waited", "goal"];
-const KIND_COLORS = { deadlock: "--deadlock", blocked: "--blocked", disturbance: "--disturbance", yielded: "--yielded", waited: "--waiting", goal: "--goal" };
-const STATE_VARIABLES = ["--moving", "--waiting", "--blocked", "--goal", "--absent"];
 const ROW = 11;
 const MAX_ROWS = 5;
 const MANY = 400;
 
-function kindColor(kind) {
-  return KIND_COLORS[kind] || "--other";
-}
-
-function cssColor(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-}
-
-class Timeline {
+export class Timeline {
   constructor(element, canvas, motion, events) {
     Object.assign(this, { element, canvas, motion, events });
     this.census = motion.census();
