@@ -61,8 +61,8 @@ def may_import(path, module):
         if parts[0] == "mrp_sumo":
             return parts[1] in ("core", "errors", "formats", "planning", "search", "traffic")
         return (PROJECT / Path(*parts)).is_dir() or parts[-1].startswith("_")
-    if len(inside) == 2:  # mrp_sumo/__init__.py and errors.py
-        return inside[1] == "__init__.py"
+    if len(inside) == 2:  # mrp_sumo/__init__.py, __main__.py and errors.py
+        return inside[1] in ("__init__.py", "__main__.py")
     return parts[0] != "planners" and (len(parts) == 1 or parts[1] == inside[1] or parts[1] in BELOW[inside[1]])
 
 

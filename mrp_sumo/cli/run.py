@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mrp_sumo.experiments.run import Progress
+    from mrp_sumo.experiments.run import Progress, RunResult
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
 
         write_replay(out)
     _print(result, out, options.verbose)
-    return 0 if result["status"] == "completed" else 1
+    return 0 if result.status == "completed" else 1
 
 
 @contextmanager
@@ -71,17 +71,15 @@ def _progress_bar() -> "Iterator[Progress | None]":
         yield show
 
 
-def _print(result: dict[str, Any], out: Path, verbose: bool) -> None:
+def _print(result: "RunResult", out: Path, verbose: bool) -> None:
     """A short table a person likes to read."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    m, scenario = result["metrics"], result["scenario"]
+    m, scenario, execution = result.metrics, result.setup.scenario, result.execution
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
-    table = Table(
-        show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(scenario["name"]), title_style="bold", title_justify="left"
-    )
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(scenario.name), title_style="bold", title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
 
@@ -90,9 +88,9 @@ def _print(result: dict[str, Any], out: Path, verbose: bool) -> None:
             table.add_row(name, told)
 
     good, bad = "green", "red"
-    row("status", f"[{good if result['status'] == 'completed' else bad}]{result['status'].replace('_', ' ')}[/]", result["note"])
-    row("map", f"{scenario['map']['file']}, {m['num_robots']} robots, seed {scenario['seed']}")
-    row("planner", f"{scenario['planner']['name']}", _validity(m))
+    row("status", f"[{good if result.status == 'completed' else bad}]{result.status.replace('_', ' ')}[/]", result.note)
+    row("map", f"{scenario.map.file}, {m['num_robots']} robots, seed {scenario.seed}")
+    row("planner", scenario.planner.name, _validity(m))
     row("planning time", _seconds(m["planning_time_s"]), _given("assignment", _seconds(m["assignment_time_s"])))
     row("makespan", _seconds(m["makespan_s"]), _count(m["makespan_steps"], "cells (paper's count)"))
     row(
@@ -101,8 +99,8 @@ def _print(result: dict[str, Any], out: Path, verbose: bool) -> None:
         _count(m["cost_steps"], "cells (paper's count)"),
         _count(m["lower_bound_steps"], "steps lower bound"),
     )
-    if result["policy"]:
-        row("goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}")
+    if execution is not None:
+        row("goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {execution.policy}")
         row("execution time", _seconds(m["execution_time_s"]), "timed out" if m["execution_timed_out"] else "")
         row(
             "minimum distance",

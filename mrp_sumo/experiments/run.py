@@ -7,8 +7,9 @@ an execution that does not arrive, are written like successes.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,11 +22,17 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import PlanError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
+from mrp_sumo.io.record import Record, record_of
+from mrp_sumo.io.run_folder import check_replaceable, plain, result_document, write_run
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.referee import Verdict, judge
+
+if TYPE_CHECKING:
+    from mrp_sumo.io.outline import Outline
+    from mrp_sumo.maps.costmap import Costmap
 
 ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
 
@@ -42,8 +49,8 @@ class Solution:
     assignment_time_s: float
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, eq=False)
+class RunResult:
     """A run that has ended."""
 
     setup: SetUp
@@ -52,7 +59,78 @@ class Outcome:
     solution: Solution
     execution: Execution | None
     audit: dict[str, Any] | None
-    metrics: dict[str, Any]
+    metrics: dict[str, Any]  # JSON values by name
+
+    @property
+    def record(self) -> Record | None:
+        """Everything logs are made of; None where nothing was driven."""
+        if self.execution is None:
+            return None
+        setup, solution = self.setup, self.solution
+        return record_of(setup.scenario, solution.problem, solution.result.plan, self.execution, setup.map.nav, self.costmap)
+
+    @cached_property
+    def costmap(self) -> "Costmap | None":
+        """The walls as sensors see them."""
+        from mrp_sumo.maps.costmap import costmap
+
+        map_ = self.setup.map
+        return costmap(map_.building, map_.nav.level_names[0]) if map_.building else None
+
+    @cached_property
+    def outline(self) -> "Outline | None":
+        """The building as drawn."""
+        from mrp_sumo.io.outline import outline_of
+
+        map_ = self.setup.map
+        return outline_of(map_.building, map_.nav.level_names) if map_.building else None
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """What `result.json` holds, but for its list of files."""
+        return result_document(**self._told)
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        """What the run folder is told of the run."""
+        return {
+            "status": self.status,
+            "note": self.note,
+            "scenario": self.setup.scenario,
+            "problem": self.solution.problem,
+            "result": self.solution.result,
+            "verdict": self.solution.verdict,
+            "execution": self.execution,
+            "metrics": self.metrics,
+            "audit": self.audit,
+        }
+
+    def write(self, out: Path, maps: MapCache) -> None:
+        """Write the run folder; one that is there already is replaced.
+
+        Parameters
+        ----------
+        out
+            The folder.
+        maps
+            Where the SUMO network comes from.
+
+        Raises
+        ------
+        MrpSumoError
+            When `out` holds something else, or the disk refuses. Nothing half-written stays.
+        """
+        from mrp_sumo.bags.writer import write_recorded_bag
+
+        write_run(
+            out,
+            **self._told,
+            network=maps.network(self.solution.problem.graph),
+            nav=self.setup.map.nav,
+            costmap=self.costmap,
+            outline=self.outline,
+            write_bag=write_recorded_bag,
+        )
 
 
 def solve(setup: SetUp) -> Solution:
@@ -80,7 +158,7 @@ def solve(setup: SetUp) -> Solution:
     return Solution(problem, result, verdict, assignment_time_s)
 
 
-def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = None, gui: bool = False) -> dict[str, Any]:
+def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = None, gui: bool = False) -> RunResult:
     """Run a scenario and write its run folder.
 
     Parameters
@@ -94,47 +172,22 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = N
     gui
         Drive in sumo-gui, for people to look at.
 
-    Returns
-    -------
-    dict
-        What `result.json` holds.
-
     Raises
     ------
     MrpSumoError
         When the scenario cannot be run at all; nothing is written.
     """
-    from mrp_sumo.bags.writer import write_recorded_bag
-    from mrp_sumo.io.outline import outline_of
-    from mrp_sumo.io.run_folder import check_replaceable, write_run
-    from mrp_sumo.maps.costmap import costmap
-
-    report = progress or _silent
     check_replaceable(out)
     with MapCache() as maps:
-        outcome = carry_out(file, maps, progress=progress, gui=gui)
-        setup, solution = outcome.setup, outcome.solution
-        report("writing the run folder", 0.0, 0.0)
-        return write_run(
-            out,
-            status=outcome.status,
-            note=outcome.note,
-            scenario=setup.scenario,
-            problem=solution.problem,
-            result=solution.result,
-            verdict=solution.verdict,
-            execution=outcome.execution,
-            metrics=outcome.metrics,
-            audit=outcome.audit,
-            network=maps.network(solution.problem.graph),
-            nav=setup.map.nav,
-            costmap=costmap(setup.map.building, setup.map.nav.level_names[0]) if setup.map.building else None,
-            outline=outline_of(setup.map.building, setup.map.nav.level_names) if setup.map.building else None,
-            write_bag=write_recorded_bag,
-        )
+        result = carry_out(file, maps, progress=progress, gui=gui)
+        (progress or _silent)("writing the run folder", 0.0, 0.0)
+        result.write(out, maps)
+    return result
 
 
-def carry_out(file: ScenarioFile, maps: MapCache, *, execute: bool = True, progress: Progress | None = None, gui: bool = False) -> Outcome:
+def carry_out(
+    file: ScenarioFile, maps: MapCache, *, execute: bool = True, progress: Progress | None = None, gui: bool = False
+) -> RunResult:
     """Run a scenario and measure it; writes nothing.
 
     Parameters
@@ -155,15 +208,29 @@ def carry_out(file: ScenarioFile, maps: MapCache, *, execute: bool = True, progr
     MrpSumoError
         When the scenario cannot be run at all.
     """
-    from mrp_sumo.metrics.audit import audit
-    from mrp_sumo.metrics.evaluate import evaluate
-
     report = progress or _silent
     report("loading the map", 0.0, 0.0)
     setup = set_up(file, maps)
-    scenario = file.scenario
     report("planning", 0.0, 0.0)
-    solution = solve(setup)
+    return finish(setup, solve(setup), maps, execute=execute, progress=progress, gui=gui)
+
+
+def finish(
+    setup: SetUp, solution: Solution, maps: MapCache, *, execute: bool = True, progress: Progress | None = None, gui: bool = False
+) -> RunResult:
+    """Drive what was planned, if there is a plan, and measure it.
+
+    Parameters
+    ----------
+    setup, solution
+        Of one problem; the setup says how to drive.
+    maps, execute, progress, gui
+        As for `carry_out`.
+    """
+    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.evaluate import evaluate
+
+    report, scenario = progress or _silent, setup.scenario
     execution, note = None, solution.result.message
     if execute and solution.result.plan is not None:
         report("building the SUMO network", 0.0, 0.0)
@@ -183,7 +250,7 @@ def carry_out(file: ScenarioFile, maps: MapCache, *, execute: bool = True, progr
         tolerance_m=scenario.execution.goal_tolerance_m,
     )
     status = _status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned"
-    return Outcome(setup, status, note, solution, execution, audited, metrics)
+    return RunResult(setup, status, note, solution, execution, audited, plain(metrics))
 
 
 def _silent(stage: str, done: float, of: float) -> None:

@@ -11,8 +11,10 @@ from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
 
 if TYPE_CHECKING:
+    from mrp_sumo.io.scenario import Scenario
     from mrp_sumo.maps.costmap import Costmap
 
 MOVING, WAITING, BLOCKED, AT_GOAL = range(4)
@@ -35,6 +37,24 @@ class Record:
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
     costmap: "Costmap | None" = None  # walls
     constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names: what metrics were taken with
+
+
+def record_of(
+    scenario: "Scenario", problem: Problem, plan: Plan | None, execution: Execution, nav: NavGraph | None, costmap: "Costmap | None"
+) -> Record:
+    """The record of a run that has just ended."""
+    return Record(
+        name=scenario.name,
+        seed=scenario.seed,
+        fleet=problem.fleet,
+        graph=problem.graph,
+        target=problem.target,
+        plan=plan,
+        execution=execution,
+        nav=nav,
+        costmap=costmap,
+        constants=constants_of(scenario.model_dump(mode="json")),
+    )
 
 
 def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:

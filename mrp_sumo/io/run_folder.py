@@ -28,7 +28,7 @@ from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
-from mrp_sumo.io.record import Record, constants_of
+from mrp_sumo.io.record import Record, record_of
 from mrp_sumo.io.scenario import Recording, Scenario
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
@@ -118,21 +118,7 @@ def write_run(
     _clear_leftovers(out)
     try:
         new.mkdir(parents=True)
-        document = {
-            "schema_version": SCHEMA_VERSION,
-            "status": status,
-            "note": note,
-            "policy": execution.policy if execution else None,
-            "outcome": str(execution.outcome) if execution else None,
-            "scenario": scenario.model_dump(mode="json"),
-            "seed": scenario.seed,
-            "versions": versions(),
-            "metrics": dict(metrics),
-            "audit": dict(audit) if audit is not None else None,
-            "plan": _told(problem, result, verdict),
-            "robots": _robots(problem, execution),
-            "findings": list(execution.findings) if execution else [],
-        }
+        document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
         shutil.copyfile(network, new / "network.net.xml")
         write_floor(new / "floor.json", problem.graph, problem.fleet, nav)
         if costmap is not None:
@@ -144,14 +130,45 @@ def write_run(
         if execution is not None:
             _write_logs(new, scenario, problem, result, execution, nav, costmap, write_bag)
         document["files"] = _files(new)
-        told: dict[str, Any] = plain(document)
-        (new / RESULT).write_text(laid_out(told) + "\n", encoding="utf-8")
+        (new / RESULT).write_text(laid_out(document) + "\n", encoding="utf-8")
         put_in_place(new, out)
     except OSError as error:
         raise MrpSumoError(f"{out}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(new, ignore_errors=True)
-    return told
+    return document
+
+
+def result_document(
+    status: str,
+    note: str,
+    scenario: Scenario,
+    problem: Problem,
+    result: PlanResult,
+    verdict: Verdict | None,
+    execution: Execution | None,
+    metrics: Mapping[str, Any],
+    audit: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """What `result.json` says, but for its list of files; the parameters are those of `write_run`."""
+    document: dict[str, Any] = plain(
+        {
+            "schema_version": SCHEMA_VERSION,
+            "status": status,
+            "note": note,
+            "policy": execution.policy if execution else None,
+            "outcome": str(execution.outcome) if execution else None,
+            "scenario": scenario.model_dump(mode="json"),
+            "seed": scenario.seed,
+            "versions": versions(),
+            "metrics": metrics,
+            "audit": audit,
+            "plan": _told(problem, result, verdict),
+            "robots": _robots(problem, execution),
+            "findings": list(execution.findings) if execution else [],
+        }
+    )
+    return document
 
 
 def versions() -> dict[str, str]:
@@ -213,18 +230,7 @@ def _write_logs(
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
-        record = Record(
-            name=scenario.name,
-            seed=scenario.seed,
-            fleet=problem.fleet,
-            graph=problem.graph,
-            target=problem.target,
-            plan=result.plan,
-            execution=execution,
-            nav=nav,
-            costmap=costmap,
-            constants=constants_of(scenario.model_dump(mode="json")),
-        )
+        record = record_of(scenario, problem, result.plan, execution, nav, costmap)
         write_bag(folder / "bag", record, scenario.record)
 
 

@@ -228,10 +228,15 @@ class Scenario(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _short_forms(cls, data: Any) -> Any:
-        """`map: office`, `planner: cbs` and `discretisation: grid` stand for their main key."""
+        """`map: office`, `planner: cbs`, `discretisation: grid` and `robots: 9` stand for their main key."""
         if isinstance(data, dict):
-            for key, main in (("map", "file"), ("planner", "name"), ("discretisation", "kind")):
-                if isinstance(data.get(key), str):
+            for key, main, kind in (
+                ("map", "file", str),
+                ("planner", "name", str),
+                ("discretisation", "kind", str),
+                ("robots", "count", int),
+            ):
+                if isinstance(data.get(key), kind) and not isinstance(data[key], bool):
                     data = {**data, key: {main: data[key]}}
         return data
 
@@ -294,18 +299,61 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
     """
     document = read_document(path)
     scenario = validated(document, Scenario)
-    options = {place: option for place, (option, _) in (overrides or {}).items()}
-    if overrides:
-        data = scenario.model_dump()
-        for place, (_, value) in overrides.items():
-            at = data
-            for key in place[:-1]:
-                at = at[str(key)]
-            at[str(place[-1])] = value
-        scenario = validated(document, Scenario, data, options=options)
     if not scenario.name:
         scenario = scenario.model_copy(update={"name": path.stem})
-    return ScenarioFile(scenario, document, options)
+    return changed(ScenarioFile(scenario, document, {}), overrides or {})
+
+
+def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioFile:
+    """Check a scenario that is not in a file.
+
+    Parameters
+    ----------
+    values
+        What a file would say.
+    folder
+        Where relative paths begin.
+    name
+        Of a scenario that has none; messages begin with it.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault.
+    """
+    document = Document(folder / name, dict(values), {})
+    scenario = validated(document, Scenario)
+    return ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
+
+
+def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> ScenarioFile:
+    """The scenario with other values.
+
+    Parameters
+    ----------
+    file
+        The scenario.
+    overrides
+        As for `read_scenario`.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault, with the option that is to blame.
+    """
+    if not overrides:
+        return file
+    options = {**file.options, **{place: option for place, (option, _) in overrides.items()}}
+    data = file.scenario.model_dump(exclude={"name"})  # which may be a file's, with any character
+    for place, (_, value) in overrides.items():
+        at = data
+        for key in place[:-1]:
+            at = at[str(key)]
+        at[str(place[-1])] = value
+    scenario = validated(file.document, Scenario, data, options=options)
+    if not scenario.name:
+        scenario = scenario.model_copy(update={"name": file.scenario.name})
+    return ScenarioFile(scenario, file.document, options)
 
 
 def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:

@@ -7,7 +7,6 @@ kept is told.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.batch import GO_ON, NOW, Batch, job_of
@@ -83,8 +82,8 @@ def make_kept(job: Job, maps: MapCache) -> Answer:
 
     place = Path(job["kept"])
     try:
-        result: dict[str, Any] = run_scenario(scenario_of(job), place)
+        result = run_scenario(scenario_of(job), place)
         write_replay(place)
     except MrpSumoError as error:
         return failure(BAD_INPUT, "; ".join(str(error).splitlines()))
-    return {"status": result["status"], "success": result["status"] == "completed", "reason": result["note"], "metrics": {}}
+    return {"status": result.status, "success": result.status == "completed", "reason": result.note, "metrics": {}}

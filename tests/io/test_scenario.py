@@ -3,7 +3,7 @@
 import pytest
 
 from mrp_sumo.errors import ScenarioError
-from mrp_sumo.io.scenario import RobotShape, Scenario, read_scenario, robot_type
+from mrp_sumo.io.scenario import RobotShape, Scenario, changed, read_scenario, robot_type, scenario_of
 
 GOOD = """\
 map: office
@@ -32,6 +32,27 @@ def test_short_forms_and_defaults(tmp_path):
     assert scenario.name == "case"
     assert (scenario.planner.time_limit_s, scenario.execution.time_limit_s) == (60.0, 300.0)
     assert (scenario.discretisation.kind, scenario.discretisation.cell_m) == ("grid", 0.4)
+
+
+def test_number_of_robots_alone_stands_for_their_count(tmp_path):
+    assert read_scenario(written(tmp_path, "map: office\nrobots: 3\n")).scenario.robots.count == 3
+    assert lines_for(tmp_path, "map: office\nrobots: yes\n") == ["case.yaml:2: robots: found True, expected keys and values"]
+    assert lines_for(tmp_path, "map: office\nrobots: 0\n") == ["case.yaml:2: robots.count: found 0, expected greater than or equal to 1"]
+
+
+def test_scenario_needs_no_file(tmp_path):
+    file = scenario_of({"map": "office", "robots": 3}, tmp_path, "mine")
+    assert (file.scenario.name, file.folder) == ("mine", tmp_path)
+    with pytest.raises(ScenarioError, match=r"^mine: planer: unknown key \(did you mean 'planner'\?\)$"):
+        scenario_of({"map": "office", "robots": 3, "planer": "cbs"}, tmp_path, "mine")
+
+
+def test_changed_scenario_keeps_its_name_and_blames_the_option(tmp_path):
+    file = read_scenario(written(tmp_path, GOOD, "two words.yaml"))
+    other = changed(file, {("planner", "name"): ("--planner", "pibt")})
+    assert (other.scenario.name, other.scenario.planner.name, file.scenario.planner.name) == ("two words", "pibt", "cbs")
+    with pytest.raises(ScenarioError, match="^--seed: found -1, expected greater than or equal to 0$"):
+        changed(other, {("seed",): ("--seed", -1)})
 
 
 def test_a_map_may_be_united_and_repaired(tmp_path):
