@@ -36,6 +36,14 @@ class BatchError(MrpSumoError):
     """A batch or a folder of results that is refused, or a batch that cannot go on."""
 
 
+class PlugInError(MrpSumoError):
+    """A plug-in that breaks its contract: one line with its file and line. `details` is its traceback, for `-v`."""
+
+    def __init__(self, line: str, details: str = "") -> None:
+        super().__init__(line)
+        self.details = details
+
+
 def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
     """The end of a message about an unknown name: the likeliest meant, else what is known.
 

@@ -2,32 +2,42 @@
 
 A policy turns a plan into an order at the resources (or none: first come, first served), the earliest time to
 leave each visit, and a pace. The controller does the rest and is the same for all. A new policy is a class in
-a file of its own, which its package registers under the entry-point group `mrp_sumo.policies`.
+a file of its own; see `mrp_sumo.plugins.registry`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import entry_points
-from typing import Protocol
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import ExecutionError, nearest
+from mrp_sumo.plugins import registry
 from mrp_sumo.traffic.passages import Needs, Schedule
 from mrp_sumo.traffic.schedule import schedule_of
 
 
 class Policy(Protocol):
-    """How a plan is executed. Implementations have no state."""
+    """How a plan is executed. Implementations have no state; their fields are their parameters."""
 
-    look_ahead: int  # how many visits ahead of its position a robot may claim at most
-    paced: bool  # whether a robot that is early drives slower
-    keeps_order: bool  # whether `order` gives one
-    sound_plan_only: bool  # refuses plans with conflicts, and orders that cannot be kept
+    @property
+    def look_ahead(self) -> int:
+        """How many visits ahead of its position a robot may claim at most."""
+
+    @property
+    def paced(self) -> bool:
+        """Whether a robot that is early drives slower."""
+
+    @property
+    def keeps_order(self) -> bool:
+        """Whether `order` gives one."""
+
+    @property
+    def sound_plan_only(self) -> bool:
+        """Whether plans with conflicts, and orders that cannot be kept, are refused."""
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         """Who passes before whom at every resource; None: first come, first served. PlanError when it cannot be kept."""
@@ -40,10 +50,11 @@ class Policy(Protocol):
 class OpenLoop:
     """Drive the path, whatever the clock says; right of way at a vertex goes to who asked first. Can deadlock."""
 
-    sound_plan_only: bool = False
-    keeps_order: bool = False
+    sound_plan_only: ClassVar[bool] = False
+    keeps_order: ClassVar[bool] = False
+    paced: ClassVar[bool] = False
+
     look_ahead: int = 2
-    paced: bool = False
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         return None
@@ -56,7 +67,7 @@ class OpenLoop:
 class Timed(OpenLoop):
     """Leave no vertex before the plan does; right of way as in open loop. Delays can make it deadlock."""
 
-    paced: bool = True
+    paced: ClassVar[bool] = True
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         return plan.depart_s
@@ -66,10 +77,11 @@ class Timed(OpenLoop):
 class Adg:
     """Enter a vertex when everyone planned before has left it, as early as that is. Cannot deadlock."""
 
-    sound_plan_only: bool = True
-    keeps_order: bool = True
+    sound_plan_only: ClassVar[bool] = True
+    keeps_order: ClassVar[bool] = True
+    paced: ClassVar[bool] = False
+
     look_ahead: int = 4
-    paced: bool = False
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         return schedule_of(problem, plan, needs)
@@ -82,45 +94,40 @@ class Adg:
 class AdgTimed(Adg):
     """The plan's order, and no vertex left before the plan does. Cannot deadlock."""
 
-    paced: bool = True
+    paced: ClassVar[bool] = True
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         return plan.depart_s
 
 
-GROUP = "mrp_sumo.policies"
+OURS: Mapping[str, type] = {"open_loop": OpenLoop, "timed": Timed, "adg": Adg, "adg_timed": AdgTimed}
 
 
-@cache
-def policies() -> Mapping[str, Policy]:
-    """All policies by name: the four of this file, then those of other packages, which cannot take their names.
-
-    Raises
-    ------
-    ExecutionError
-        When a package's policy cannot be loaded.
-    """
-    found: dict[str, Policy] = {"open_loop": OpenLoop(), "timed": Timed(), "adg": Adg(), "adg_timed": AdgTimed()}
-    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
-        try:
-            found.setdefault(entry.name, entry.load()())
-        except (ImportError, AttributeError, TypeError) as error:
-            raise ExecutionError(f"execution policy '{entry.name}' ({entry.value}) cannot be loaded: {error}") from error
-    return found
+def policies() -> tuple[str, ...]:
+    """The names of all registered policies, sorted."""
+    return registry.names("policies")
 
 
-def policy_of(name: str) -> Policy:
+def policy_of(name: str, parameters: Mapping[str, Any] | None = None, beside: Path | None = None) -> Policy:
     """The policy of this name.
 
+    Parameters
+    ----------
+    name
+        As registered, or `FILE.py:CLASS`.
+    parameters
+        Values for its parameters; their defaults otherwise.
+    beside
+        Where a relative path begins; the current folder by default.
+
     Raises
     ------
-    ExecutionError
-        When there is none.
+    ScenarioError
+        For an unknown name or parameter (with the nearest right one), or a value that does not fit.
+    PlugInError
+        For a plug-in that cannot be loaded, or is no policy.
     """
-    known = policies()
-    if name not in known:
-        raise ExecutionError(f"unknown execution policy '{name}'{nearest(name, known)}")
-    return known[name]
+    return cast(Policy, registry.make("policies", name, parameters or {}, beside))
 
 
 def needs_sound_plan(name: str) -> bool:

@@ -16,6 +16,7 @@ _ROOT = Path(mrp_sumo.__file__).resolve().parent
 # what decides about results; the command line and reports do not
 _FLOORS = (
     "core",
+    "plugins",
     "traffic",
     "search",
     "maps",

@@ -1,4 +1,4 @@
-"""What a planner and an assigner are. A plug-in is a frozen dataclass with one of these faces.
+"""What a planner and an assigner are. A plug-in is a class with one of these faces, best a frozen dataclass.
 
 Its fields are its parameters: scenario files set them by name, and the registry refuses others.
 """
@@ -14,8 +14,13 @@ from mrp_sumo.core.problem import Problem
 class Planner(Protocol):
     """Plans a Problem."""
 
-    assigns: bool  # class attribute: True when it chooses the goals' robots itself (CBS-TA)
-    guarantee: str  # class attribute: one phrase for tables, such as 'optimal', 'none', 'w-bounded'
+    @property
+    def assigns(self) -> bool:
+        """Whether it chooses the goals' robots itself, as CBS-TA does; a `ClassVar[bool]` will do."""
+
+    @property
+    def guarantee(self) -> str:
+        """One phrase for tables, such as 'optimal', 'none', 'w-bounded'; a `ClassVar[str]` will do."""
 
     def prepare(self) -> None:
         """Compile or load the kernels, so that `plan` measures planning only."""

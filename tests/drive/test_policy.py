@@ -3,8 +3,9 @@
 import pytest
 from worlds import cross, drive, line
 
-from mrp_sumo.drive.policy import needs_sound_plan, policies, policy_of
-from mrp_sumo.errors import ExecutionError
+from mrp_sumo.drive.policy import needs_sound_plan, policy_of
+from mrp_sumo.errors import PlugInError, ScenarioError
+from mrp_sumo.plugins import registry
 
 pytestmark = pytest.mark.kernel
 
@@ -30,10 +31,10 @@ def package(tmp_path, monkeypatch):
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: late-start\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text(f"[mrp_sumo.policies]\n{entry}\n")
         monkeypatch.syspath_prepend(tmp_path)
-        policies.cache_clear()
+        registry.forget()
 
     yield make
-    policies.cache_clear()
+    registry.forget()
 
 
 def test_a_policy_is_one_file_of_any_package(tmp_path, package):
@@ -48,12 +49,12 @@ def test_a_policy_is_one_file_of_any_package(tmp_path, package):
 
 def test_a_policy_that_is_missing_is_told(package):
     package("late_start = late_start_policy:LateSart")
-    with pytest.raises(ExecutionError, match=r"execution policy 'late_start' \(late_start_policy:LateSart\) cannot be loaded"):
+    with pytest.raises(PlugInError, match=r"late_start_policy.py has no 'LateSart' \(did you mean 'LateStart'\?\)"):
         policy_of("late_start")
 
 
 def test_an_unknown_policy_is_told_with_the_nearest():
-    with pytest.raises(ExecutionError, match=r"unknown execution policy 'timd' \(did you mean 'timed'\?\)"):
+    with pytest.raises(ScenarioError, match=r"unknown execution policy 'timd' \(did you mean 'timed'\?\)"):
         policy_of("timd")
 
 

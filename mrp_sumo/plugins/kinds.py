@@ -1,0 +1,34 @@
+"""The kinds of plug-ins: what each has to offer, and where ours are listed.
+
+Faces and tables are written as 'module:attribute', so that looking at this table imports nothing.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plug-in.
+
+    The face is a Protocol; each of its methods, properties and annotated attributes is one that a plug-in must have. A Protocol
+    with `__call__` is a function's. The table maps names to places ('module:attribute') or to the plug-ins themselves.
+    """
+
+    name: str  # plural: its key in tables, and its word for `mrp-sumo list`
+    one: str  # in messages
+    face: str = ""
+    ours: str = ""  # the table of those in this program, apart from what the entry points name
+    made: bool = True  # a class that is made with parameters; otherwise what is named is the plug-in itself
+
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind("planners", "planner", "mrp_sumo.planning.protocol:Planner"),
+        Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner"),
+        Kind("dispatchers", "dispatcher"),
+        Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),
+        Kind("metrics", "metric", made=False),
+        Kind("readers", "map reader"),
+    )
+}

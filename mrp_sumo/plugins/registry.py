@@ -1,0 +1,162 @@
+"""Finds plug-ins by name, checks their faces, and makes them with their parameters.
+
+A plug-in is ours, or of a package that names it under an entry point, or of a file: `./mine.py:OneByOne`. A package's entry point in
+the group `mrp_sumo.plugins` is a table of tables, `{"planners": {name: "module:class"}, "policies": {...}}`, by the kinds of
+`kinds.KINDS`; its modules are loaded when a name is first used. Refuses unknown names and parameters, values of another type than the
+parameter's, and plug-ins without the face of their kind.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
+from mrp_sumo.plugins.face import check_face, check_methods, place_of
+from mrp_sumo.plugins.kinds import KINDS, Kind
+from mrp_sumo.plugins.parameters import fitted
+from mrp_sumo.plugins.source import Source, blamed, load, place_in_file, source_in_file, source_in_module
+
+TABLES = ("mrp_sumo.plugins", "mrp_sumo.planners")  # groups whose entry points are tables by kind
+SINGLE = {"policies": "mrp_sumo.policies"}  # groups whose entry points are plug-ins of a kind
+BUNDLED = "bundled"  # the entry point of ours
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """All registered plug-ins of a kind, sorted."""
+    return tuple(sorted(_registered(kind)))
+
+
+def find(kind: str, name: str, beside: Path | None = None) -> Source:
+    """Where a plug-in is. A file's is read, not executed.
+
+    Parameters
+    ----------
+    kind
+        Of `KINDS`: 'planners', 'policies', ...
+    name
+        As registered, or `FILE.py:NAME`.
+    beside
+        Where a relative path begins; the current folder by default.
+
+    Raises
+    ------
+    ScenarioError
+        For an unknown name, with the nearest right one, and for a file that is not there or has no such name.
+    """
+    one = KINDS[kind].one
+    if place_in_file(name):
+        try:
+            return source_in_file(name, beside or Path())
+        except ScenarioError as error:
+            raise ScenarioError(f"{one} {error}") from None
+    known = _registered(kind)
+    if name not in known:
+        raise ScenarioError(f"unknown {one} '{name}'{nearest(name, sorted(known), limit=20)}")
+    return known[name]
+
+
+def target(kind: str, name: str, beside: Path | None = None) -> Any:
+    """The class, function or object of a plug-in, loaded and checked; as `find`.
+
+    Raises
+    ------
+    ScenarioError
+        As `find`.
+    PlugInError
+        When it cannot be loaded, or lacks what its kind needs.
+    """
+    return loaded(KINDS[kind], find(kind, name, beside))
+
+
+def make(kind: str, name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Any:
+    """A plug-in with its parameters, checked; as `find`.
+
+    Raises
+    ------
+    ScenarioError
+        As `find`, and for an unknown parameter (with the nearest right one) or a value that does not fit.
+    PlugInError
+        When it cannot be loaded or made, or lacks what its kind needs.
+    """
+    return made(KINDS[kind], find(kind, name, beside), parameters)
+
+
+def loaded(kind: Kind, source: Source) -> Any:
+    """The class, function or object at a source, as `target`."""
+    table = _named(kind.ours) if kind.ours and source.ours else {}
+    entry = table.get(source.name)
+    found = entry if entry is not None and not isinstance(entry, str) else load(source)
+    face = _named(kind.face) if kind.face else None
+    if kind.made:
+        if not isinstance(found, type):
+            raise PlugInError(f"{place_of(found)}: {source.attribute} is {type(found).__name__}, expected a class, the {kind.one}'s")
+        if face:
+            check_methods(found, face, kind.one)
+    elif face:
+        check_face(found, face, kind.one)
+    return found
+
+
+def made(kind: Kind, source: Source, parameters: Mapping[str, Any]) -> Any:
+    """The plug-in at a source with its parameters, as `make`."""
+    plug_in = loaded(kind, source)
+    what = f"{kind.one} '{source.name}'"
+    values = fitted(what, plug_in, parameters)
+    try:
+        result = plug_in(**values)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if isinstance(error, MrpSumoError):  # a parameter's value that it refuses
+            raise ScenarioError(f"{what}: {error}") from None
+        if source.ours:
+            raise
+        raise blamed(error, source, plug_in) from error
+    if kind.face:
+        check_face(result, _named(kind.face), kind.one)
+    return result
+
+
+def forget() -> None:
+    """Look at the entry points again, since packages were installed."""
+    _registered.cache_clear()
+    _table.cache_clear()
+
+
+@cache
+def _registered(kind: str) -> Mapping[str, Source]:
+    """Where the plug-ins of a kind are, by name, of all packages; the first to claim a name has it, ours before others'."""
+    found: dict[str, Source] = {}
+    if KINDS[kind].ours:
+        for name, place in _named(KINDS[kind].ours).items():
+            found[name] = source_in_module(name, place if isinstance(place, str) else KINDS[kind].ours, ours=True)
+    tables = [entry for group in TABLES for entry in entry_points(group=group)]
+    for entry in sorted(tables, key=lambda e: (e.name != BUNDLED, e.name)):
+        for name, place in _table(entry).get(kind, {}).items():
+            found.setdefault(name, source_in_module(name, place, ours=entry.name == BUNDLED and entry.value.startswith("planners:")))
+    for entry in sorted(entry_points(group=SINGLE.get(kind, "")), key=lambda e: e.name):
+        found.setdefault(entry.name, source_in_module(entry.name, entry.value, ours=False))
+    return found
+
+
+@cache
+def _table(entry: EntryPoint) -> Mapping[str, Mapping[str, str]]:
+    """What an entry point names."""
+    table = load(source_in_module(entry.name, entry.value, ours=False))
+    if not isinstance(table, Mapping) or set(table) - set(KINDS):
+        raise ScenarioError(f"plug-in '{entry.name}' ({entry.value}): expected a table by kind: {', '.join(KINDS)}")
+    for kind, listed in table.items():
+        if not isinstance(listed, Mapping) or not all(isinstance(place, str) and ":" in place for place in listed.values()):
+            raise ScenarioError(
+                f"plug-in '{entry.name}' ({entry.value}): {kind}: expected names with places, such as 'my_package.mine:Mine'"
+            )
+    return table
+
+
+def _named(place: str) -> Any:
+    """What stands at 'module:attribute' of ours."""
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)
