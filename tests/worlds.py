@@ -1,18 +1,32 @@
-"""Small worlds for execution tests: a graph by hand, paths by hand, driven in SUMO."""
+"""Small worlds, where the answer is known by hand: graphs, paths driven in SUMO, and records of runs that were never driven."""
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.distance import pdist
 
+from mrp_sumo.bags.writer import write_recorded_bag
+from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, nav_graph
-from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
+from mrp_sumo.io.record import Record
+from mrp_sumo.io.run_folder import write_run
+from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.maps.costmap import Costmap
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.traffic.referee import judge
 
 BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84, 0.1)
 CELL_M = 0.4
+CART = RobotType("cart", 0.6, 0.4, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)
+SMALL_CART = RobotType("cart", 0.4, 0.3, 1.0, 1.0, 1.0, 2.0)
+LENGTH = 8  # cells of 1 m in a corridor
+NASTY = "</script><img src=x onerror=alert(1)> & \u2028 'ö'"
 
 
 def graph_of(xy, pairs, cell_m=CELL_M, one_way=()):
@@ -70,3 +84,77 @@ def kinds(execution):
     for event in execution.events:
         found.setdefault(event.kind, []).append(event.robot)
     return found
+
+
+def record_of_four(seconds=12.0, costmap=True, absent=False):
+    """Robots drive along four corridors at 1 m/s; robot_1 is blocked from 3 s to 6 s, robot_3 stays at its start."""
+    xy = [(float(x), float(y)) for y in range(4) for x in range(LENGTH)]
+    pairs = [(LENGTH * row + i, LENGTH * row + i + 1) for row in range(4) for i in range(LENGTH - 1)]
+    names = ["dock <1>", *[""] * (len(xy) - 2), "Tür 9"]
+    nav = nav_graph(name="four", xy=xy, lanes=pairs + [(b, a) for a, b in pairs], vertex_name=names)
+    graph = PlanGraph(**vars(nav), kind="grid", cell_m=1.0, vertex_of_station=np.arange(len(xy)))
+    starts = [0, LENGTH, 2 * LENGTH, 3 * LENGTH]
+    ends = [LENGTH - 1, 2 * LENGTH - 1, 3 * LENGTH - 1, 3 * LENGTH]
+    plan = plan_of_paths([list(range(a, b + 1)) for a, b in zip(starts, ends)], 1.0)
+    t = np.arange(round(seconds * 10) + 1) * 0.1
+    held = np.clip(t - 3, 0, 3)
+    x = np.stack((np.clip(t, 0, 7), np.clip(t - held, 0, 7), np.clip(t - 0.05, 0, 7), np.zeros(len(t))), 1)
+    y = np.broadcast_to([0.0, 1.0, 2.0, 3.0], x.shape).copy()
+    speed = np.diff(x, axis=0, prepend=x[:1]) / 0.1
+    yaw = np.broadcast_to([0.0, 0.1, 0.0, np.pi / 2], x.shape).copy()
+    if absent:
+        for column in (x, y, yaw, speed):
+            column[:20, 2] = np.nan
+    events = (
+        Event(0.0, "started", 0, vertex=0),
+        Event(3.0, "blocked", 1, vertex=LENGTH + 3, other=2, duration_s=3.0, text="behind 'robot_2' <b>"),
+        Event(7.0, "goal", 0, vertex=LENGTH - 1),
+    )
+    goal_s = np.array([7.0, 10.0, 7.1, 0.0])
+    arrived = plan.arrive_s.copy()
+    execution = Execution(t, x, y, yaw, speed, arrived, goal_s, Outcome.COMPLETED, "adg", seconds, 0.1, 0.1, events)
+    occupied = np.zeros((30, 50), np.bool_)
+    occupied[0] = occupied[:, 0] = True
+    walls = Costmap((-1.0, -1.5), 0.2, occupied) if costmap else None
+    return Record("four", 7, fleet_of(CART, 4), graph, np.array(ends), plan, execution, nav, walls)
+
+
+def run_of_four(out, network, *, executed=True, **changes):
+    record = record_of_four(seconds=3.0)
+    problem = Problem(
+        graph=record.graph, fleet=record.fleet, start=np.array([0, 8, 16, 24]), goal=record.target, goal_of=np.arange(4), step_s=1.0, seed=7
+    )
+    network.write_text("<net/>")
+    given = {
+        "status": "completed",
+        "note": "",
+        "scenario": Scenario.model_validate({"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}}),
+        "problem": problem,
+        "result": PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time"),
+        "verdict": judge(problem, record.plan) if executed else None,
+        "execution": record.execution if executed else None,
+        "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
+        "audit": {"passed": True} if executed else None,
+        "network": network,
+        "nav": record.nav,
+        "costmap": record.costmap,
+        "write_bag": write_recorded_bag,
+    }
+    return write_run(out, **{**given, **changes})
+
+
+def record_of_two(names=("a", "b"), num_samples=41):
+    """Robot 0 drives three cells to the right in 3 s; robot 1 waits above it for 2 s, drives a cell up, and is gone at the end."""
+    graph = grid_graph(np.ones((3, 4), bool), 1.0, (0.0, 0.0), name="floor")
+    fleet = replace(fleet_of(SMALL_CART, 2), robot_name=tuple(names))
+    plan = plan_of_paths([[0, 1, 2, 3], [4, 4, 4, 8]], 1.0)
+    t = np.arange(num_samples) * 0.1
+    x = np.column_stack((0.5 + np.minimum(t, 3), np.full(num_samples, 0.5)))
+    y = np.column_stack((np.full(num_samples, 0.5), 1.5 + np.clip(t - 2, 0, 1)))
+    yaw = np.column_stack((np.zeros(num_samples), np.full(num_samples, np.pi / 2)))
+    x[-1, 1] = np.nan
+    speed = np.vstack([np.diff(x, axis=0)[:1], np.diff(x, axis=0)]) * 10 + np.vstack([np.diff(y, axis=0)[:1], np.diff(y, axis=0)]) * 10
+    events = (Event(0.0, "blocked", 1, 8, 0, 1.0, f"because of {names[0]}"), Event(3.0, "goal", 0, 3))
+    arrived = np.array([0.0, 1, 2, 3, 0, 3])
+    execution = Execution(t, x, y, yaw, speed, arrived, np.array([3.0, np.nan]), Outcome.TIME_LIMIT, "adg", 4.0, 1.0, 1.0, events)
+    return Record("trial", 0, fleet, graph, plan.last_vertex, plan, execution)

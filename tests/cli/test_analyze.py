@@ -3,19 +3,17 @@
 import csv
 import json
 import sqlite3
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from golden import METRICS
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from mrp_sumo.bags.messages import GENERATIONS, typestore
 from mrp_sumo.cli.main import main
 
-GOLDEN = Path(__file__).resolve().parents[2] / "../shared/rosbag/mrp_metrics_golden"
-CASES = sorted(p.name for p in GOLDEN.iterdir() if p.is_dir()) if GOLDEN.is_dir() else []
-golden = pytest.mark.skipif(not CASES, reason="MRP-Bench's golden numbers are not beside the project")
+CASES = sorted(folder.name for folder in METRICS.iterdir() if folder.is_dir())
 
 
 def fleet_bag(folder, rows, generation="galactic", storage=StoragePlugin.SQLITE3, topic="/fleet_states"):
@@ -39,7 +37,7 @@ def fleet_bag(folder, rows, generation="galactic", storage=StoragePlugin.SQLITE3
 
 
 def golden_rows(case):
-    with (GOLDEN / case / "fleet_states.csv").open() as stream:
+    with (METRICS / case / "fleet_states.csv").open() as stream:
         return [(int(r["t_ns"]), r["robot"], float(r["x"]), float(r["y"])) for r in csv.DictReader(stream)]
 
 
@@ -62,24 +60,22 @@ def analyzed(capsys, *arguments):
 
 
 def same(found, case):
-    expected = json.loads((GOLDEN / case / "expected.json").read_text())
+    expected = json.loads((METRICS / case / "expected.json").read_text())
     assert set(found) == set(expected)
     for key, value in expected.items():
         close = isinstance(value, float | dict)
         assert found[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if close else value), key
 
 
-@golden
 @pytest.mark.parametrize("case", CASES)
 def test_bags_give_the_golden_numbers(tmp_path, capsys, case):
     fleet_bag(tmp_path / case, golden_rows(case))
     same(
-        analyzed(capsys, tmp_path / case, "--config", GOLDEN / case / "case.json"),
+        analyzed(capsys, tmp_path / case, "--config", METRICS / case / "case.json"),
         case,
     )
 
 
-@golden
 @pytest.mark.parametrize("generation", GENERATIONS)
 @pytest.mark.parametrize("form", ["mcap", "sqlite3", "sqlite3 without definitions", "database alone"])
 def test_every_generation_is_recognised(tmp_path, capsys, generation, form):
@@ -90,16 +86,15 @@ def test_every_generation_is_recognised(tmp_path, capsys, generation, form):
     if form == "database alone":
         (tmp_path / "bag" / "metadata.yaml").unlink()
     same(
-        analyzed(capsys, tmp_path / "bag", "--config", GOLDEN / case / "case.json"),
+        analyzed(capsys, tmp_path / "bag", "--config", METRICS / case / "case.json"),
         case,
     )
 
 
-@golden
 def test_starts_and_goals_beside_the_bag_are_found(tmp_path, capsys):
     """MRP-Bench leaves a YAML file named like the bag's folder, starts and goals somewhere inside."""
     case = CASES[0]
-    told = json.loads((GOLDEN / case / "case.json").read_text())
+    told = json.loads((METRICS / case / "case.json").read_text())
     places = [{"assignedAgent": name, "start_wcos": at["start"], "goal_wcos": at["goal"]} for name, at in told["robots"].items()]
     fleet_bag(tmp_path / "run_1", golden_rows(case))
     (tmp_path / "run_1.yaml").write_text(yaml.safe_dump({"config": {"cellSize": 0.35}, "metrics": {"startsAndGoals": places}}))

@@ -5,17 +5,15 @@ import os
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import fake_runs
 import pytest
-from test_batch import make, suite, told_by, workers_find_fake_runs  # noqa: F401  a fixture
+from batches import DRIVER, make, suite, told_by, workers_find_fake_runs  # noqa: F401  a fixture
 
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.cluster import Cluster, make_here
 
 pytest.importorskip("distributed")
-HERE = Path(__file__).parent
 
 
 @pytest.fixture
@@ -37,7 +35,7 @@ def cluster(tmp_path, workers_find_fake_runs):  # noqa: F811
             "--local-directory",
             str(tmp_path),
             "--preload",
-            str(HERE / "drive.py"),
+            str(DRIVER),
             *options,
         ],
         **quiet,
@@ -54,7 +52,7 @@ def cluster(tmp_path, workers_find_fake_runs):  # noqa: F811
 
 
 def drive(folder, out, scheduler, **environment):
-    command = [sys.executable, str(HERE / "drive.py"), str(folder / "study.yaml"), str(out), "1", scheduler]
+    command = [sys.executable, str(DRIVER), str(folder / "study.yaml"), str(out), "1", scheduler]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, **environment})
 
 

@@ -1,14 +1,10 @@
 """Benchmark instances become problems."""
 
-from pathlib import Path
-
-import numpy as np
 import pytest
+from golden import INSTANCES
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.instances import read_instance
-
-SHARED = Path(__file__).resolve().parents[2] / "../shared/planning/instances"
 
 MAP = "type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n"
 SCEN = "version 1\n0\tu.map\t3\t2\t0\t1\t2\t1\t4\n0\tu.map\t3\t2\t2\t0\t0\t0\t2\n"
@@ -91,10 +87,8 @@ def test_flawed_instances_are_refused_in_one_line(write, name, text, scen, robot
 
 
 def test_benchmark_instance_is_read():
-    if not SHARED.exists():
-        pytest.skip("the benchmark instances are not here")
-    instance = read_instance(SHARED / "random-32-32-20.map", SHARED / "random-32-32-20_i0.scen", 100)
-    assert instance.problem.graph.num_vertices == 819
-    cells = instance.cells
-    assert (cells.column[instance.problem.start[0]], cells.row[instance.problem.start[0]]) == (5, 16)
-    assert np.unique(instance.problem.start).size == 100
+    instance = read_instance(INSTANCES / "warehouse_0.4.map", INSTANCES / "warehouse_0.4_n9_s3000.scen", 9)
+    assert instance.problem.graph.num_vertices == 788
+    cells, start = instance.cells, instance.problem.start
+    rows = (INSTANCES / "warehouse_0.4_n9_s3000.scen").read_text().splitlines()[1:]
+    assert [(cells.column[v], cells.row[v]) for v in start] == [tuple(map(int, row.split()[4:6])) for row in rows]

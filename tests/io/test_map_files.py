@@ -1,11 +1,11 @@
 """Writers, and round trips between formats."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from golden import MAPS
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.io.map_files import write_map
@@ -13,7 +13,6 @@ from mrp_sumo.maps.grid import paper_grid
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.repair import repair
 
-CORPUS = Path(__file__).resolve().parents[2] / "../shared/maps/corpus"
 BUILDINGS = [
     "boschresearch+mrp_bench/warehouse",
     "cardboardcode+rmf_gym_lite/delivery_queue",
@@ -21,7 +20,6 @@ BUILDINGS = [
     "open-rmf+rmf_demos/campus",
     "open-rmf+rmf_demos/hotel",
 ]
-needs_corpus = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of real buildings is not here")
 
 
 def assert_same_graph(a, b, within_m=0.0):
@@ -34,26 +32,23 @@ def assert_same_graph(a, b, within_m=0.0):
     assert a.level.tolist() == b.level.tolist()
 
 
-@needs_corpus
 @pytest.mark.parametrize("name", BUILDINGS)
 def test_building_and_its_nav_graph_give_the_same_graph(name, tmp_path):
-    found = load_map(CORPUS / f"{name}.building.yaml", level="L1")
+    found = load_map(MAPS / f"{name}.building.yaml", level="L1")
     write_map(found, tmp_path / "0.nav.yaml")
     again = load_map(tmp_path / "0.nav.yaml")
     assert_same_graph(found.nav, again.nav)
     assert again.name == "0"
 
 
-@needs_corpus
 def test_reference_nav_graphs_give_the_graph_of_their_building():
-    for reference in sorted(CORPUS.glob("open-rmf+rmf_demos/airport_terminal.nav/*.yaml")):
+    for reference in sorted(MAPS.glob("open-rmf+rmf_demos/airport_terminal.nav/*.yaml")):
         building = reference.parent.with_name("airport_terminal.building.yaml")
         assert_same_graph(load_map(building, graph=int(reference.stem)).nav, load_map(reference).nav)
 
 
-@needs_corpus
 def test_levels_of_a_nav_graph_are_laid_side_by_side_too(tmp_path):
-    found = load_map(CORPUS / "open-rmf+rmf_demos/hotel.building.yaml")
+    found = load_map(MAPS / "open-rmf+rmf_demos/hotel.building.yaml")
     write_map(found, tmp_path / "hotel.nav.yaml")
     again = load_map(tmp_path / "hotel.nav.yaml")
     assert again.nav.num_vertices == found.nav.num_vertices
@@ -61,9 +56,8 @@ def test_levels_of_a_nav_graph_are_laid_side_by_side_too(tmp_path):
     assert set(again.level_shift_m) == {"L1", "L2", "L3"}
 
 
-@needs_corpus
 def test_written_nav_graphs_have_the_content_of_open_rmfs(tmp_path):
-    building = CORPUS / "open-rmf+rmf_demos/office.building.yaml"
+    building = MAPS / "open-rmf+rmf_demos/office.building.yaml"
     write_map(load_map(building), tmp_path / "office.nav.yaml")
     written, reference = (
         yaml.safe_load(f.read_text()) for f in (tmp_path / "office.nav.yaml", building.with_name("office.nav") / "0.yaml")
@@ -71,17 +65,15 @@ def test_written_nav_graphs_have_the_content_of_open_rmfs(tmp_path):
     assert written == reference
 
 
-@needs_corpus
 def test_repaired_maps_keep_everything_but_what_was_repaired(tmp_path):
-    building = CORPUS / "boschresearch+mrp_bench/warehouse.building.yaml"
+    building = MAPS / "boschresearch+mrp_bench/warehouse.building.yaml"
     found, _ = repair(load_map(building), snap_m=0.15)
     write_map(found, tmp_path / "warehouse.nav.yaml")
     assert_same_graph(found.nav, load_map(tmp_path / "warehouse.nav.yaml").nav, 1e-9)
 
 
-@needs_corpus
 def test_a_nav_graph_becomes_the_papers_grid(tmp_path):
-    found = load_map(CORPUS / "boschresearch+mrp_bench/office.building.yaml")
+    found = load_map(MAPS / "boschresearch+mrp_bench/office.building.yaml")
     losses = write_map(found, tmp_path / "office.map")
     again, grid = load_map(tmp_path / "office.map").nav, paper_grid(found.nav)
     assert (again.tail.tolist(), again.head.tolist()) == (grid.tail.tolist(), grid.head.tolist())
@@ -89,9 +81,8 @@ def test_a_nav_graph_becomes_the_papers_grid(tmp_path):
     assert any("name" in loss for loss in losses)
 
 
-@needs_corpus
 def test_geojson_holds_vertices_lanes_and_walls(tmp_path):
-    found = load_map(CORPUS / "open-rmf+rmf_demos/office.building.yaml")
+    found = load_map(MAPS / "open-rmf+rmf_demos/office.building.yaml")
     assert write_map(found, tmp_path / "office.geojson") == ["4 floors", "3 doors"]
     document = json.loads((tmp_path / "office.geojson").read_text())
     kinds = [feature["properties"]["kind"] for feature in document["features"]]
@@ -100,9 +91,8 @@ def test_geojson_holds_vertices_lanes_and_walls(tmp_path):
     assert document["coordinates_m"]
 
 
-@needs_corpus
 def test_geojson_of_a_building_on_earth_is_in_degrees(tmp_path):
-    found = load_map(CORPUS / "open-rmf+rmf_demos/campus.building.yaml")
+    found = load_map(MAPS / "open-rmf+rmf_demos/campus.building.yaml")
     write_map(found, tmp_path / "campus.geojson")
     document = json.loads((tmp_path / "campus.geojson").read_text())
     longitude, latitude = document["features"][0]["geometry"]["coordinates"]
@@ -111,9 +101,8 @@ def test_geojson_of_a_building_on_earth_is_in_degrees(tmp_path):
     assert "coordinates_m" not in document
 
 
-@needs_corpus
 def test_unknown_suffixes_and_several_levels_on_a_grid_are_refused_with_nothing_written(tmp_path):
-    found = load_map(CORPUS / "open-rmf+rmf_demos/hotel.building.yaml")
+    found = load_map(MAPS / "open-rmf+rmf_demos/hotel.building.yaml")
     with pytest.raises(MapError, match=r"no map format ends in '\.maps' \(did you mean '\.map'\?\)"):
         write_map(found, tmp_path / "hotel.maps")
     with pytest.raises(MapError, match="a grid holds one level"):
@@ -121,9 +110,8 @@ def test_unknown_suffixes_and_several_levels_on_a_grid_are_refused_with_nothing_
     assert not list(tmp_path.iterdir())
 
 
-@needs_corpus
 def test_graphs_that_were_not_chosen_and_levels_are_told_as_lost(tmp_path):
-    found = load_map(CORPUS / "open-rmf+rmf_demos/hotel.building.yaml")
+    found = load_map(MAPS / "open-rmf+rmf_demos/hotel.building.yaml")
     losses = write_map(found, tmp_path / "hotel.net.xml")
     assert losses[0] == "graphs 1, 2; --graph chooses"
     assert losses[-2:] == ["2 lifts", "which of the 3 levels an edge is on; they are laid side by side"]

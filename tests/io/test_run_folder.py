@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from record_of_four import record_of_four, run_of_four
 from rosbags.highlevel import AnyReader
+from worlds import record_of_four, run_of_four
 
 from mrp_sumo.bags.writer import write_bag
 from mrp_sumo.errors import MrpSumoError
@@ -164,9 +164,9 @@ def test_numbers_become_plain_and_arrays_stay_in_a_line():
 def test_a_writer_that_is_killed_leaves_no_run_and_the_next_one_tidies_up(tmp_path):
     code = (
         "import os, sys\nsys.path.insert(0, sys.argv[2])\n"
-        "from pathlib import Path\nimport record_of_four\nfrom mrp_sumo.io import run_folder\n"
+        "from pathlib import Path\nimport worlds\nfrom mrp_sumo.io import run_folder\n"
         "run_folder.put_in_place = lambda new, out: os._exit(9)\n"
-        "folder = Path(sys.argv[1])\nrecord_of_four.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
+        "folder = Path(sys.argv[1])\nworlds.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
     )
     told = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parents[1])], check=False)
     (left,) = tmp_path.glob(".run.new-*")

@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from record_of_four import record_of_four, run_of_four
+from worlds import record_of_four, run_of_four
 
 import mrp_sumo
 from mrp_sumo.errors import MrpSumoError

@@ -1,9 +1,9 @@
 """Mutilated maps: every reader returns a map or raises MapError with one line, and nothing else."""
 
 import re
-from pathlib import Path
 
 import pytest
+from golden import MAPS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +11,6 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.maps.facts import facts
 from mrp_sumo.maps.load import load_map
 
-CORPUS = Path(__file__).resolve().parents[2] / "../shared/maps/corpus"
 SMALL = """
 name: small
 levels:
@@ -58,7 +57,7 @@ PROBLEMS = "version 1\n0\tsmall.map\t4\t3\t0\t1\t2\t2\t3.0\n"
 SHEET = "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
 PICTURE = b"P5\n16 16\n255\n" + bytes([254] * 256)
 TEXTS = [SMALL, NAV, EARTH, GRID, PROBLEMS, SHEET]
-CORPUS_TEXTS = [f.read_text() for f in sorted(CORPUS.rglob("*.yaml")) if f.stat().st_size < 12_000]
+CORPUS_TEXTS = [f.read_text() for f in sorted(MAPS.rglob("*.yaml")) if f.stat().st_size < 12_000]
 
 WORD = re.compile(r"[^\s,\[\]{}:]+")
 JUNK = [

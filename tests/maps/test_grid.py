@@ -1,9 +1,8 @@
 """The paper's grid, cell by cell, and grids of any occupancy."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from golden import INSTANCES, MRP_BENCH
 
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.errors import MapError
@@ -11,9 +10,6 @@ from mrp_sumo.maps.facts import facts
 from mrp_sumo.maps.grid import grid_facts, grid_graph, paper_grid
 from mrp_sumo.maps.load import load_map
 
-SHARED = Path(__file__).resolve().parents[2] / "../shared"
-MAPS = SHARED / "maps/corpus/boschresearch+mrp_bench"
-needs_maps = pytest.mark.skipif(not MAPS.is_dir(), reason="the paper's maps are not here")
 PAPER = {  # vertices, edges, total and free cells at 0.4 m, total and free at 0.35 m
     "office": (29, 32, 1025, 333, 1288, 391),
     "warehouse": (54, 40, 3009, 788, 3886, 914),
@@ -21,31 +17,28 @@ PAPER = {  # vertices, edges, total and free cells at 0.4 m, total and free at 0
 }
 
 
-@needs_maps
 @pytest.mark.parametrize("name", PAPER)
 def test_counts_are_those_of_the_paper(name):
-    found = load_map(MAPS / f"{name}.building.yaml", graph="all")
+    found = load_map(MRP_BENCH / f"{name}.building.yaml", graph="all")
     at_40, at_35 = facts(found, 0.4), grid_facts(found.nav, 0.35)
     assert (at_40["vertices"], at_40["edges"]) == PAPER[name][:2]
     assert (at_40["grid"]["total"], at_40["grid"]["free"], at_35["total"], at_35["free"]) == PAPER[name][2:]
     assert at_40["grid"]["blocked"] == at_40["grid"]["total"] - at_40["grid"]["free"]
 
 
-@needs_maps
 @pytest.mark.parametrize("name", PAPER)
 def test_cells_are_those_of_the_published_grids(name):
-    rows = (SHARED / f"planning/instances/{name}_0.4.map").read_text().splitlines()[4:]
+    rows = (INSTANCES / f"{name}_0.4.map").read_text().splitlines()[4:]
     expected = np.array([[cell in ".GS" for cell in row] for row in rows])
-    grid = paper_grid(load_map(MAPS / f"{name}.building.yaml", graph="all").nav)
+    grid = paper_grid(load_map(MRP_BENCH / f"{name}.building.yaml", graph="all").nav)
     column, row = np.floor((grid.xy - grid.xy.min(axis=0)) / 0.4 + 0.5).astype(int).T
     found = np.zeros_like(expected)
     found[row, column] = True
     assert (found == expected).all()
 
 
-@needs_maps
 def test_airport_united_has_two_pieces_although_duplicates_have_no_lanes():
-    found = load_map(MAPS / "airport_terminal.building.yaml", graph="all")
+    found = load_map(MRP_BENCH / "airport_terminal.building.yaml", graph="all")
     assert facts(found)["components"] == 2
     assert found.chosen == (0, 1, 2, 4)
 

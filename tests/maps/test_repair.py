@@ -1,15 +1,14 @@
 """Repairs: what they change, and what they leave alone."""
 
-from pathlib import Path
-
 import pytest
+from golden import MRP_BENCH
 
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.repair import largest_component, repair, snap, split_crossings
 
-WAREHOUSE = Path(__file__).resolve().parents[2] / "../shared/maps/corpus/boschresearch+mrp_bench/warehouse.building.yaml"
+WAREHOUSE = MRP_BENCH / "warehouse.building.yaml"
 
 
 def both_ways(*pairs):
@@ -20,7 +19,6 @@ def pairs(graph):
     return sorted({tuple(sorted(p)) for p in zip(graph.tail.tolist(), graph.head.tolist())})
 
 
-@pytest.mark.skipif(not WAREHOUSE.is_file(), reason="the paper's warehouse is not here")
 @pytest.mark.parametrize(("within_m", "edges", "components"), [(0.10, 56, 4), (0.14, 59, 1), (0.15, 60, 1), (0.5, 60, 1)])
 def test_snapping_joins_the_warehouse(within_m, edges, components):
     found, changes = repair(load_map(WAREHOUSE), snap_m=within_m)

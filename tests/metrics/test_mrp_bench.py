@@ -3,18 +3,17 @@
 import csv
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from golden import METRICS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.metrics.mrp_bench import execution_metrics, planning_counts, smoothed_counts
 
-GOLDEN = Path(__file__).resolve().parents[2] / "../shared/rosbag/mrp_metrics_golden"
-CASES = sorted(p.name for p in GOLDEN.iterdir() if p.is_dir()) if GOLDEN.is_dir() else []
+CASES = sorted(folder.name for folder in METRICS.iterdir() if folder.is_dir())
 
 
 def read_case(folder):
@@ -31,11 +30,10 @@ def read_case(folder):
     return case["config"], names, t_ns, x, y, start, goal
 
 
-@pytest.mark.skipif(not CASES, reason="MRP-Bench's golden numbers are not beside the project")
 @pytest.mark.parametrize("name", CASES)
 def test_golden_logs_give_the_numbers_of_mrp_bench(name):
-    config, names, t_ns, x, y, start, goal = read_case(GOLDEN / name)
-    expected = json.loads((GOLDEN / name / "expected.json").read_text())
+    config, names, t_ns, x, y, start, goal = read_case(METRICS / name)
+    expected = json.loads((METRICS / name / "expected.json").read_text())
     found = execution_metrics(
         t_ns,
         x,

@@ -1,7 +1,6 @@
 """The same small questions to every registered planner; the referee judges the answers."""
 
 from dataclasses import fields, is_dataclass, replace
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -159,12 +158,10 @@ def test_swap_in_a_dead_end_corridor_is_infeasible(name):
         pytest.skip("need not swap")
     corridor = world("0.1")
     problem = replace(corridor, goal=corridor.start[::-1].copy())
-    began = perf_counter()
     result = made(name).plan(problem, 0.5)
     assert result.status is Status.INFEASIBLE
     assert result.plan is None
     assert result.message
-    assert perf_counter() - began < 30  # compiling included
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-HERE = Path(__file__).parent
+TESTS = Path(__file__).parents[1]
 NAMES = ("cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta", "prioritised")
 ASK = f"""
 import sys
-sys.path.insert(0, {str(HERE)!r})
+sys.path.insert(0, {str(TESTS)!r})
 from truth import random_problem
 from mrp_sumo.planning.registry import planner
 for name in {NAMES!r}:
@@ -24,7 +24,7 @@ for name in {NAMES!r}:
 def answers(**environment):
     """What a new process says to the questions."""
     told = subprocess.run(
-        [sys.executable, "-c", ASK], env={**os.environ, **environment}, capture_output=True, text=True, cwd=HERE.parents[1], check=False
+        [sys.executable, "-c", ASK], env={**os.environ, **environment}, capture_output=True, text=True, cwd=TESTS.parent, check=False
     )
     assert told.returncode == 0, told.stderr[-2000:]
     return told.stdout

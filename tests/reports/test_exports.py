@@ -11,8 +11,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 import yaml
-from record_of_four import record_of_four, run_of_four
 from rosbags.highlevel import AnyReader
+from worlds import record_of_four, run_of_four
 
 from mrp_sumo.bags.writer import BagOptions, write_bag
 from mrp_sumo.cli.main import main

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from golden import MAPS
 from PIL import Image
 
 from mrp_sumo.errors import MapError
@@ -91,10 +92,7 @@ def test_long_map_gives_a_long_picture(tmp_path: Path) -> None:
 
 
 def test_levels_are_panels(tmp_path: Path) -> None:
-    corpus = Path(__file__).resolve().parents[2] / "../shared/maps/corpus/open-rmf+rmf_demos/hotel.building.yaml"
-    if not corpus.exists():
-        pytest.skip("the map corpus is not here")
-    text = words(load_map(corpus), tmp_path)
+    text = words(load_map(MAPS / "open-rmf+rmf_demos/hotel.building.yaml"), tmp_path)
     assert {"L1", "L2", "L3", "lift", "lift cabin"} <= set(text)
 
 

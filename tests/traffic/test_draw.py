@@ -1,17 +1,15 @@
 """Draws: MRP-Bench's own is repeated to the vertex; ours only pairs places that reach each other."""
 
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from golden import INSTANCES, MRP_BENCH
 
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
-
-SHARED = Path(__file__).resolve().parents[2] / "../shared"
 
 
 def plan_graph(lanes, num_vertices, stations=None):
@@ -22,14 +20,12 @@ def plan_graph(lanes, num_vertices, stations=None):
 
 @pytest.mark.parametrize("name", ["office", "warehouse"])
 def test_mrp_bench_draw_repeats_its_instances(name):
-    nav = SHARED / f"maps/corpus/boschresearch+mrp_bench/{name}.nav/0.yaml"
-    if not nav.exists():
-        pytest.skip("the map corpus is not here")
+    nav = MRP_BENCH / f"{name}.nav/0.yaml"
     vertices = next(iter(yaml.safe_load(nav.read_text())["levels"].values()))["vertices"]
     xy = np.array([v[:2] for v in vertices], np.float32).astype(float)
     cell = np.floor((xy - xy.min(0)) / 0.4).astype(int)
     for seed in (3000, 3017, 3049):
-        rows = (SHARED / f"planning/instances/{name}_0.4_n9_s{seed}.scen").read_text().splitlines()[1:]
+        rows = (INSTANCES / f"{name}_0.4_n9_s{seed}.scen").read_text().splitlines()[1:]
         rows = np.array([[int(x) for x in row.split()[4:8]] for row in rows])
         start, goal = mrp_bench_draw(len(xy), 9, seed)
         assert (cell[start] == rows[:, :2]).all()

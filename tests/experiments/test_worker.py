@@ -1,0 +1,25 @@
+"""A crash of SUMO takes its worker with it, not the batch: the run's result says so and the others go on."""
+
+from pathlib import Path
+
+import pytest
+from fake_runs import Silent
+
+from mrp_sumo.experiments import batch as batches
+from mrp_sumo.experiments.batch import run_batch
+from mrp_sumo.experiments.suite import read_suite
+from mrp_sumo.io.results import records_in
+
+
+def test_a_crash_of_sumo_in_the_middle_of_a_run_is_its_result(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+    monkeypatch.setattr(batches, "code_version", lambda: "1")  # whatever is edited meanwhile
+    path = tmp_path / "study.yaml"
+    path.write_text("base: office_5\ngrid_search: {seed: 0..2, planner: [prioritised], execution.time_limit_s: [30]}\n")
+    batch = run_batch(read_suite(path), tmp_path / "out", Silent(), function="crashing_runs:measure", workers=1, retries=0)
+    told = {record["scenario"]["seed"]: record for record in records_in(batch.folder, pytest.fail)}
+    assert sorted(told) == [0, 1, 2]
+    assert (told[1]["status"], told[1]["success"]) == ("crashed", False)
+    assert told[1]["reason"].startswith("worker killed by SIGSEGV")
+    for seed in (0, 2):
+        assert told[seed]["status"] in ("completed", "time_limit") and told[seed]["metrics"]["sim_time_s"] > 5

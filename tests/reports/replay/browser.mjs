@@ -1,0 +1,169 @@
+/* node browser.mjs CHROMIUM PAGE NASTY_PAGE FOLDER: uses a replay page as people do, and prints what came of it as lines of JSON
+   {"claim", "holds", "found"}. Screenshots go to FOLDER. Needs playwright-core. */
+import { createRequire } from "node:module";
+
+const [, , executablePath, page, nasty, folder] = process.argv;
+const { chromium } = createRequire(import.meta.url)("playwright-core");
+const browser = await chromium.launch({
+  executablePath,
+  args: ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+});
+const say = (claim, holds, found = null) => console.log(JSON.stringify({ claim, holds: Boolean(holds), found }));
+
+async function opened(file, options = {}, hash = "") {
+  const context = await browser.newContext({ viewport: { width: 960, height: 640 }, ...options });
+  const tab = await context.newPage();
+  tab.problems = [];
+  tab.requests = [];
+  tab.on("console", (message) => ["error", "warning"].includes(message.type()) && tab.problems.push(message.text()));
+  tab.on("pageerror", (error) => tab.problems.push(error.message));
+  tab.on("dialog", (dialog) => (tab.problems.push(`dialog ${dialog.message()}`), dialog.dismiss()));
+  tab.on("request", (request) => /^https?:/.test(request.url()) && tab.requests.push(request.url()));
+  await tab.goto(`file://${file}${hash}`);
+  await tab.waitForFunction(() => document.documentElement.dataset.ready, null, { timeout: 60000 });
+  await tab.waitForTimeout(100);
+  return tab;
+}
+const time = (tab) => tab.evaluate(() => window.replay.view.t);
+const drawn = (tab) => tab.waitForFunction(() => !window.replay.dirty);
+
+/* Pixels of the floor that are not its ground colour, read right after drawing. */
+const painted = (tab) => tab.evaluate(() => {
+  const { scene, view } = window.replay, gl = scene.renderer.gl;
+  scene.draw(view, 0);
+  const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, data = new Uint8Array(4 * w * h);
+  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, data);
+  let other = 0;
+  for (let i = 0; i < data.length; i += 4) if (Math.abs(data[i] - data[0]) + Math.abs(data[i + 1] - data[1]) + Math.abs(data[i + 2] - data[2]) > 12) other++;
+  return other / (w * h);
+});
+const place = (tab, robot) => tab.evaluate((r) => {
+  const { scene, motion } = window.replay, box = document.getElementById("floor").getBoundingClientRect();
+  const [x, y] = scene.toScreen(motion.pose[3 * r], motion.pose[3 * r + 1]);
+  return [x + box.left, y + box.top];
+}, robot);
+
+try {
+  const tab = await opened(page);
+  say("opens", (await tab.evaluate(() => document.documentElement.dataset.ready)) === "yes");
+  say("paints", (await painted(tab)) > 0.2, await painted(tab));
+
+  const clock = await tab.textContent("#clock");
+  await tab.click("#play");
+  await tab.waitForFunction(() => window.replay.view.t > 1);
+  await tab.click("#play");
+  const stopped = await time(tab);
+  await tab.waitForTimeout(200);
+  say("plays", (await tab.textContent("#clock")) !== clock);
+  say("pauses", (await time(tab)) === stopped);
+  await tab.keyboard.press("Escape");
+  await tab.locator("#floor").focus();
+  await tab.keyboard.press("Space");
+  say("space plays", await tab.evaluate(() => window.replay.view.playing));
+  await tab.keyboard.press("Space");
+
+  const track = await tab.locator("#track-canvas").boundingBox();
+  const gutter = await tab.evaluate(() => window.replay.timeline.gutter);
+  const end = await tab.evaluate(() => window.replay.motion.end);
+  await tab.mouse.click(track.x + gutter + (track.width - gutter) / 2, track.y + 10);
+  say("seeks by a click on the track", Math.abs((await time(tab)) - end / 2) < end / 100, await time(tab));
+  await tab.mouse.move(track.x + gutter + 20, track.y + 10);
+  await tab.mouse.down();
+  await tab.mouse.move(track.x + gutter + (track.width - gutter) / 4, track.y + 10, { steps: 4 });
+  await tab.mouse.up();
+  say("seeks by dragging", Math.abs((await time(tab)) - end / 4) < end / 100, await time(tab));
+  await tab.keyboard.press("Home");
+  await tab.keyboard.press("Shift+ArrowRight");
+  say("seeks by keys", Math.abs((await time(tab)) - Math.min(10, end)) < 0.01, await time(tab));
+
+  const busy = await tab.evaluate(() => { // the robot with the longest plan
+    const { first } = window.replay.motion, lengths = Array.from(first.slice(1), (end, r) => end - first[r]);
+    return lengths.indexOf(Math.max(...lengths));
+  });
+  await tab.mouse.click(...(await place(tab, busy)));
+  const name = await tab.evaluate((r) => window.replay.run.robots[r], busy);
+  say("picks a robot", (await tab.textContent(".robot-head h2")) === name);
+  say("shows its plan", (await tab.locator(".rows .row").count()) > 1 && (await tab.locator(".row.now").count()) === 1);
+  say("address tells robot and time", await tab.waitForFunction(() => location.hash.includes("robot=")).then(() => true));
+  await drawn(tab);
+  await tab.screenshot({ path: `${folder}/picked.png` });
+  await tab.keyboard.press("Escape");
+  say("lets go", (await tab.evaluate(() => window.replay.view.selected)) === -1);
+
+  await tab.click('[data-tab="events"]');
+  const row = tab.locator(".rows .row").last();
+  const when = await row.locator(".time").textContent();
+  await row.click();
+  const jumped = await tab.waitForFunction((t) => document.getElementById("clock").textContent.startsWith(t), when, { timeout: 5000 }).then(() => true, () => false);
+  say("an event leads to its time", jumped, [when, await tab.textContent("#clock")]);
+
+  await tab.keyboard.press("/");
+  await tab.keyboard.type("robot_3");
+  await tab.keyboard.press("Enter");
+  say("finds a robot", (await tab.evaluate(() => window.replay.run.robots[window.replay.view.selected])) === "robot_3");
+  await tab.keyboard.press("Escape");
+  await tab.keyboard.press("/");
+  await tab.keyboard.type("lobby");
+  await tab.keyboard.press("Enter");
+  say("finds a station", (await tab.evaluate(() => window.replay.view.found?.name)) === "lobby");
+
+  const scale = await tab.evaluate(() => window.replay.scene.camera.scale);
+  await tab.mouse.move(300, 300);
+  await tab.mouse.wheel(0, -300);
+  await tab.waitForFunction((s) => window.replay.scene.camera.scale > s, scale);
+  say("wheel zooms", true);
+  await tab.locator("#floor").focus();
+  await tab.keyboard.press("f");
+  for (const key of ["t", "g", "l"]) {
+    const before = await tab.evaluate(() => JSON.stringify(window.replay.view));
+    await tab.keyboard.press(key);
+    say(`key ${key} switches`, before !== (await tab.evaluate(() => JSON.stringify(window.replay.view))));
+    await tab.keyboard.press(key);
+  }
+  await tab.keyboard.press("h");
+  await drawn(tab);
+  say("heat map shows", await tab.locator("#heat-key").isVisible());
+  await tab.keyboard.press("d");
+  await drawn(tab);
+  say("dark mode", (await tab.evaluate(() => document.documentElement.dataset.theme)) === "dark");
+  await tab.screenshot({ path: `${folder}/dark.png` });
+  say("asks no network", tab.requests.length === 0, tab.requests);
+  say("no console error", tab.problems.length === 0, tab.problems);
+  await tab.context().close();
+
+  const phone = await opened(page, { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: "dark" }, "#t=6");
+  say("follows the system's dark", (await phone.evaluate(() => document.documentElement.dataset.theme)) === "dark");
+  await phone.touchscreen.tap(...(await place(phone, 1)));
+  await phone.waitForFunction(() => document.getElementById("side").classList.contains("open"));
+  say("a tap picks", (await phone.evaluate(() => window.replay.view.selected)) >= 0);
+  say("a phone needs no sideways scrolling", await phone.evaluate(() => document.documentElement.scrollWidth <= window.innerWidth));
+  await phone.waitForTimeout(300);
+  await phone.screenshot({ path: `${folder}/phone.png` });
+  const before = await phone.evaluate(() => window.replay.scene.camera.scale);
+  const touch = await phone.context().newCDPSession(phone);
+  const fingers = (gap) => [{ x: 195 - gap, y: 300, id: 1 }, { x: 195 + gap, y: 300, id: 2 }];
+  await touch.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints: fingers(40) });
+  for (const gap of [60, 80, 100]) await touch.send("Input.dispatchTouchEvent", { type: "touchMove", touchPoints: fingers(gap) });
+  await touch.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] });
+  say("a pinch zooms", (await phone.evaluate(() => window.replay.scene.camera.scale)) > 1.5 * before);
+  say("no console error on a phone", phone.problems.length === 0, phone.problems);
+  await phone.context().close();
+
+  const odd = await opened(nasty);
+  await odd.click('[data-tab="robots"]');
+  const shown = await odd.locator(".rows .row .what").first().textContent();
+  await odd.locator(".rows .row").first().click();
+  say("names are text", shown.includes("<img src=x") && (await odd.locator("img").count()) === 0 && odd.problems.length === 0, [shown, odd.problems]);
+  await odd.context().close();
+
+  const blind = await browser.newContext();
+  const dull = await blind.newPage();
+  await dull.addInitScript(() => {
+    HTMLCanvasElement.prototype.getContext = () => null;
+  });
+  await dull.goto(`file://${page}`);
+  await dull.waitForFunction(() => document.documentElement.dataset.ready === "failed");
+  say("says that it needs WebGL", (await dull.textContent("#cover")).includes("WebGL"));
+} finally {
+  await browser.close();
+}

@@ -1,0 +1,69 @@
+"""The replay page in a real browser: it plays, seeks, picks, searches, fits a phone, and the console stays silent.
+
+Needs Chromium and playwright-core; `tools/browser.sh` installs both.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from worlds import NASTY, record_of_two
+
+from mrp_sumo.experiments.run import run_scenario
+from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.reports.replay.page import About, replay_page, write_replay
+
+PROJECT = Path(__file__).resolve().parents[3]
+MODULES = os.environ.get("NODE_PATH") or str(PROJECT / ".venv" / "node" / "node_modules")
+
+CLAIMS = (
+    "opens",
+    "paints",
+    "plays",
+    "pauses",
+    "space plays",
+    "seeks by a click on the track",
+    "seeks by dragging",
+    "seeks by keys",
+    "picks a robot",
+    "shows its plan",
+    "address tells robot and time",
+    "lets go",
+    "an event leads to its time",
+    "finds a robot",
+    "finds a station",
+    "wheel zooms",
+    "key t switches",
+    "key g switches",
+    "key l switches",
+    "heat map shows",
+    "dark mode",
+    "asks no network",
+    "no console error",
+    "follows the system's dark",
+    "a tap picks",
+    "a phone needs no sideways scrolling",
+    "a pinch zooms",
+    "no console error on a phone",
+    "names are text",
+    "says that it needs WebGL",
+)
+
+
+def test_page_does_what_people_expect(tmp_path):  # one test: the browser is started once, whoever runs it
+    chromium, node = shutil.which("chromium"), shutil.which("node")
+    if not chromium or not node or not (Path(MODULES) / "playwright-core").is_dir():
+        pytest.skip("no chromium, node or playwright-core (tools/browser.sh installs them)")
+    overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
+    run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run")
+    page = write_replay(tmp_path / "run", tmp_path / "page.html")
+    (tmp_path / "nasty.html").write_text(replay_page(record_of_two(names=(NASTY, "b")), About(NASTY, note=NASTY)), encoding="utf-8")
+    command = [node, Path(__file__).with_name("browser.mjs"), chromium, page, tmp_path / "nasty.html", tmp_path]
+    told = subprocess.run(command, capture_output=True, text=True, timeout=240, env={**os.environ, "NODE_PATH": MODULES})
+    found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
+    assert not [line for line in found.values() if not line["holds"]]
+    assert told.returncode == 0, told.stderr[-2000:]
+    assert list(found) == list(CLAIMS)

@@ -1,0 +1,55 @@
+"""A run as pictures show it: states, a plan as if driven, furniture apart from walls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import record_of_two
+
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
+from mrp_sumo.reports.view import ABSENT, furniture_and_walls, plan_as_execution, shown_states
+
+
+def test_states_are_those_of_the_run():
+    state = shown_states(record_of_two().execution)
+    assert state[5].tolist() == [MOVING, BLOCKED]
+    assert state[15].tolist() == [MOVING, WAITING]
+    assert state[25].tolist() == [MOVING, MOVING]
+    assert state[-1].tolist() == [AT_GOAL, ABSENT]
+
+
+def test_a_robot_that_turns_in_place_does_not_wait():
+    record = record_of_two()
+    yaw = record.execution.yaw_rad.copy()
+    yaw[12:16, 1] += 0.1 * np.arange(4)
+    state = shown_states(replace(record.execution, yaw_rad=yaw))
+    assert state[13:16, 1].tolist() == [MOVING] * 3
+    assert state[18, 1] == WAITING
+
+
+def test_plan_alone_is_driven_exactly():
+    record = record_of_two()
+    execution = plan_as_execution(record.plan, record.graph)
+    k = {round(t, 6): i for i, t in enumerate(execution.t_s)}
+    assert execution.x_m[k[1.0]].tolist() == pytest.approx([1.5, 0.5])
+    assert execution.y_m[k[2.6]].tolist() == pytest.approx([0.5, 2.1])
+    assert execution.yaw_rad[k[2.6]].tolist() == pytest.approx([0, np.pi / 2])
+    assert execution.goal_s.tolist() == [3, 3]
+
+
+def test_racks_are_furniture_and_rooms_are_not():
+    def ring(x0, y0, x1, y1):
+        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        return [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+
+    room, rack, stub = ring(0, 0, 9, 9), ring(2, 2, 3, 6), [((5, 5), (5, 7))]
+    divided = [*ring(6, 2, 7, 3), ((7, 2), (8, 2)), ((8, 2), (8, 3)), ((8, 3), (7, 3))]
+    outlines, inner, walls = furniture_and_walls(np.array(room + rack + stub + divided, float))
+    assert len(walls) == 5
+    assert len(inner) == 11
+    assert sorted(np.ptp(o, axis=0).tolist() for o in outlines) == [[1, 4], [2, 1]]
+
+
+def test_no_walls_are_no_furniture():
+    outlines, inner, walls = furniture_and_walls(np.zeros((0, 2, 2)))
+    assert (len(outlines), len(inner), len(walls)) == (0, 0, 0)
