@@ -1,9 +1,11 @@
 """Events of an execution as JSON lines: one object a line, readable with `jq`, pandas and editors.
 
-Robots and vertices go by name; a key without a value is left out.
+Robots and vertices go by name; a key without a value is left out. JSON knows no infinity: what lasts for good has
+`for_good: true` and no `duration_s`.
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ SCHEMA_VERSION = 1
 
 
 def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any]:
-    """An event in names: t_s, kind, robot, and where there are such vertex, other, duration_s, text."""
+    """An event in names: t_s, kind, robot, and where there are such vertex, x_m, y_m, other, duration_s or for_good, text."""
     document: dict[str, Any] = {"t_s": float(event.t_s), "kind": event.kind}
     if event.robot >= 0:
         document["robot"] = fleet.robot_name[event.robot]
@@ -25,7 +27,9 @@ def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any
         document["x_m"], document["y_m"] = (float(c) for c in graph.xy[event.vertex])
     if event.other >= 0:
         document["other"] = fleet.robot_name[event.other]
-    if event.duration_s:
+    if event.duration_s == math.inf:
+        document["for_good"] = True
+    elif event.duration_s:
         document["duration_s"] = float(event.duration_s)
     if event.text:
         document["text"] = event.text
@@ -40,7 +44,7 @@ def write_events(path: Path, execution: Execution, fleet: Fleet, graph: NavGraph
 
 
 def read_events(path: Path) -> list[dict[str, Any]]:
-    """The lines of an events file as dictionaries.
+    """The lines of an events file as dictionaries; what lasts for good has an infinite `duration_s`.
 
     Raises
     ------
@@ -55,6 +59,8 @@ def read_events(path: Path) -> list[dict[str, Any]]:
             raise MrpSumoError(f"{path}:{number}: not JSON: {error.msg}") from None
         if not isinstance(event, dict):
             raise MrpSumoError(f"{path}:{number}: found {line[:40]!r}, expected an object")
+        if event.pop("for_good", False):
+            event["duration_s"] = math.inf
         events.append(event)
     return events
 

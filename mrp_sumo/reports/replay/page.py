@@ -303,7 +303,9 @@ def _add_events(columns: Columns, record: Record, index: IntArray) -> dict[str, 
     kinds = list(dict.fromkeys(event.kind for event in events))
     if events:
         columns.add("event_t", _milliseconds(np.array([e.t_s for e in events])), "<u4", 1)
-        columns.add("event_duration", _milliseconds(np.array([e.duration_s for e in events])), "<u4")
+        left_s = float(record.execution.t_s[-1]) - np.array([e.t_s for e in events])  # what lasts for good is shown to the end
+        lasts_s = np.array([e.duration_s for e in events])
+        columns.add("event_duration", _milliseconds(np.where(np.isinf(lasts_s), left_s, lasts_s)), "<u4")
         columns.add("event_kind", np.array([kinds.index(e.kind) for e in events]) % 256, "<u1")
         columns.add("event_robot", np.array([e.robot for e in events]) % 2**32, "<u4")
         columns.add("event_other", np.array([e.other for e in events]) % 2**32, "<u4")
