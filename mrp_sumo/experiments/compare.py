@@ -2,7 +2,8 @@
 
 Refuses tables that share no run. A difference counts when it is worse, larger than the tolerance, and
 unlikely by chance, with the p-values of all metrics adjusted together; in strict mode any run that got
-worse counts.
+worse counts. What is worse is said by the table of metrics; a column of which neither more nor less is better
+is compared, but never worse.
 """
 
 from collections.abc import Sequence
@@ -13,12 +14,18 @@ import numpy as np
 
 from mrp_sumo.errors import BatchError, nearest
 from mrp_sumo.experiments.statistics import PairedRates, PairedValues, holm, mcnemar, wilcoxon
+from mrp_sumo.metrics.metric import YES_NO, Metric, Sense
+from mrp_sumo.metrics.registry import BY_NAME
 
 if TYPE_CHECKING:
     import pandas
 
 DEFAULT_METRICS = ("success", "plan_success", "soc_steps", "makespan_s", "execution_time_s")
-MORE_IS_BETTER = ("success", "plan_", "goals_reached", "all_goals", "robots_at_goal", "real_time", "robot_seconds", "min_", "lower_bound")
+COLUMNS = {  # what is better of columns that are no metrics
+    "success": Sense.MORE,
+    **dict.fromkeys(("attempts", "run_wall_s", "run_cpu_s", "peak_memory_mb"), Sense.LESS),
+}
+WORSE_BY = {Sense.MORE: -1, Sense.LESS: 1, Sense.NONE: 0}  # the sign of a change for the worse
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,7 @@ def compare(
     alpha: float = 0.05,
     tolerance: float = 0.01,
     strict: bool = False,
+    own: Sequence[Metric] = (),
 ) -> Comparison:
     """Compare two result tables on the runs they share.
 
@@ -69,6 +77,8 @@ def compare(
         Relative worsening of a mean that does not matter.
     strict
         Count every run that got worse instead.
+    own
+        Metrics beside the bundled ones, for their senses.
 
     Raises
     ------
@@ -85,25 +95,26 @@ def compare(
         raise BatchError("the two have no run in common: no equal scenario and seed")
     a_rows, b_rows = a.loc[shared], b.loc[shared]
     there = [metric for metric in metrics if metric in a.columns and metric in b.columns]
-    found = [(metric, *pair) for metric in there if (pair := _paired(a_rows[metric], b_rows[metric], metric))]
+    of = {**BY_NAME, **{metric.name: metric for metric in own}}
+    sign = {name: WORSE_BY[of[name].sense if name in of else COLUMNS.get(name, Sense.NONE)] for name in there}
+    flags = {name for name in there if name == "success" or (name in of and of[name].unit == YES_NO)}
+    found = [(name, *pair) for name in there if (pair := _paired(a_rows[name], b_rows[name], name, sign=sign[name], is_flag=name in flags))]
     adjusted = holm([paired.p_value for _, paired, _ in found])
     differences = []
     for (metric, paired, worse_by), p_value in zip(found, adjusted, strict=True):
         allowed = 0.0 if isinstance(paired, PairedRates) else tolerance
-        sign = -1 if metric.startswith(MORE_IS_BETTER) else 1
-        overall = sign * (paired.second - paired.first) > allowed * abs(paired.first)
+        overall = sign[metric] * (paired.second - paired.first) > allowed * abs(paired.first)
         num_worse = int(np.count_nonzero(worse_by > allowed))
         failed = num_worse > 0 if strict else overall and p_value < alpha
         differences.append(Difference(metric, paired, p_value, num_worse, bool(failed)))
     return Comparison(len(shared), len(a) - len(shared), len(b) - len(shared), tuple(differences))
 
 
-def _paired(first: Any, second: Any, metric: str) -> tuple[PairedRates | PairedValues, Any] | None:
+def _paired(first: Any, second: Any, metric: str, *, sign: int, is_flag: bool) -> tuple[PairedRates | PairedValues, Any] | None:
     """The paired test, and [N] by how much each run got worse, relatively; None where there are no values."""
     import pandas as pd
 
-    sign = -1 if metric.startswith(MORE_IS_BETTER) else 1
-    if metric == "success" or pd.api.types.is_bool_dtype(first) or pd.api.types.is_bool_dtype(second):
+    if is_flag or pd.api.types.is_bool_dtype(first) or pd.api.types.is_bool_dtype(second):
         a, b = (column.astype("boolean").fillna(False).to_numpy(np.bool_) for column in (first, second))
         return mcnemar(a, b), sign * (b.astype(np.int64) - a)
     try:
@@ -114,5 +125,5 @@ def _paired(first: Any, second: Any, metric: str) -> tuple[PairedRates | PairedV
     if not paired.count:
         return None
     with np.errstate(divide="ignore", invalid="ignore"):
-        worse_by = np.where(x == y, 0.0, sign * (y - x) / np.abs(x))
+        worse_by = np.where((x == y) | (sign == 0), 0.0, sign * (y - x) / np.abs(x))
     return paired, np.nan_to_num(worse_by, nan=0.0, posinf=np.inf, neginf=-np.inf)

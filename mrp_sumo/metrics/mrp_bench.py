@@ -1,9 +1,11 @@
-"""MRP-Bench's metrics, under its names and by its order of operations.
+"""MRP-Bench's metrics, by its order of operations: under its names for any log, under ours for a run.
 
 Definitions: boschresearch/mrp_bench at commit c39c865, `metric_collector.py` (`BagAnalyzer`) for the
 execution and `bench_node.py` for the planning counts. Refuses logs without a message. Two things
 differ from the analyser: a stamp of 0 is a stamp like any other, and where it would raise `TypeError`
 (all arrive, nobody ever leaves the start) the execution time is None.
+
+A run is measured by what MRP-Bench would have recorded of it: positions at 2 Hz, in float32.
 """
 
 from collections.abc import Sequence
@@ -13,8 +15,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 
+from mrp_sumo.core.execution import Execution, positions_at
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.core.plan import paths_of_plan
+from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.metrics.metric import YES_NO, Evidence, count_of, metric
+from mrp_sumo.metrics.planning import steps_to_goal
 
 CELL_M = 0.35  # cellSize
 TOLERANCE_M = 0.7  # locationTolerance
@@ -169,3 +175,138 @@ def smoothed_counts(paths: Sequence[Sequence[int]], cell: IntArray) -> tuple[int
             i += 2 if skips[i] else 1
         lengths.append(kept)
     return max(lengths, default=0), sum(lengths)
+
+
+def fleet_states(execution: Execution) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Stamps [K] in ns from 0, x, y and yaw [K, R] as MRP-Bench records them: 2 Hz, rounded to float32."""
+    period_ns = round(1e9 / RATE_HZ)
+    t_ns = np.arange(0, round(float(execution.t_s[-1]) * 1e9) + 1, period_ns, dtype=np.int64)
+    x, y, yaw = (a.astype(np.float32).astype(np.float64) for a in positions_at(execution, t_ns / 1e9))
+    return t_ns, x, y, yaw
+
+
+@metric(YES_NO, "more", "there is a plan, valid or not (`validScheduleFound`)")
+def plan_success(run: Evidence) -> bool:
+    return run.plan is not None
+
+
+@metric("cells", "less", "longest list")
+def makespan_steps(run: Evidence) -> float | None:
+    steps = run.once(steps_to_goal)
+    return None if steps is None else count_of(steps.max() + 1)
+
+
+@metric("cells", "less", "sum of the lists' lengths")
+def cost_steps(run: Evidence) -> float | None:
+    steps = run.once(steps_to_goal)
+    return None if steps is None else count_of(steps.sum() + len(steps))
+
+
+@metric(
+    "cells",
+    "less",
+    "`makespan_steps` after MRP-Bench's smoothing: waypoint i + 1 is dropped where i + 2 lies as many cells across as along; "
+    "drops double waits, too. Grids only",
+)
+def makespan_smoothed_steps(run: Evidence) -> int | None:
+    counts = run.once(_smoothed)
+    return counts[0] if counts else None
+
+
+@metric("cells", "less", "`cost_steps` after the same smoothing. Grids only")
+def cost_smoothed_steps(run: Evidence) -> int | None:
+    counts = run.once(_smoothed)
+    return counts[1] if counts else None
+
+
+@metric("", "more", "robots that ever had `dg < tol` (`goalsReached`)")
+def goals_reached(run: Evidence) -> int | None:
+    return run.once(_analysed).get("goalsReached")
+
+
+@metric(YES_NO, "more", "`goals_reached == n` (`allGoalReached`)")
+def all_goals_reached(run: Evidence) -> bool | None:
+    return run.once(_analysed).get("allGoalReached")
+
+
+@metric(
+    "s",
+    "less",
+    "τ of the message in which the last robot has `dg < tol` for the first time, minus τ of the first message with any robot at "
+    "`ds > tol`; the execution's time limit when not all arrive; `null` when all arrive and none ever leaves its start "
+    "(`totalTimeForScheduleExecution`)",
+)
+def execution_time_s(run: Evidence) -> float | None:
+    return run.once(_analysed).get("totalTimeForScheduleExecution")
+
+
+@metric(YES_NO, "less", "not all arrived (`executionTimeoutReached`)")
+def execution_timed_out(run: Evidence) -> bool | None:
+    return run.once(_analysed).get("executionTimeoutReached")
+
+
+@metric("m", "more", "least distance of two robots' centres over all messages, parked ones included (`minDistanceBetweenTwoAgents`)")
+def min_distance_m(run: Evidence) -> float | None:
+    return _distance(run, "")
+
+
+@metric("m", "none", "the same up to the first message with all robots (`...AtStart`)")
+def min_distance_at_start_m(run: Evidence) -> float | None:
+    return _distance(run, "AtStart")
+
+
+@metric("m", "less", "`min_distance_at_start_m - min_distance_m`: how much nearer robots came than they started (`...Delta`)")
+def min_distance_delta_m(run: Evidence) -> float | None:
+    return _distance(run, "Delta")
+
+
+@metric("s", "less", "sum of `time_blocked_s` (`timeBlockedTotal`)")
+def time_blocked_total_s(run: Evidence) -> float | None:
+    return run.once(_analysed).get("timeBlockedTotal")
+
+
+@metric(
+    "s",
+    "less",
+    "number of blocked steps x `(τ_T - τ_1) / T`. Up to the arrival, a message counts when `ds > cell` or `dg < cell`; a step is "
+    "blocked when, over the last 10 that count, `dg` changed by at most `cell`. 0 for a robot without a message that counts "
+    "(`timeBlockedPerAgent`)",
+    per_robot=True,
+)
+def time_blocked_s(run: Evidence) -> list[float] | None:
+    found = run.once(_analysed)
+    return [found["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if found else None
+
+
+@metric(YES_NO, "less", "some robot never had a message that counts, or never appeared (`invalidRun`)")
+def run_invalid(run: Evidence) -> bool | None:
+    return run.once(_analysed).get("invalidRun")
+
+
+def _analysed(run: Evidence) -> dict[str, Any]:
+    """The analyser's metrics of an execution, none without one."""
+    if run.execution is None:
+        return {}
+    t_ns, x, y, _ = fleet_states(run.execution)
+    xy = run.problem.graph.xy
+    limits = {"cell_m": run.cell_m, "tolerance_m": run.tolerance_m, "recording_timeout_s": run.time_limit_s}
+    return execution_metrics(t_ns, x, y, xy[run.problem.start], xy[run.problem.target], **limits)  # type: ignore[arg-type]
+
+
+def _distance(run: Evidence, which: str) -> float | None:
+    """A least distance; None where there never are two robots."""
+    found = run.once(_analysed)
+    met = found.get("minDistanceBetweenTwoAgents", NO_PAIR_M) != NO_PAIR_M
+    return found[f"minDistanceBetweenTwoAgents{which}"] if met else None
+
+
+def _smoothed(run: Evidence) -> tuple[int, int] | None:
+    """Makespan and cost after smoothing; None without a plan on a grid."""
+    if run.plan is None or not run.plan.num_robots or run.problem.graph.kind != "grid":
+        return None
+    try:
+        paths = [path.tolist() for path in paths_of_plan(run.plan, run.problem.step_s)]
+    except PlanError:  # a plan in continuous time has no list of cells to smooth
+        return None
+    xy = run.problem.graph.xy
+    return smoothed_counts(paths, np.rint((xy - xy.min(0)) / run.problem.graph.cell_m).astype(np.int64))

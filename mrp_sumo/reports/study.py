@@ -18,6 +18,8 @@ from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
 from mrp_sumo.io.results import PLAN, load_results, read_plan
 from mrp_sumo.io.run_reader import RESULT, Run, load_run
+from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
+from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
 
 PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "astar": "A*",
@@ -31,34 +33,8 @@ PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "lacam": "LaCAM*",
     "lns2": "LNS2",
 }
-NUMBERS = (  # metrics that charts and tables read; absent ones are filled in as missing
-    "num_robots",
-    "planning_time_s",
-    "assignment_time_s",
-    "makespan_steps",
-    "cost_steps",
-    "soc_steps",
-    "lower_bound_steps",
-    "makespan_smoothed_steps",
-    "cost_smoothed_steps",
-    "makespan_s",
-    "num_vertex_conflicts",
-    "num_edge_conflicts",
-    "goals_reached",
-    "robots_at_goal",
-    "execution_time_s",
-    "time_blocked_total_s",
-    "min_clearance_m",
-    "num_overlaps",
-    "lateness_mean_s",
-    "lateness_p95_s",
-    "lateness_max_s",
-    "run_wall_s",
-    "planner.time_limit_s",
-    "execution.time_limit_s",
-    "seed",
-)
-FLAGS = ("success", "plan_success", "plan_valid", "execution_timed_out")
+NUMBERS = (*METRIC_NUMBERS, "run_wall_s", "planner.time_limit_s", "execution.time_limit_s", "seed")  # absent ones are filled in as missing
+FLAGS = ("success", *METRIC_FLAGS)
 NEEDED = ("status", "success", "planner", "map")
 MAX_FOLDERS = 200  # run folders that are opened beside a batch
 

@@ -13,7 +13,7 @@ import mrp_sumo
 from mrp_sumo.cli.main import main
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.io.results import MACHINE_COLUMNS
-from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 SUITE = """
 name: study

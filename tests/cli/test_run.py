@@ -6,7 +6,7 @@ import json
 import pytest
 
 from mrp_sumo.cli.main import main
-from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 METRICS = [
     "plan_success",

@@ -19,7 +19,7 @@ from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.experiments.batch import FINISH, GO_ON, open_batch, run_batch
 from mrp_sumo.io.results import MACHINE_COLUMNS, read_record, record_path, records_in
-from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 
 def record_of(batch, seed):

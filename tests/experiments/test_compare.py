@@ -57,3 +57,22 @@ def test_tables_without_a_common_run_are_refused():
 def test_metric_that_cannot_be_compared_is_refused(metric, told):
     with pytest.raises(BatchError, match=told):
         compare(table([True]), table([True]), [metric])
+
+
+@pytest.mark.parametrize(
+    ("metric", "before", "after", "worse"),
+    [
+        ("min_distance_delta_m", 0.1, 0.5, True),  # robots come nearer to each other than before
+        ("min_distance_delta_m", 0.5, 0.1, False),
+        ("min_distance_m", 0.5, 0.1, True),
+        ("min_distance_m", 0.1, 0.5, False),
+        ("min_distance_at_start_m", 0.5, 0.1, False),  # says nothing about either
+        ("num_vertices", 10, 20, False),
+        ("run_wall_s", 1.0, 2.0, True),
+    ],
+)
+def test_what_is_worse_is_said_by_the_table_of_metrics(metric, before, after, worse):
+    a, b = (table([True] * 20).assign(**{metric: value}) for value in (before, after))
+    found = compare(a, b, [metric])
+    assert found.worse is worse
+    assert found.differences[0].num_worse == 20 * worse

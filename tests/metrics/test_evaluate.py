@@ -9,7 +9,8 @@ from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.metrics.audit import audit
-from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT, evaluate
+from mrp_sumo.metrics.evaluate import evaluate
+from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 from mrp_sumo.traffic.referee import judge
 
 NAMES = [

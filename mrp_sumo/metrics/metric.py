@@ -1,0 +1,131 @@
+"""What a metric is: one function of what a run came to, with its name, unit, sense and formula."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.plan import Plan, PlanResult
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.traffic.referee import Verdict
+
+YES_NO = "yes/no"  # the unit of what is true or false
+UNITS = {"_s": "s", "_m": "m", "_mps": "m/s", "_steps": "steps", "_j": "J"}  # by the end of a name
+
+T = TypeVar("T")
+
+
+class Sense(StrEnum):
+    """Which values are better."""
+
+    MORE = "more"
+    LESS = "less"
+    NONE = "none"  # neither: a fact about the run
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All that a metric may read of a run."""
+
+    problem: Problem  # as it was executed, with the assignment
+    result: PlanResult  # of the planner
+    verdict: Verdict | None  # of the referee on the plan; None without a plan
+    execution: Execution | None  # None when nothing was driven
+    audit: dict[str, Any] | None  # of the execution
+    assignment_time_s: float | None  # wall time; None when there was nothing to assign
+    cell_m: float  # MRP-Bench's cellSize
+    tolerance_m: float  # execution.goal_tolerance_m
+    time_limit_s: float  # of the execution, simulated
+    _found: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def plan(self) -> Plan | None:
+        return self.result.plan
+
+    def once(self, work: Callable[["Evidence"], T]) -> T:
+        """What `work` finds in this evidence, worked out the first time: several metrics may share it."""
+        if work not in self._found:
+            self._found[work] = work(self)
+        found: T = self._found[work]
+        return found
+
+
+Function = Callable[[Evidence], Any]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number, a yes or no, or a number for each robot."""
+
+    name: str
+    unit: str
+    sense: Sense
+    formula: str  # in words, for the documentation
+    function: Function
+    of_machine: bool = False  # differs from run to run; all others are the same for the same scenario, seed and versions
+    per_robot: bool = False  # a list with a number for each robot
+
+    def __call__(self, evidence: Evidence) -> Any:
+        """The value; None where it does not exist."""
+        return self.function(evidence)
+
+    @property
+    def label(self) -> str:
+        """The name in words, without its unit."""
+        suffix = next((end for end in UNITS if self.name.endswith(end)), "")
+        return self.name.removesuffix(suffix).removeprefix("num_").replace("_", " ")
+
+
+def metric(
+    unit: str = "", sense: str = Sense.NONE, formula: str = "", *, of_machine: bool = False, per_robot: bool = False
+) -> Callable[[Function], Metric]:
+    """Make a function of the evidence the metric of its name.
+
+    Parameters
+    ----------
+    unit
+        SI, 'yes/no', or '' for a count.
+    sense
+        'more' or 'less' is better, or 'none'.
+    formula
+        What it is, for tables of metrics; the first line of the function's docstring by default.
+    of_machine
+        Whether it depends on the machine's clocks.
+    per_robot
+        Whether it is a list with a number for each robot.
+    """
+
+    def made(function: Function) -> Metric:
+        return Metric(function.__name__, unit, Sense(sense), formula or first_line(function), function, of_machine, per_robot)
+
+    return made
+
+
+def metric_of(function: Function) -> Metric:
+    """The metric that a plain function is: its unit by its name's end, no sense, its docstring's first line as formula."""
+    unit = next((unit for end, unit in UNITS.items() if function.__name__.endswith(end)), "")
+    return Metric(function.__name__, unit, Sense.NONE, first_line(function), function)
+
+
+def first_line(function: Function) -> str:
+    """The first line of a docstring."""
+    return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+
+
+def count_of(steps: float) -> float | int:
+    """A number of steps; an int where it is whole."""
+    whole = round(float(steps))
+    return whole if abs(steps - whole) < 1e-6 * max(1.0, abs(steps)) else float(steps)
+
+
+def is_value(value: Any) -> bool:
+    """Whether a metric may have this value: a finite number, a yes or no, a list of numbers, or None."""
+    if isinstance(value, list | tuple):
+        return all(is_value(each) and each is not None for each in value)
+    if value is None or isinstance(value, bool | np.bool_):
+        return True
+    return isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value)

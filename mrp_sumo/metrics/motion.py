@@ -1,0 +1,49 @@
+"""Metrics of the drive: how long it took, on the simulation's clock and on the machine's, and who stood."""
+
+from mrp_sumo.metrics.metric import Evidence, metric
+
+
+@metric("s", "less", "simulated time at the end")
+def sim_time_s(run: Evidence) -> float | None:
+    return None if run.execution is None else run.execution.sim_time_s
+
+
+@metric("s", "less", "wall time of the simulation loop", of_machine=True)
+def wall_time_s(run: Evidence) -> float | None:
+    return None if run.execution is None else run.execution.wall_time_s
+
+
+@metric("s", "less", "CPU time of the simulation loop", of_machine=True)
+def cpu_time_s(run: Evidence) -> float | None:
+    return None if run.execution is None else run.execution.cpu_time_s
+
+
+@metric("", "more", "`sim_time_s / wall_time_s`", of_machine=True)
+def real_time_factor(run: Evidence) -> float | None:
+    done = run.execution
+    return done.sim_time_s / done.wall_time_s if done is not None and done.wall_time_s > 0 else None
+
+
+@metric("", "more", "`n * sim_time_s / cpu_time_s`", of_machine=True)
+def robot_seconds_per_cpu_second(run: Evidence) -> float | None:
+    done = run.execution
+    return run.problem.num_robots * done.sim_time_s / done.cpu_time_s if done is not None and done.cpu_time_s > 0 else None
+
+
+@metric(
+    "s",
+    "less",
+    "sum of the durations of all `blocked` events: of robots that made no progress by a cell along their path within "
+    "`execution.blocking_window_s`, waits that the plan or a disturbance asks for left out",
+)
+def blocked_s(run: Evidence) -> float | None:
+    if run.execution is None:
+        return None
+    return float(sum(event.duration_s for event in run.execution.events if event.kind == "blocked"))
+
+
+@metric(
+    "s", "none", "simulated time that the execution was given: `execution.time_limit_s`, or what follows from the plan where that is null"
+)
+def execution_time_limit_s(run: Evidence) -> float | None:
+    return None if run.execution is None else run.time_limit_s

@@ -1,0 +1,71 @@
+"""Metrics of the plan: is it valid, what does it cost, how long did it take."""
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.metrics.metric import YES_NO, Evidence, count_of, metric
+
+
+@metric(YES_NO, "more", "the referee finds no fault, vertex conflict or edge conflict in the plan")
+def plan_valid(run: Evidence) -> bool | None:
+    return run.verdict.valid if run.verdict is not None and run.plan is not None else None
+
+
+@metric("", "less", "vertex conflicts that the referee finds: two robots at one vertex at one time")
+def num_vertex_conflicts(run: Evidence) -> int | None:
+    return _conflicts(run, "vertex")
+
+
+@metric("", "less", "edge conflicts that the referee finds: two robots change places")
+def num_edge_conflicts(run: Evidence) -> int | None:
+    return _conflicts(run, "edge")
+
+
+@metric(
+    "",
+    "less",
+    "following conflicts that the referee finds: a robot enters a vertex in the step in which another leaves it; no fault of a plan",
+)
+def num_following_conflicts(run: Evidence) -> int | None:
+    return _conflicts(run, "following")
+
+
+@metric("s", "less", "wall time of the solver, compiled code loaded", of_machine=True)
+def planning_time_s(run: Evidence) -> float:
+    return run.result.planning_time_s
+
+
+@metric("s", "less", "loading or compiling that code", of_machine=True)
+def prepare_time_s(run: Evidence) -> float:
+    return run.result.prepare_time_s
+
+
+@metric("s", "less", "cost matrix and assignment", of_machine=True)
+def assignment_time_s(run: Evidence) -> float | None:
+    return run.assignment_time_s
+
+
+@metric("steps", "less", "standard sum of costs: the sum over robots of the step at which each is at its goal to stay; `cost_steps - n`")
+def soc_steps(run: Evidence) -> float | None:
+    steps = run.once(steps_to_goal)
+    return None if steps is None else count_of(steps.sum())
+
+
+@metric("steps", "more", "what the planner proved about `soc_steps` of any plan; 0 where it proves nothing")
+def lower_bound_steps(run: Evidence) -> float:
+    return count_of(run.result.lower_bound_steps)
+
+
+@metric("s", "less", "planned time of the last arrival")
+def makespan_s(run: Evidence) -> float | None:
+    return float(run.plan.end_s.max()) if run.plan is not None and run.plan.num_robots else None
+
+
+def steps_to_goal(run: Evidence) -> FloatArray | None:
+    """[R] planned steps until each robot is at its goal to stay; None without a plan."""
+    if run.plan is None or not run.plan.num_robots:
+        return None
+    steps: FloatArray = run.plan.end_s / run.problem.step_s
+    return steps
+
+
+def _conflicts(run: Evidence, kind: str) -> int | None:
+    return run.verdict.count(kind) if run.verdict is not None and run.plan is not None else None
