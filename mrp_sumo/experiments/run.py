@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.plan import Plan, PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.policy import needs_sound_plan
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.errors import PlanError
+from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.io.record import Record, record_of
@@ -31,6 +32,8 @@ from mrp_sumo.search import distance
 from mrp_sumo.traffic.referee import Verdict, judge
 
 if TYPE_CHECKING:
+    import pandas
+
     from mrp_sumo.io.outline import Outline
     from mrp_sumo.maps.costmap import Costmap
 
@@ -62,12 +65,68 @@ class RunResult:
     metrics: dict[str, Any]  # JSON values by name
 
     @property
-    def record(self) -> Record | None:
-        """Everything logs are made of; None where nothing was driven."""
+    def source(self) -> str:
+        """What it is called in messages."""
+        return self.setup.scenario.name
+
+    @property
+    def executed(self) -> bool:
+        """Whether there is a trajectory."""
+        return self.execution is not None
+
+    @property
+    def plan(self) -> Plan | None:
+        """Visits as arrays; None when there is no plan."""
+        return self.solution.result.plan
+
+    @property
+    def graph(self) -> PlanGraph:
+        """The graph that was planned on."""
+        return self.solution.problem.graph
+
+    @property
+    def fleet(self) -> Fleet:
+        return self.solution.problem.fleet
+
+    @property
+    def nav(self) -> NavGraph:
+        """The map as drawn."""
+        return self.setup.map.nav
+
+    @property
+    def record(self) -> Record:
+        """Everything logs are made of. Raises MrpSumoError when nothing was driven."""
+        return record_of(self.setup.scenario, self.solution.problem, self.plan, self._driven, self.nav, self.costmap)
+
+    @property
+    def trajectory(self) -> "pandas.DataFrame":
+        """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
+        from mrp_sumo.io.trajectory import trajectory_frame, trajectory_table
+
+        return trajectory_frame(trajectory_table(self._driven, self.fleet.robot_name))
+
+    @property
+    def events(self) -> "pandas.DataFrame":
+        """One row per event."""
+        from mrp_sumo.io.events import event_documents, events_frame
+
+        return events_frame(event_documents(self.execution, self.fleet, self.graph) if self.execution else [])
+
+    @property
+    def visits(self) -> "pandas.DataFrame":
+        """One row per planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
+        from mrp_sumo.io.visits import visits_table
+
+        execution = self._driven
+        assert self.plan is not None
+        frame: pandas.DataFrame = visits_table(self.solution.problem, self.plan, execution).to_pandas()
+        return frame
+
+    @property
+    def _driven(self) -> Execution:
         if self.execution is None:
-            return None
-        setup, solution = self.setup, self.solution
-        return record_of(setup.scenario, solution.problem, solution.result.plan, self.execution, setup.map.nav, self.costmap)
+            raise MrpSumoError(f"{self.source}: the run was not executed ({self.status}), so it has no trajectory")
+        return self.execution
 
     @cached_property
     def costmap(self) -> "Costmap | None":
@@ -86,7 +145,7 @@ class RunResult:
         return outline_of(map_.building, map_.nav.level_names) if map_.building else None
 
     @cached_property
-    def document(self) -> dict[str, Any]:
+    def result(self) -> dict[str, Any]:
         """What `result.json` holds, but for its list of files."""
         return result_document(**self._told)
 

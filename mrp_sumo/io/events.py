@@ -7,12 +7,15 @@ Robots and vertices go by name; a key without a value is left out. JSON knows no
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Event, Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    import pandas
 
 SCHEMA_VERSION = 1
 
@@ -36,11 +39,22 @@ def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any
     return document
 
 
+def event_documents(execution: Execution, fleet: Fleet, graph: NavGraph) -> list[dict[str, Any]]:
+    """All events in names, by time."""
+    return [event_document(event, fleet, graph) for event in sorted(execution.events, key=lambda event: event.t_s)]
+
+
 def write_events(path: Path, execution: Execution, fleet: Fleet, graph: NavGraph) -> None:
     """Write all events by time, one a line."""
-    events = sorted(execution.events, key=lambda event: event.t_s)
-    lines = [json.dumps(event_document(event, fleet, graph), ensure_ascii=False, allow_nan=False) for event in events]
+    lines = [json.dumps(document, ensure_ascii=False, allow_nan=False) for document in event_documents(execution, fleet, graph)]
     path.write_text("".join(line + "\n" for line in lines), encoding="utf-8")
+
+
+def events_frame(documents: list[dict[str, Any]]) -> "pandas.DataFrame":
+    """One row per event; what an event does not have is NaN."""
+    import pandas as pd
+
+    return pd.DataFrame(documents, columns=["t_s", "kind", "robot", "vertex", "x_m", "y_m", "other", "duration_s", "text"])
 
 
 def read_events(path: Path) -> list[dict[str, Any]]:

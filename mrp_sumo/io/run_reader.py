@@ -17,13 +17,14 @@ from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.plan_json import read_plan
-from mrp_sumo.io.events import events_of_documents, read_events
+from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.record import Record, constants_of
 
 if TYPE_CHECKING:
     import pandas
 
+    from mrp_sumo.io.outline import Outline
     from mrp_sumo.io.trajectory import Trajectory
     from mrp_sumo.maps.costmap import Costmap
 
@@ -67,6 +68,11 @@ class Run:
     result: dict[str, Any]  # of result.json
 
     @property
+    def source(self) -> str:
+        """Where it is from, for messages."""
+        return str(self.folder)
+
+    @property
     def metrics(self) -> dict[str, Any]:
         return dict(self.result["metrics"])
 
@@ -102,6 +108,13 @@ class Run:
     def costmap(self) -> "Costmap | None":
         """The walls."""
         return read_walls(self.folder)
+
+    @cached_property
+    def outline(self) -> "Outline | None":
+        """The building as drawn."""
+        from mrp_sumo.io.outline import read_outline
+
+        return read_outline(self.folder / "building.json")
 
     @cached_property
     def plan(self) -> Plan | None:
@@ -172,26 +185,23 @@ class Run:
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
-        """One row a robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
+        """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
         import pyarrow.parquet as pq
 
+        from mrp_sumo.io.trajectory import trajectory_frame
+
         self._require_trajectory()
-        frame: pandas.DataFrame = pq.read_table(self.folder / "trajectory.parquet").to_pandas()
-        frame.insert(0, "t_s", frame.pop("t_ns") / 1e9)
-        return frame
+        return trajectory_frame(pq.read_table(self.folder / "trajectory.parquet"))
 
     @property
     def events(self) -> "pandas.DataFrame":
-        """One row an event."""
-        import pandas as pd
-
-        columns = ["t_s", "kind", "robot", "vertex", "x_m", "y_m", "other", "duration_s", "text"]
+        """One row per event."""
         path = self.folder / "events.jsonl"
-        return pd.DataFrame(read_events(path) if path.is_file() else [], columns=columns)
+        return events_frame(read_events(path) if path.is_file() else [])
 
     @property
     def visits(self) -> "pandas.DataFrame":
-        """One row a planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
+        """One row per planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
         import pyarrow.parquet as pq
 
         self._require_trajectory()

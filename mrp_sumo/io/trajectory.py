@@ -7,10 +7,10 @@ another schema.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +19,9 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    import pandas
 
 SCHEMA_VERSION = 1
 ROWS_PER_GROUP = 500_000
@@ -58,9 +61,7 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
     metadata
         JSON values to keep in the file: scenario, seed, versions.
     """
-    num_samples, num_robots = execution.x_m.shape
-    t_ns = np.rint(execution.t_s * 1e9).astype(np.int64)
-    index = pa.int16() if num_robots < 2**15 else pa.int32()
+    t_ns = _ticks(execution)
     about = {
         "schema_version": SCHEMA_VERSION,
         "units": UNITS,
@@ -68,23 +69,50 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
         "t_ns": _stamps_told(t_ns),
         **metadata,
     }
-    fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", pa.dictionary(index, pa.string()), False)]
-    fields += [pa.field(name, pa.float64(), False) for name in COLUMNS]
-    schema = pa.schema(fields, {"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
+    schema = _schema(len(robot_name)).with_metadata({"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
     encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys(COLUMNS, "BYTE_STREAM_SPLIT")}
-    ticks = max(1, ROWS_PER_GROUP // max(1, num_robots))
-    names = pa.array(list(robot_name), pa.string())
     with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot"], column_encoding=encoding) as writer:
-        for a in range(0, num_samples, ticks):
-            rows = slice(a, min(a + ticks, num_samples))
-            flat = [np.ascontiguousarray(getattr(execution, name)[rows].T).ravel() for name in COLUMNS]
-            length = rows.stop - rows.start
-            time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
-            there = np.isfinite(flat[0]) & np.isfinite(flat[1])
-            if not there.all():
-                time, robot, flat = time[there], robot[there], [column[there] for column in flat]
-            robots = pa.DictionaryArray.from_arrays(pa.array(robot, index), names)
-            writer.write_table(pa.Table.from_arrays([pa.array(time), robots, *map(pa.array, flat)], schema=schema), ROWS_PER_GROUP * 2)
+        for table in _tables(execution, robot_name, t_ns):
+            writer.write_table(table.cast(schema), ROWS_PER_GROUP * 2)
+
+
+def trajectory_table(execution: Execution, robot_name: tuple[str, ...]) -> pa.Table:
+    """The table in memory, without metadata."""
+    return pa.concat_tables([_schema(len(robot_name)).empty_table(), *_tables(execution, robot_name, _ticks(execution))])
+
+
+def trajectory_frame(table: pa.Table) -> "pandas.DataFrame":
+    """The table as a DataFrame with columns t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
+    frame: pandas.DataFrame = table.to_pandas()
+    frame.insert(0, "t_s", frame.pop("t_ns") / 1e9)
+    return frame
+
+
+def _ticks(execution: Execution) -> IntArray:
+    return np.rint(execution.t_s * 1e9).astype(np.int64)
+
+
+def _schema(num_robots: int) -> pa.Schema:
+    index = pa.int16() if num_robots < 2**15 else pa.int32()
+    fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", pa.dictionary(index, pa.string()), False)]
+    return pa.schema(fields + [pa.field(name, pa.float64(), False) for name in COLUMNS])
+
+
+def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray) -> Iterator[pa.Table]:
+    """The rows, half a million at a time, robot by robot in each."""
+    num_samples, num_robots = execution.x_m.shape
+    schema, names = _schema(num_robots), pa.array(list(robot_name), pa.string())
+    ticks = max(1, ROWS_PER_GROUP // max(1, num_robots))
+    for a in range(0, num_samples, ticks):
+        rows = slice(a, min(a + ticks, num_samples))
+        flat = [np.ascontiguousarray(getattr(execution, name)[rows].T).ravel() for name in COLUMNS]
+        length = rows.stop - rows.start
+        time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
+        there = np.isfinite(flat[0]) & np.isfinite(flat[1])
+        if not there.all():
+            time, robot, flat = time[there], robot[there], [column[there] for column in flat]
+        robots = pa.DictionaryArray.from_arrays(pa.array(robot, schema.field("robot").type.index_type), names)
+        yield pa.Table.from_arrays([pa.array(time), robots, *map(pa.array, flat)], schema=schema)
 
 
 def read_trajectory(path: Path) -> Trajectory:

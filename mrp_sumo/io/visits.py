@@ -26,6 +26,11 @@ def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution)
     problem, plan, execution
         Of one run.
     """
+    pq.write_table(visits_table(problem, plan, execution), path, compression="zstd")
+
+
+def visits_table(problem: Problem, plan: Plan, execution: Execution) -> pa.Table:
+    """The table in memory."""
     graph = problem.graph
     arrived = execution.arrived_s if len(execution.arrived_s) == plan.num_visits else np.full(plan.num_visits, np.nan)
     names = pa.array(list(problem.fleet.robot_name), pa.string())
@@ -39,7 +44,7 @@ def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution)
         "depart_s": pa.array(plan.depart_s, mask=~np.isfinite(plan.depart_s)),
         "arrived_s": pa.array(arrived, mask=~np.isfinite(arrived)),
     }
-    pq.write_table(pa.table(columns), path, compression="zstd")
+    return pa.table(columns)
 
 
 def read_arrivals(path: Path) -> FloatArray:

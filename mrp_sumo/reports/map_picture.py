@@ -9,11 +9,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, to_rgba
 from matplotlib.figure import Figure
@@ -30,6 +28,7 @@ from mrp_sumo.maps.check import FOUND_ON_GRAPHS
 from mrp_sumo.maps.facts import num_lift_lanes
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.labels import place_labels
+from mrp_sumo.reports.picture import Picture, require_suffix
 
 INK, MUTED, WALL, FLOOR, PAPER = "#1f2328", "#6b7280", "#3b4048", "#f4f1ea", "#ffffff"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442"
@@ -107,8 +106,15 @@ def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: f
         For another suffix.
     """
     for file in (path, *others):
-        if file.suffix not in (".png", ".svg"):
-            raise MapError(f"{file}: a picture ends in .png or .svg, not '{file.suffix}'")
+        require_suffix(file, MapError)
+    figure = map_picture(map_, findings=findings)
+    for file in (*others, path):
+        figure.write(file, dpi)
+    return path
+
+
+def map_picture(map_: Map, *, findings: bool = True) -> Picture:
+    """The picture of a map; the parameters are those of `draw_map`."""
     nav = map_.nav
     panels = _panels(map_)
     figure, axes, inch_per_m = _page(panels)
@@ -128,9 +134,7 @@ def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: f
     _draw_scale(axes[0], panels[0], points_per_m)
     _title(figure, map_, panels, findings)
     _draw_legend(figure, legend)
-    for file in (*others, path):
-        _save(figure, file, dpi)
-    return path
+    return figure
 
 
 def _panels(map_: Map) -> list[Panel]:
@@ -164,7 +168,7 @@ def _grid_box(map_: Map) -> FloatArray | None:
     return np.array([low, low + np.array(map_.free.shape[::-1]) * side])
 
 
-def _page(panels: list[Panel]) -> tuple[Figure, list[Axes], float]:
+def _page(panels: list[Panel]) -> tuple[Picture, list[Axes], float]:
     """A figure with an axes a panel, in a row or a column, and the scale in inches a metre."""
     sizes = np.array([p.size for p in panels])
     row = np.array([sizes[:, 0].sum(), sizes[:, 1].max()])
@@ -176,8 +180,7 @@ def _page(panels: list[Panel]) -> tuple[Figure, list[Axes], float]:
     gaps = between * (len(panels) - 1)
     plan_w, plan_h = width * inch_per_m + gaps * in_row, height * inch_per_m + gaps * (not in_row)
     page_w, page_h = max(plan_w + 2 * side, 8.0), plan_h + top + bottom
-    figure = Figure(figsize=(page_w, page_h), facecolor=PAPER)
-    FigureCanvasAgg(figure)
+    figure = Picture(page_w, page_h, PAPER)
     x, y = (page_w - plan_w) / 2, page_h - top
     axes = []
     for w, h in sizes * inch_per_m:
@@ -453,14 +456,3 @@ def _draw_legend(figure: Figure, legend: dict[str, Artist]) -> None:
         handletextpad=0.5,
         columnspacing=1.6,
     )
-
-
-def _save(figure: Figure, path: Path, dpi: float) -> Path:
-    """Whole or not at all, and without the date."""
-    metadata = {"Software": None} if path.suffix == ".png" else {"Date": None, "Creator": None}
-    part = path.with_name(path.name + ".part")
-    with mpl.rc_context({"svg.hashsalt": "mrp_sumo", "svg.fonttype": "none"}):
-        fast = {"pil_kwargs": {"compress_level": 2}} if path.suffix == ".png" else {}  # a tenth larger, in two thirds of the time
-        figure.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata, **fast)
-    part.replace(path)
-    return path

@@ -4,10 +4,8 @@ came from, and where the plan has them. The same run and time give the same byte
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,11 +15,11 @@ from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.outline import Outline, read_outline
+from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import STATE_NAMES, Record
-from mrp_sumo.io.run_reader import Run
+from mrp_sumo.reports.picture import Picture, require_suffix
 from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
-from mrp_sumo.reports.view import ABSENT, furniture_and_walls, is_grid_map, shown_record, shown_states
+from mrp_sumo.reports.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, shown_record, shown_states
 
 LIGHT = THEMES["light"]
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
@@ -31,7 +29,7 @@ NAMED = 60  # robots up to which they are named and the plan is shown
 LEAST_PT = (8.0, 4.5)  # length of a robot on the page, at least: up to NAMED robots, and beyond
 
 
-def render_still(run: Run, at_s: float, path: Path, *, dpi: float = 150, width_in: float = 12.0) -> Path:
+def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, width_in: float = 12.0) -> Path:
     """Draw the run at a moment.
 
     Parameters
@@ -52,15 +50,30 @@ def render_still(run: Run, at_s: float, path: Path, *, dpi: float = 150, width_i
     MrpSumoError
         For another suffix, a time outside the run, a run with nothing to show, and a place that cannot be written.
     """
-    if path.suffix not in (".png", ".svg"):
-        raise MrpSumoError(f"{path}: a picture ends in .png or .svg, not '{path.suffix}'")
+    require_suffix(path)
+    figure = still(run, at_s, width_in=width_in)
     try:
-        record, outline = shown_record(run), read_outline(run.folder / "building.json")
+        figure.write(path, dpi)
+    except OSError as error:
+        raise MrpSumoError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return path
+
+
+def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
+    """The picture of a run at a moment; the parameters are those of `render_still`.
+
+    Raises
+    ------
+    MrpSumoError
+        For a time outside the run, and a run with nothing to show.
+    """
+    try:
+        record, outline = shown_record(run), run.outline
     except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
-        raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {error}") from None
+        raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     execution = record.execution
     if not execution.x_m.size:
-        raise MrpSumoError(f"{run.folder}: nothing to draw: {execution.num_robots} robots, {len(execution.t_s)} samples")
+        raise MrpSumoError(f"{run.source}: nothing to draw: {execution.num_robots} robots, {len(execution.t_s)} samples")
     end_s = float(execution.t_s[-1])
     if not 0 <= at_s <= end_s + 1e-9:
         raise MrpSumoError(f"{at_s:g} s is outside the run, which lasts from 0 to {end_s:g} s")
@@ -68,16 +81,7 @@ def render_still(run: Run, at_s: float, path: Path, *, dpi: float = 150, width_i
     _draw_floor(ax, record, outline, points_per_m)
     counts = _draw_robots(ax, record, at_s, points_per_m)
     _tell(figure, ax, record, at_s, counts, planned=not run.executed)
-    metadata = {"Software": None} if path.suffix == ".png" else {"Date": None, "Creator": None}
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with mpl.rc_context({"svg.hashsalt": "mrp_sumo", "svg.fonttype": "none"}):
-            figure.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise MrpSumoError(f"{path}: cannot be written: {error.strerror or error}") from None
-    return path
+    return figure
 
 
 def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
@@ -91,7 +95,7 @@ def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
     return xy
 
 
-def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Figure, Axes, float]:
+def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Picture, Axes, float]:
     nav, execution = record.nav or record.graph, record.execution
     points = [nav.xy, np.column_stack([c[np.isfinite(c)][[0, 0]] for c in (execution.x_m, execution.y_m)])]
     points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
@@ -103,8 +107,7 @@ def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Fig
     inch_per_m = float(min((width_in - 0.4) / w, 14 / h))
     head_in, foot_in = 0.75, 0.45
     page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
-    figure = Figure(figsize=page, facecolor=LIGHT["paper"])
-    FigureCanvasAgg(figure)
+    figure = Picture(*page, LIGHT["paper"])
     left = (page[0] - w * inch_per_m) / 2
     ax = figure.add_axes((left / page[0], foot_in / page[1], w * inch_per_m / page[0], h * inch_per_m / page[1]))
     ax.set_xlim(low[0], high[0])

@@ -1,6 +1,8 @@
 """A run as pictures show it: what was driven, or else the plan as if it had been; and what of the walls is furniture."""
 
 import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +15,56 @@ from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import MOVING, WAITING, Record, robot_states
-from mrp_sumo.io.run_reader import Run
+
+if TYPE_CHECKING:
+    from mrp_sumo.core.fleet import Fleet
+    from mrp_sumo.core.graph import NavGraph
+    from mrp_sumo.io.outline import Outline
 
 ABSENT = 4  # a state beside those of io.record: not on the floor
 TURNING_RAD = 0.02  # a sample
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
 
-def shown_record(run: Run) -> Record:
+class AnyRun(Protocol):
+    """A run to be shown, whether it is in memory or was read from its folder."""
+
+    @property
+    def source(self) -> str:
+        """Where it is from, for messages."""
+
+    @property
+    def result(self) -> Mapping[str, Any]:
+        """As in `result.json`."""
+
+    @property
+    def metrics(self) -> Mapping[str, Any]: ...
+
+    @property
+    def executed(self) -> bool:
+        """Whether there is a trajectory."""
+
+    @property
+    def record(self) -> Record:
+        """Of a run that was executed."""
+
+    @property
+    def plan(self) -> Plan | None: ...
+
+    @property
+    def graph(self) -> PlanGraph: ...
+
+    @property
+    def fleet(self) -> "Fleet": ...
+
+    @property
+    def nav(self) -> "NavGraph | None": ...
+
+    @property
+    def outline(self) -> "Outline | None": ...
+
+
+def shown_record(run: AnyRun) -> Record:
     """The run as it is shown: as driven, or as planned where it was not executed.
 
     Raises
@@ -31,7 +75,7 @@ def shown_record(run: Run) -> Record:
     if run.executed:
         return run.record
     if run.plan is None:
-        raise MrpSumoError(f"{run.folder}: nothing to replay, the run has neither a plan nor a trajectory ({run.result['status']})")
+        raise MrpSumoError(f"{run.source}: nothing to replay, the run has neither a plan nor a trajectory ({run.result['status']})")
     return Record(
         name=run.result["scenario"]["name"],
         seed=run.result["seed"],

@@ -51,7 +51,7 @@ def test_changed_scenario_keeps_its_name_and_blames_the_option(tmp_path):
     file = read_scenario(written(tmp_path, GOOD, "two words.yaml"))
     other = changed(file, {("planner", "name"): ("--planner", "pibt")})
     assert (other.scenario.name, other.scenario.planner.name, file.scenario.planner.name) == ("two words", "pibt", "cbs")
-    with pytest.raises(ScenarioError, match="^--seed: found -1, expected greater than or equal to 0$"):
+    with pytest.raises(ScenarioError, match=r"^--seed: found -1, expected greater than or equal to 0$"):
         changed(other, {("seed",): ("--seed", -1)})
 
 

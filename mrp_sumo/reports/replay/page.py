@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.outline import Outline, read_outline
+from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import Record
-from mrp_sumo.io.run_reader import Run, load_run
+from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
-from mrp_sumo.reports.view import furniture_and_walls, is_grid_map, shown_record, shown_states
+from mrp_sumo.reports.view import AnyRun, furniture_and_walls, is_grid_map, shown_record, shown_states
 
 SOURCES = Path(__file__).parent
 SCRIPTS = ("data.js", "elements.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")
@@ -123,13 +123,13 @@ def write_replay(folder: Path, out: Path | None = None) -> Path:
     return out
 
 
-def page_of(run: Run) -> str:
-    """The page of a run folder. Raises MrpSumoError where it is damaged or there is nothing to replay."""
+def page_of(run: AnyRun) -> str:
+    """The page of a run. Raises MrpSumoError where its folder is damaged or there is nothing to replay."""
     try:
         record = shown_record(run)
         about = _about(run, record)
     except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
-        raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {error}") from None
+        raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     return replay_page(record, about)
 
 
@@ -186,7 +186,7 @@ def replay_page(record: Record, about: About) -> str:
     )
 
 
-def _about(run: Run, record: Record) -> About:
+def _about(run: AnyRun, record: Record) -> About:
     """What is told of a run, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
     status = run.result["status"].replace("_", " ")
@@ -222,7 +222,7 @@ def _about(run: Run, record: Record) -> About:
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
         facts=tuple((name, str(value)) for name, value in facts.items() if value is not None),
         metrics=tuple((name, str(value)) for name, value in told.items() if value is not None),
-        outline=read_outline(run.folder / "building.json"),
+        outline=run.outline,
         is_plan_only=not run.executed,
     )
 

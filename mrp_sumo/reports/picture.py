@@ -1,0 +1,50 @@
+"""Pictures on their own, without pyplot: notebooks show them, scripts save them, PNG or SVG by the file's suffix."""
+
+import io
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from mrp_sumo.errors import MrpSumoError
+
+NOTEBOOK_DPI = 80
+
+
+class Picture(Figure):
+    """A matplotlib figure that notebooks show by itself."""
+
+    def __init__(self, width_in: float, height_in: float, facecolor: str) -> None:
+        super().__init__(figsize=(width_in, height_in), facecolor=facecolor)
+        FigureCanvasAgg(self)
+
+    def write(self, path: Path, dpi: float = 150) -> None:
+        """Write the picture, whole or not at all, and without the date: the same picture gives the same bytes.
+
+        Raises
+        ------
+        OSError
+            As the system says; nothing of the file is left then.
+        """
+        metadata = {"Software": None} if path.suffix == ".png" else {"Date": None, "Creator": None}
+        fast = {"pil_kwargs": {"compress_level": 2}} if path.suffix == ".png" else {}  # a tenth larger, in two thirds of the time
+        part = path.with_name(f".{path.name}.part")
+        try:
+            with mpl.rc_context({"svg.hashsalt": "mrp_sumo", "svg.fonttype": "none"}):
+                self.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata, **fast)
+            part.replace(path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+
+    def _repr_png_(self) -> bytes:
+        image = io.BytesIO()
+        self.savefig(image, format="png", dpi=NOTEBOOK_DPI)
+        return image.getvalue()
+
+
+def require_suffix(path: Path, error: type[MrpSumoError] = MrpSumoError) -> None:
+    """Refuse a file that is neither PNG nor SVG."""
+    if path.suffix not in (".png", ".svg"):
+        raise error(f"{path}: a picture ends in .png or .svg, not '{path.suffix}'")
