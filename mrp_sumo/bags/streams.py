@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from mrp_sumo.bags.messages import EPOCH_NS, FLEET_NAME, Messages
 from mrp_sumo.bags.template import Template
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.core.near import least_distance_m
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, Record, robot_states
 
 COLOURS = {MOVING: (0.18, 0.55, 0.95), WAITING: (0.95, 0.70, 0.10), BLOCKED: (0.90, 0.20, 0.15), AT_GOAL: (0.25, 0.70, 0.35)}
@@ -258,7 +258,7 @@ def metrics(samples: Samples, k: int) -> dict[str, bytes]:
         "mean_speed_mps": float(speed.mean()) if len(speed) else 0.0,
     }
     if len(xy) > 1:
-        figures["min_distance_m"] = float(cKDTree(xy).query(xy, k=2)[0][:, 1].min())
+        figures["min_distance_m"] = least_distance_m(xy)
     return {name: CDR_HEADER + np.array(value, "<f8").tobytes() for name, value in figures.items()}
 
 
@@ -266,6 +266,8 @@ def _levels(record: Record, samples: Samples) -> NDArray[np.int8] | None:
     """[K, R] level of the vertex nearest to each robot, ABSENT off the floor; None where there is one level."""
     if len(record.graph.level_names) < 2:
         return None
+    from scipy.spatial import cKDTree
+
     level = np.full(samples.x.shape, ABSENT, np.int8)
     xy = np.column_stack((samples.x[samples.there], samples.y[samples.there]))
     level[samples.there] = record.graph.level[cKDTree(record.graph.xy).query(xy)[1]]

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.errors import MapError
 
 FloatArray = NDArray[np.float64]
@@ -219,8 +218,7 @@ def _opposite(tail: IntArray, head: IntArray, num_vertices: int) -> IntArray:
 
 def _components(num_vertices: int, tail: IntArray, head: IntArray) -> IntArray:
     """[V] weakly connected component of each vertex; the largest is 0, ties by lowest vertex."""
-    joined = coo_array((np.ones(len(tail), np.int8), (tail, head)), shape=(num_vertices, num_vertices))
-    label = connected_components(joined, directed=False)[1]
+    label = weak_components(num_vertices, tail, head)
     _, lowest, size = np.unique(label, return_index=True, return_counts=True)
     rank = np.empty(len(size), np.int64)
     rank[np.lexsort((lowest, -size))] = np.arange(len(size))

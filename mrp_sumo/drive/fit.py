@@ -5,9 +5,9 @@ reach of each other or in one mutex group.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import ExecutionError
@@ -69,7 +69,7 @@ def check_room(problem: Problem, plan: Plan, separation: float) -> None:
         r = int(stranded[0])
         raise ExecutionError(f"{fleet.robot_name[r]} starts at '{graph.label(int(problem.start[r]))}', which has no lane")
     where = graph.xy[problem.start]
-    pairs = cKDTree(where).query_pairs(separation - 1e-9, output_type="ndarray")
+    pairs = pairs_within(where, separation - 1e-9)
     pairs = pairs[graph.level[problem.start[pairs[:, 0]]] == graph.level[problem.start[pairs[:, 1]]]]
     if len(pairs):
         i, j = sorted(pairs.tolist())[0]

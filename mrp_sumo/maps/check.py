@@ -6,9 +6,8 @@ Everything is measured graph by graph on the graphs as drawn, levels joined by l
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.boxes import overlapping
@@ -78,8 +77,7 @@ def check_graph(nav: NavGraph) -> tuple[Finding, ...]:
     weak = len(sizes)
     if weak > 1:
         notes.add("several_components", f"sizes {_sizes(sizes.tolist())}", weak)
-    joined = coo_array((np.ones(nav.num_lanes, np.int8), (nav.tail, nav.head)), shape=(nav.num_vertices, nav.num_vertices))
-    strong = len(np.unique(connected_components(joined, connection="strong")[1][driven]))
+    strong = len(np.unique(strong_components(nav.num_vertices, nav.tail, nav.head)[driven]))
     if strong > weak:
         notes.add("not_strongly_connected", f"{strong} strong, {weak} weak components")
     return notes.findings()
@@ -218,11 +216,9 @@ def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, I
                 tail += [[v + base[name], other]]
                 head += [[other, v + base[name]]]
     tails, heads = (np.searchsorted(used, np.concatenate(x)) for x in (tail, head))
-    joined = coo_array((np.ones(len(tails), np.int8), (tails, heads)), shape=(len(used), len(used)))
-    weak, label = connected_components(joined, directed=False)
-    strong = connected_components(joined, connection="strong")[0]
+    sizes = sorted(np.bincount(weak_components(len(used), tails, heads)).tolist(), reverse=True)
+    weak, strong = len(sizes), int(strong_components(len(used), tails, heads).max(initial=-1)) + 1
     if weak > 1:
-        sizes = sorted(np.bincount(label).tolist(), reverse=True)
         notes.add("several_components", f"graph {graph}: sizes {_sizes(sizes)}", weak)
     if strong > weak:
         notes.add("not_strongly_connected", f"graph {graph}: {strong} strong, {weak} weak components")

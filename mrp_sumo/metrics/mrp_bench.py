@@ -12,11 +12,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import pdist
 
 from mrp_sumo.core.execution import Execution, positions_at
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.near import least_distance_m
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.metrics.metric import YES_NO, Evidence, count_of, metric
@@ -129,15 +128,8 @@ def execution_metrics(
 
 def _least_distances(x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     """[T] the least centre distance of two robots in each message, inf where there are not two."""
-    least = np.full(len(x_m), np.inf)
-    for k in range(len(x_m)):
-        there = np.isfinite(x_m[k]) & np.isfinite(y_m[k])
-        xy = np.column_stack((x_m[k, there], y_m[k, there]))
-        if len(xy) > 64:
-            least[k] = cKDTree(xy).query(xy, k=2)[0][:, 1].min()
-        elif len(xy) > 1:
-            least[k] = pdist(xy).min()
-    return least
+    there = np.isfinite(x_m) & np.isfinite(y_m)
+    return np.array([least_distance_m(np.column_stack((x[seen], y[seen]))) for x, y, seen in zip(x_m, y_m, there)])
 
 
 def planning_counts(paths: Sequence[Sequence[int]]) -> tuple[int, int]:

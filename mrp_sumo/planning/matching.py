@@ -6,8 +6,6 @@ Refuses costs that are NaN or -inf, and matrices in which min(R, G) goals cannot
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import PlanError
@@ -68,4 +66,9 @@ def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArr
 
 def _served(allowed: np.ndarray) -> int:
     """How many goals can be served at all."""
+    if allowed.all():
+        return int(min(allowed.shape))
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
     return int((maximum_bipartite_matching(csr_array(allowed), perm_type="column") >= 0).sum())

@@ -18,9 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Rectangle
 from matplotlib.transforms import Affine2D
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Level
@@ -259,8 +258,8 @@ def _furniture_and_walls(level: Level) -> tuple[FloatArray, FloatArray]:
     """Walls that stand by themselves, close and are narrow are racks, desks or pillars: they are drawn with a finer pen."""
     corners, end = np.unique(level.walls, return_inverse=True)
     end = end.reshape(-1, 2)
-    links = coo_array((np.ones(len(end)), end.T), shape=(len(corners), len(corners)))
-    num_islands, island = connected_components(links, directed=False)
+    island = weak_components(len(corners), *end.T)
+    num_islands = int(island.max(initial=-1)) + 1
     low, high = np.full((num_islands, 2), np.inf), np.full((num_islands, 2), -np.inf)
     np.minimum.at(low, island, level.xy[corners])
     np.maximum.at(high, island, level.xy[corners])

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
+from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
@@ -165,8 +164,8 @@ def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray
     """
     corners, end = np.unique(walls.reshape(-1, 2).round(3), axis=0, return_inverse=True)
     end = end.reshape(-1, 2)
-    links = coo_array((np.ones(len(end)), end.T), shape=(len(corners), len(corners)))
-    num_islands, island = connected_components(links, directed=False)
+    island = weak_components(len(corners), *end.T)
+    num_islands = int(island.max(initial=-1)) + 1
     degree = np.bincount(end.ravel(), minlength=len(corners))
     is_furniture = np.zeros(num_islands, np.bool_)
     outlines = []

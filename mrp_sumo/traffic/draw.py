@@ -6,10 +6,9 @@ Refuses to draw more robots than there are vertices to stand on.
 import random
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.digraph import strong_components
+from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.errors import PlanError
 
 STARTS, GOALS = 1, 2  # purposes of the streams of chance
@@ -71,18 +70,11 @@ def uniform_draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[IntArray
     """
     station = np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
     if len(station):
-        piece = _strong_component(graph)[station]
+        piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
         station = station[piece == np.bincount(piece).argmax()]
     _enough(len(station), num_robots, "stations that reach each other")
     start, goal = (np.random.default_rng([seed, purpose]).permutation(station)[:num_robots] for purpose in (STARTS, GOALS))
     return start.astype(np.int64), goal.astype(np.int64)
-
-
-def _strong_component(graph: NavGraph) -> IntArray:
-    size = graph.num_vertices
-    lanes = coo_array((np.ones(graph.num_lanes, np.int8), (graph.tail, graph.head)), shape=(size, size))
-    label: IntArray = connected_components(lanes, directed=True, connection="strong")[1].astype(np.int64)
-    return label
 
 
 def _enough(available: int, num_robots: int, what: str) -> None:

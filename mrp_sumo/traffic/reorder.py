@@ -11,9 +11,8 @@ from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.passages import Schedule, waiting_arcs
@@ -42,8 +41,7 @@ def reordered(plan: Plan, schedule: Schedule, num_vertices: int) -> Schedule:
     stays = zone & (schedule.left_at == plan.num_visits) & ~held
     schedule = _permuted(schedule, np.lexsort((np.arange(len(resource)), stays, resource)))
     source, target = waiting_arcs(plan, schedule)
-    waiting = coo_array((np.ones(len(source), np.int8), (source, target)), shape=(plan.num_visits,) * 2)
-    component = connected_components(waiting, connection="strong")[1]
+    component = strong_components(plan.num_visits, source, target)
     in_circle = np.bincount(component)[component] > 1  # [N]
     leaves = np.minimum(schedule.left_at, plan.num_visits - 1)
     part = np.unique(resource[zone & (in_circle[schedule.visit] | in_circle[leaves])])

@@ -16,9 +16,9 @@ Together: a robot that holds the vertices and zones of its visits is R away from
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.passages import Needs
 
@@ -208,7 +208,7 @@ def _zones(graph: NavGraph, ends: IntArray, separation: float) -> IntArray:
     half = float((length / pieces).max()) / 2
     point = np.concatenate([graph.xy[used], sample])
     owner = np.concatenate([used, num_vertices + owner])
-    pair = cKDTree(point).query_pairs(separation + 2 * half, output_type="ndarray")
+    pair = pairs_within(point, separation + 2 * half)
     pair = np.sort(np.sort(owner[pair], axis=1) @ np.array([len(place), 1]))
     pair = pair[np.diff(pair, prepend=-1) > 0]  # each once; np.unique takes ten times as long
     a, b = pair // len(place), pair % len(place)

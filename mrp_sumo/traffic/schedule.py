@@ -10,9 +10,8 @@ The order is that of the action dependency graph of Hoenig, Kiesel, Tinka, Durha
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from mrp_sumo.core.digraph import has_cycle, strong_components
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
@@ -66,10 +65,9 @@ def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
     passage of i is directly before one of j, j's first visit waits for the visit at whose arrival i has left.
     """
     source, target = waiting_arcs(plan, schedule)
-    waiting = coo_array((np.ones(len(source), np.int8), (source, target)), shape=(plan.num_visits,) * 2)
-    num_components, component = connected_components(waiting, connection="strong")
-    if num_components == plan.num_visits:
+    if not has_cycle(plan.num_visits, source, target):
         return np.zeros(0, np.int64)
+    component = strong_components(plan.num_visits, source, target)
     size = np.bincount(component)
     inside: BoolArray = (component[source] == component[target]) & (size[component[source]] > 1)
     source, target = source[inside], target[inside]

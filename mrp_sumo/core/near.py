@@ -1,0 +1,51 @@
+"""Points near each other, without the seconds and megabytes that importing a library of spatial trees takes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FEW = 64  # points of which all pairs are looked at
+
+
+def pairs_within(xy: FloatArray, distance_m: float) -> IntArray:
+    """[P, 2] pairs of points that are at most `distance_m` apart, the lower first, in no order.
+
+    Parameters
+    ----------
+    xy
+        [N, 2] m.
+    distance_m
+        Above 0. Points are looked for in square cells of this side.
+    """
+    column, row = np.floor((xy - xy.min(axis=0, initial=np.inf)) / distance_m).astype(np.int64).T
+    width = int(column.max(initial=0)) + 3
+    key = row * width + column
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    place = np.arange(len(key))
+    here = place + 1, np.searchsorted(key, key + 1, "right")  # onward in its own cell, and the next one of the row
+    above = np.searchsorted(key, key + width - 1, "left"), np.searchsorted(key, key + width + 1, "right")
+    one, other = [], []
+    for begin, end in (here, above):
+        count = end - begin
+        one.append(np.repeat(place, count))
+        other.append(np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count))
+    pairs = order[np.stack([np.concatenate(one), np.concatenate(other)], axis=1)]
+    apart = xy[pairs[:, 0]] - xy[pairs[:, 1]]
+    found: IntArray = np.sort(pairs[(apart**2).sum(axis=1) <= distance_m**2], axis=1)
+    return found
+
+
+def least_distance_m(xy: FloatArray) -> float:
+    """The least distance between two of the points [N, 2], inf where there are not two."""
+    if len(xy) < 2:
+        return np.inf
+    if len(xy) > FEW:
+        from scipy.spatial import cKDTree
+
+        return float(cKDTree(xy).query(xy, k=2)[0][:, 1].min())
+    one, other = np.triu_indices(len(xy), 1)
+    apart = xy[one] - xy[other]
+    return float(np.sqrt((apart**2).sum(axis=1).min()))
