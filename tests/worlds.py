@@ -14,7 +14,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_folder import write_run
 from mrp_sumo.io.scenario import Scenario
 from mrp_sumo.maps.costmap import Costmap
@@ -116,7 +116,7 @@ def record_of_four(seconds=12.0, costmap=True, absent=False):
     occupied = np.zeros((30, 50), np.bool_)
     occupied[0] = occupied[:, 0] = True
     walls = Costmap((-1.0, -1.5), 0.2, occupied) if costmap else None
-    return Record("four", 7, fleet_of(CART, 4), graph, np.array(ends), plan, execution, nav, walls)
+    return RunRecord("four", 7, fleet_of(CART, 4), graph, np.array(ends), plan, execution, nav, walls)
 
 
 def run_of_four(out, network, *, executed=True, **changes):
@@ -157,4 +157,4 @@ def record_of_two(names=("a", "b"), num_samples=41):
     events = (Event(0.0, "blocked", 1, 8, 0, 1.0, f"because of {names[0]}"), Event(3.0, "goal", 0, 3))
     arrived = np.array([0.0, 1, 2, 3, 0, 3])
     execution = Execution(t, x, y, yaw, speed, arrived, np.array([3.0, np.nan]), Outcome.TIME_LIMIT, "adg", 4.0, 1.0, 1.0, events)
-    return Record("trial", 0, fleet, graph, plan.last_vertex, plan, execution)
+    return RunRecord("trial", 0, fleet, graph, plan.last_vertex, plan, execution)

@@ -21,7 +21,7 @@ from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import plan_of_paths
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.mrp_bench import execution_metrics
@@ -31,7 +31,7 @@ TURN = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])  # co
 CART = RobotType("cart", 0.6, 0.4, max_speed_mps=1.5, accel_mps2=2.0, decel_mps2=2.0, turn_rate_rad_s=2.0)
 
 
-def invented(num_robots: int, seconds: float) -> Record:
+def invented(num_robots: int, seconds: float) -> RunRecord:
     """Robots in corridors, ten side by side and so on."""
     row, column = np.divmod(np.arange(num_robots), 10)
     corner = np.column_stack((column * (CELLS + 1.0), row * 1.0))
@@ -59,7 +59,7 @@ def invented(num_robots: int, seconds: float) -> Record:
     nan = np.full(num_robots, np.nan)
     execution = Execution(t, x, y, yaw, pace, plan.arrive_s, nan, Outcome.TIME_LIMIT, "adg", seconds, 1.0, 1.0, events)
     target = np.arange(num_robots) * CELLS
-    return Record("corridors", 0, fleet_of(CART, num_robots), graph, target, plan, execution, nav, None)
+    return RunRecord("corridors", 0, fleet_of(CART, num_robots), graph, target, plan, execution, nav, None)
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from mrp_sumo.bags.template import tiled
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.events import event_document
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import RunRecord
 
 EPOCH_NS = 1_700_000_000 * 10**9
 GENERATIONS = ("galactic", "jazzy", "kilted")
@@ -66,7 +66,7 @@ def ros_names(names: Iterable[str]) -> list[str]:
 class Messages:
     """Builds the messages of one record."""
 
-    def __init__(self, record: Record, generation: str = "jazzy") -> None:
+    def __init__(self, record: RunRecord, generation: str = "jazzy") -> None:
         self.record = record
         self.typestore = typestore(generation)
         self.robots = ros_names(record.fleet.robot_name)

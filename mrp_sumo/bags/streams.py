@@ -12,7 +12,7 @@ from mrp_sumo.bags.template import Template
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.near import least_distance_m
-from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, Record, robot_states
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 
 COLOURS = {MOVING: (0.18, 0.55, 0.95), WAITING: (0.95, 0.70, 0.10), BLOCKED: (0.90, 0.20, 0.15), AT_GOAL: (0.25, 0.70, 0.35)}
 RMF_MODES = {MOVING: 2, WAITING: 4, BLOCKED: 4, AT_GOAL: 0}  # RobotMode: MODE_MOVING, MODE_WAITING, MODE_IDLE
@@ -31,7 +31,7 @@ CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
 class Samples:
     """Positions and states of all robots at the times a bag speaks of. K times, R robots."""
 
-    def __init__(self, record: Record, t_ns: IntArray) -> None:
+    def __init__(self, record: RunRecord, t_ns: IntArray) -> None:
         execution = record.execution
         self.t_ns = t_ns
         self.x, self.y, self.yaw = positions_at(execution, t_ns / 1e9)
@@ -262,7 +262,7 @@ def metrics(samples: Samples, k: int) -> dict[str, bytes]:
     return {name: CDR_HEADER + np.array(value, "<f8").tobytes() for name, value in figures.items()}
 
 
-def _levels(record: Record, samples: Samples) -> NDArray[np.int8] | None:
+def _levels(record: RunRecord, samples: Samples) -> NDArray[np.int8] | None:
     """[K, R] level of the vertex nearest to each robot, ABSENT off the floor; None where there is one level."""
     if len(record.graph.level_names) < 2:
         return None

@@ -22,7 +22,7 @@ from mrp_sumo.bags.paths import ODD, plain_path
 from mrp_sumo.core.execution import as_believed
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.scenario import Recording
 
 VERSION: Literal[8] = 8
@@ -57,12 +57,12 @@ class FastWriter(Writer):
             self.max_timestamp = timestamp
 
 
-def write_recorded_bag(folder: Path, record: Record, choice: Recording) -> None:
+def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> None:
     """Write the bag of a run as its scenario says."""
     write_bag(folder, record, BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses))
 
 
-def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), about: Mapping[str, str] | None = None) -> None:
+def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(), about: Mapping[str, str] | None = None) -> None:
     """Write the bag of a run.
 
     Parameters
@@ -113,7 +113,7 @@ def write_bag(folder: Path, record: Record, options: BagOptions = BagOptions(), 
             raise OSError(str(error)) from error
 
 
-def _write(writer: FastWriter, messages: Messages, record: Record, options: BagOptions, chosen: list[int]) -> None:
+def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
     """All messages, latched ones first, then by time."""
     described: dict[str, tuple[str, str]] = {}
 
@@ -184,7 +184,7 @@ def _write(writer: FastWriter, messages: Messages, record: Record, options: BagO
                     writer.write(metrics[name], ns, data)
 
 
-def _ticks(record: Record, end_ns: int, period_ns: int) -> IntArray:
+def _ticks(record: RunRecord, end_ns: int, period_ns: int) -> IntArray:
     """Stamps of the fast topics: every period, or every sample where those are rarer."""
     sample_ns = np.rint(record.execution.t_s * 1e9).astype(np.int64)
     if len(sample_ns) > 1 and int(sample_ns[1] - sample_ns[0]) >= period_ns:
@@ -192,7 +192,7 @@ def _ticks(record: Record, end_ns: int, period_ns: int) -> IntArray:
     return np.arange(0, end_ns + 1, period_ns, dtype=np.int64)
 
 
-def _chosen(record: Record, names: tuple[str, ...]) -> list[int]:
+def _chosen(record: RunRecord, names: tuple[str, ...]) -> list[int]:
     known = {name: i for i, name in enumerate(record.fleet.robot_name)}
     for name in names:
         if name not in known:

@@ -42,9 +42,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the batch, or say what it would do."""
+    from mrp_sumo.experiments.archive import ARCHIVE, archive_worst
     from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
     from mrp_sumo.experiments.suite import find_suite, read_suite
-    from mrp_sumo.reports.archive import KEPT, keep_worst
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     for name, value, least in (("--workers", workers, 1), ("--retries", options.retries, 0), ("--keep-worst", options.keep_worst, 0)):
@@ -71,8 +71,9 @@ def run(options: argparse.Namespace) -> int:
             stop=stop,
         )
         if options.keep_worst and len(batch.status) == len(batch.runs):
-            num_kept = keep_worst(batch, options.keep_worst, watcher.told, workers=workers, stop=stop)
-            watcher.told(f"{num_kept} of the worst runs are kept in {folder / KEPT}")
+            page = "mrp_sumo.reports.replay.page:write_replay"
+            num_kept = archive_worst(batch, options.keep_worst, watcher.told, write_page=page, workers=workers, stop=stop)
+            watcher.told(f"{num_kept} of the worst runs are kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
         again = f"mrp-sumo batch {options.suite} --out {folder}"
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)

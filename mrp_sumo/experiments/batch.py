@@ -19,12 +19,12 @@ from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.cluster import Cluster
 from mrp_sumo.experiments.identity import code_version, library_versions
 from mrp_sumo.experiments.processes import Makers, Processes
-from mrp_sumo.experiments.suite import Run, SuiteFile, runs_of
+from mrp_sumo.experiments.suite import PlannedRun, SuiteFile, runs_of
 from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
 from mrp_sumo.io.results import (
     PLAN,
     TABLE,
-    Record,
+    BatchRecord,
     drop_tables,
     read_plan,
     read_record,
@@ -47,7 +47,7 @@ class Watcher(Protocol):
     def begin(self, num_runs: int, num_done: int) -> None:
         """Called once, before the first run."""
 
-    def ended(self, record: Record) -> None:
+    def ended(self, record: BatchRecord) -> None:
         """Called when a run has ended and is kept."""
 
     def told(self, line: str) -> None:
@@ -60,13 +60,13 @@ class Batch:
 
     file: SuiteFile
     folder: Path
-    runs: list[Run]
+    runs: list[PlannedRun]
     code: str
     status: dict[str, str] = field(default_factory=dict)  # of each run that has a record, by key
     attempts: dict[str, int] = field(default_factory=dict)
     num_foreign: int = 0  # records of runs that the suite does not have
 
-    def todo(self, retries: int) -> list[Run]:
+    def todo(self, retries: int) -> list[PlannedRun]:
         """Runs without a record, then those that crashed and may be tried again."""
         fresh = [run for run in self.runs if run.key not in self.status]
         again = [run for run in self.runs if self.status.get(run.key) == CRASHED and self.attempts[run.key] <= retries]
@@ -191,7 +191,7 @@ def estimate_s(batch: Batch, workers: int, retries: int) -> tuple[float, str]:
 
 def _make(
     batch: Batch,
-    todo: deque[Run],
+    todo: deque[PlannedRun],
     makers: Makers,
     watcher: Watcher,
     log: "_Log",
@@ -201,7 +201,7 @@ def _make(
     stop: Callable[[], int],
 ) -> None:
     """The loop: hand out runs, keep what comes back."""
-    under_way: dict[str, Run] = {}
+    under_way: dict[str, PlannedRun] = {}
 
     def hand_out() -> None:
         for _ in range(makers.free if todo and stop() == GO_ON else 0):
@@ -231,7 +231,7 @@ def _make(
             hand_out()
 
 
-def job_of(batch: Batch, run: Run, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
+def job_of(batch: Batch, run: PlannedRun, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
     """A run as it is handed out, with what it may take: `wall_s` and `memory_mb` instead of the suite's limits."""
     scenario, limits = json.loads(run.scenario), batch.file.suite.limits
     generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * scenario["execution"]["time_limit_s"]
@@ -246,7 +246,7 @@ def job_of(batch: Batch, run: Run, wall_s: float | None = None, memory_mb: float
     }
 
 
-def _record(batch: Batch, run: Run, answer: Answer, attempts: int) -> Record:
+def _record(batch: Batch, run: PlannedRun, answer: Answer, attempts: int) -> BatchRecord:
     return {
         "key": run.key,
         "scenario_key": run.scenario_key,
@@ -265,7 +265,7 @@ def _record(batch: Batch, run: Run, answer: Answer, attempts: int) -> Record:
     }
 
 
-def _in_order(batch: Batch) -> Iterator[Record]:
+def _in_order(batch: Batch) -> Iterator[BatchRecord]:
     return (read_record(record_path(batch.folder, run.key)) for run in batch.runs)
 
 

@@ -23,7 +23,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
-from mrp_sumo.io.record import Record, record_of
+from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import check_replaceable, plain, result_document, write_run
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.planning.answers import answer_of
@@ -94,7 +94,7 @@ class RunResult:
         return self.setup.map.nav
 
     @property
-    def record(self) -> Record:
+    def record(self) -> RunRecord:
         """Everything logs are made of. Raises MrpSumoError when nothing was driven."""
         return record_of(self.setup.scenario, self.solution.problem, self.plan, self._driven, self.nav, self.costmap)
 

@@ -82,7 +82,7 @@ class SuiteFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class PlannedRun:
     """A run of a suite. Its scenario stays JSON: there may be many."""
 
     key: str  # of scenario, inputs and code
@@ -141,7 +141,7 @@ def read_suite(path: Path) -> SuiteFile:
     return SuiteFile(suite, document, _base(document, suite, path), tuple(axes), places)
 
 
-def runs_of(file: SuiteFile, code: str) -> list[Run]:
+def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
     """Every run of a suite, in the order of its axes, the last fastest.
 
     Parameters
@@ -162,7 +162,7 @@ def runs_of(file: SuiteFile, code: str) -> list[Run]:
     if count > MAX_RUNS:
         raise ScenarioError(f"{file.document.path.name}: {count} runs, expected at most {MAX_RUNS}")
     excluded = _Exclusions(file)
-    runs: list[Run] = []
+    runs: list[PlannedRun] = []
     seen: set[str] = set()
     inputs = _Inputs(file)
     for values in itertools.product(*(values for _, values in file.axes)):
@@ -179,7 +179,7 @@ def runs_of(file: SuiteFile, code: str) -> list[Run]:
             if shared in seen:  # two values that mean the same
                 continue
             seen.add(shared)
-            runs.append(Run(run_key(shared, read, code), shared, canonical, repeat))
+            runs.append(PlannedRun(run_key(shared, read, code), shared, canonical, repeat))
     excluded.require_used()
     if not runs:
         raise ScenarioError(f"{file.document.at(('exclude',))}: nothing is left to run")

@@ -24,7 +24,7 @@ BLOCKING_EVENTS = ("blocked", "deadlock")
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class RunRecord:
     """One executed run of R robots."""
 
     name: str  # of the scenario
@@ -41,9 +41,9 @@ class Record:
 
 def record_of(
     scenario: "Scenario", problem: Problem, plan: Plan | None, execution: Execution, nav: NavGraph | None, costmap: "Costmap | None"
-) -> Record:
+) -> RunRecord:
     """The record of a run that has just ended."""
-    return Record(
+    return RunRecord(
         name=scenario.name,
         seed=scenario.seed,
         fleet=problem.fleet,

@@ -31,7 +31,7 @@ MACHINE_COLUMNS = ("attempts", "machine", "python", "run_wall_s", "run_cpu_s", "
 _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
 _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
 
-Record = dict[str, Any]
+BatchRecord = dict[str, Any]
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -65,14 +65,14 @@ def record_path(folder: Path, key: str) -> Path:
     return folder / "runs" / key[:2] / f"{key}.json"
 
 
-def write_record(folder: Path, record: Record) -> None:
+def write_record(folder: Path, record: BatchRecord) -> None:
     """Write the record of a run, in place of an earlier one."""
     first = {name: record[name] for name in ("key", "status", "attempts")}  # where they are found without reading on
     body = json.dumps(first | record, separators=(",", ":")).encode()
     write_whole(record_path(folder, record["key"]), _HEAD % zlib.crc32(body) + body + _TAIL)
 
 
-def read_record(path: Path) -> Record:
+def read_record(path: Path) -> BatchRecord:
     """Read the record of a run.
 
     Raises
@@ -80,11 +80,11 @@ def read_record(path: Path) -> Record:
     BatchError
         When the file is not what was written.
     """
-    record: Record = json.loads(_read_body(str(path), path.name))
+    record: BatchRecord = json.loads(_read_body(str(path), path.name))
     return record
 
 
-def records_in(folder: Path, told: Callable[[str], None]) -> Iterator[Record]:
+def records_in(folder: Path, told: Callable[[str], None]) -> Iterator[BatchRecord]:
     """The records of a folder, in no order that means anything. `told` is called with a line about each file that cannot be used."""
     for body in _bodies(folder, lambda path, reason: told(f"{reason}; left out")):
         yield json.loads(body)
@@ -172,7 +172,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     return dict(plan)
 
 
-def row_of(record: Record) -> dict[str, Any]:
+def row_of(record: BatchRecord) -> dict[str, Any]:
     """A record as a row: status, parameters, metrics, and how and where it was made."""
     robots = record["scenario"]["robots"]
     return {
@@ -189,7 +189,7 @@ def row_of(record: Record) -> dict[str, Any]:
     }
 
 
-def write_tables(folder: Path, records: Iterable[Record]) -> None:
+def write_tables(folder: Path, records: Iterable[BatchRecord]) -> None:
     """Write results.parquet and results.csv, one row a record."""
     import io
 
@@ -297,7 +297,7 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _table(records: Iterable[Record]) -> "pyarrow.Table":
+def _table(records: Iterable[BatchRecord]) -> "pyarrow.Table":
     import pyarrow as pa
 
     columns: dict[str, list[Any]] = {}

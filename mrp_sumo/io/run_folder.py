@@ -28,7 +28,7 @@ from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
-from mrp_sumo.io.record import Record, record_of
+from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.scenario import Recording, Scenario
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
@@ -40,7 +40,7 @@ RESULT = "result.json"
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # that shape results
 LISTED_CONFLICTS = 20
 
-WriteBag = Callable[[Path, Record, Recording], object]  # folder, run, what the scenario says of it
+WriteBag = Callable[[Path, RunRecord, Recording], object]  # folder, run, what the scenario says of it
 
 
 def check_replaceable(out: Path) -> None:

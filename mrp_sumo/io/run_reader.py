@@ -19,7 +19,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.plan_json import read_plan
 from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
-from mrp_sumo.io.record import Record, constants_of
+from mrp_sumo.io.record import RunRecord, constants_of
 
 if TYPE_CHECKING:
     import pandas
@@ -164,10 +164,10 @@ class Run:
         )
 
     @property
-    def record(self) -> Record:
+    def record(self) -> RunRecord:
         """Everything logs are made of. Raises MrpSumoError where a file is missing or damaged."""
         try:
-            return Record(
+            return RunRecord(
                 name=self.result["scenario"]["name"],
                 seed=self.result["seed"],
                 fleet=self.fleet,

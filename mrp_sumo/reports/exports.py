@@ -20,7 +20,7 @@ import numpy as np
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.events import event_document
-from mrp_sumo.io.record import STATE_NAMES, Record, robot_states
+from mrp_sumo.io.record import STATE_NAMES, RunRecord, robot_states
 
 GEOJSON_PERIOD_S = 1.0
 NO_ROS1_TYPE = ("/rosout",)  # rcl_interfaces/Log
@@ -53,7 +53,7 @@ def replacing(path: Path) -> Iterator[Path]:
                 partial.unlink()
 
 
-def write_csv(path: Path, record: Record) -> None:
+def write_csv(path: Path, record: RunRecord) -> None:
     """The trajectory as CSV by time: t_s, robot, x_m, y_m, yaw_rad, speed_mps, state; numbers in full."""
     import pyarrow as pa
     from pyarrow import csv
@@ -79,7 +79,7 @@ def write_csv(path: Path, record: Record) -> None:
             out.write_table(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
 
 
-def write_geojson(path: Path, record: Record) -> None:
+def write_geojson(path: Path, record: RunRecord) -> None:
     """Vertices, lanes, a line a robot with a time for each point, and events, for GIS programs.
 
     Coordinates are metres in the map's frame, not degrees; the member `crs_note` says so. Robots are
@@ -120,7 +120,7 @@ def write_geojson(path: Path, record: Record) -> None:
         partial.write_text(json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def write_fcd(path: Path, record: Record) -> None:
+def write_fcd(path: Path, record: RunRecord) -> None:
     """SUMO's floating car data (`--fcd-output`): x and y are the robot's centre, angle is clockwise from north in degrees."""
     execution = record.execution
     names = [quoteattr(name) for name in record.fleet.robot_name]
@@ -157,7 +157,7 @@ def write_ros2(path: Path, make_bag: Callable[[Path], Any]) -> None:
         partial.with_name(partial.name + "~").rename(partial)
 
 
-def write_ros1(path: Path, record: Record, make_bag: Callable[[Path], Any]) -> None:
+def write_ros1(path: Path, record: RunRecord, make_bag: Callable[[Path], Any]) -> None:
     """A ROS 1 bag. RMF's topics come along under their ROS 2 names; /rosout does not, its type is no ROS 1 type.
 
     Parameters
@@ -178,7 +178,7 @@ def write_ros1(path: Path, record: Record, make_bag: Callable[[Path], Any]) -> N
         convert_to_ros1(Path(scratch) / "bag", partial, NO_ROS1_TYPE)
 
 
-def write_viewers(path: Path, record: Record) -> None:
+def write_viewers(path: Path, record: RunRecord) -> None:
     """Set-ups for RViz 2, Foxglove, PlotJuggler and Rerun in a folder, looking at this run's map."""
     xy = (record.nav or record.graph).xy
     low, high = (xy.min(0), xy.max(0)) if len(xy) else (np.zeros(2), np.ones(2))

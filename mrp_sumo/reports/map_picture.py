@@ -30,7 +30,7 @@ from mrp_sumo.reports.labels import place_labels
 from mrp_sumo.reports.picture import Picture, require_suffix
 
 INK, MUTED, WALL, FLOOR, PAPER = "#1f2328", "#6b7280", "#3b4048", "#f4f1ea", "#ffffff"
-BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442"
+BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
 COMPONENTS = (BLUE, ORANGE, GREEN, PURPLE, SKY, "#7f7f3f", "#8c564b")
 DOOR, FURNITURE, BLOCKED = "#b5651d", "#8b8f97", "#c9ccd1"
 

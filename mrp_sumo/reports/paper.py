@@ -39,7 +39,6 @@ PAPER_MAPS = {
 }
 ALSO = {"airport_terminal": "airport"}  # MRP-Bench's file names
 PAPER_PLANNING = {("warehouse", "A*"): 1.00, ("warehouse", "CBS"): 0.83, ("warehouse", "ECBS"): 0.97, ("warehouse", "EECBS"): 1.00}  # 60 s
-PAPER_CBS_TA_S = 136.8  # what Table II gives for CBS-TA
 PAPER_COST = {  # Table IV: makespan and cost in cells, start included, over 39 scenarios
     "A*": (65.3, 227.1),
     "CBS": (65.6, 233.5),
@@ -48,7 +47,6 @@ PAPER_COST = {  # Table IV: makespan and cost in cells, start included, over 39 
     "CBS-TA": (59.3, 213.5),
     "ECBS-TA": (66.2, 227.3),
 }
-PAPER_COST_SCENARIOS = 39
 
 
 def map_of_paper(name: str) -> str:

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
-from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, Record, robot_states
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import Run
 from mrp_sumo.reports.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, shown
 from mrp_sumo.reports.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
@@ -77,19 +77,19 @@ def run_charts(run: Run, tag: str = "run") -> list[Chart]:
     return [chart for chart in charts if chart is not None]
 
 
-def _times(record: Record) -> FloatArray:
+def _times(record: RunRecord) -> FloatArray:
     """[K] about a thousand times over the run, the last sample included."""
     t = record.execution.t_s
     return t[np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_TIMES)).round().astype(np.int64))]
 
 
-def _at(record: Record, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _at(record: RunRecord, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     """x and y [K, R] at sample times."""
     sample = np.clip(np.searchsorted(record.execution.t_s, times - 1e-9), 0, len(record.execution.t_s) - 1)
     return record.execution.x_m[sample], record.execution.y_m[sample]
 
 
-def _heat_maps(record: Record, outline: Outline | None, times: FloatArray, states: np.ndarray, tag: str) -> list[Chart]:
+def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, states: np.ndarray, tag: str) -> list[Chart]:
     x, y = _at(record, times)
     step_s = np.gradient(times) if len(times) > 1 else np.ones(1)
     there = np.isfinite(x)
@@ -139,7 +139,7 @@ def _heat_maps(record: Record, outline: Outline | None, times: FloatArray, state
     return charts
 
 
-def _plan(ax: Axes, record: Record, outline: Outline | None) -> None:
+def _plan(ax: Axes, record: RunRecord, outline: Outline | None) -> None:
     """Floor, lanes and walls."""
     if outline is not None:
         ax.add_collection(PolyCollection(list(outline.floors), facecolor=FLOOR, edgecolor="none", zorder=0), autolim=False)
@@ -157,7 +157,7 @@ def _strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: float) 
     ax.add_line(Line2D(broken[:, 0], broken[:, 1], color=colour, lw=lw, zorder=zorder))
 
 
-def _space_time(record: Record, tag: str) -> Chart | None:
+def _space_time(record: RunRecord, tag: str) -> Chart | None:
     nav = record.nav if record.nav is not None and record.nav.num_lanes else record.graph
     if not nav.num_lanes:
         return None
@@ -290,7 +290,7 @@ def _along(line: FloatArray, along: FloatArray, points: FloatArray, reach: float
     return np.where(best <= reach, position, np.nan)
 
 
-def _planned(record: Record, robot: int, line: FloatArray, along: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
+def _planned(record: RunRecord, robot: int, line: FloatArray, along: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
     """Times and positions of a robot's plan on the line."""
     plan = record.plan
     assert plan is not None
@@ -300,7 +300,7 @@ def _planned(record: Record, robot: int, line: FloatArray, along: FloatArray, re
     return np.stack([plan.arrive_s[visits], depart], axis=1).ravel(), np.repeat(at, 2)
 
 
-def _gantt(record: Record, times: FloatArray, states: np.ndarray, tag: str) -> Chart:
+def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -> Chart:
     names, num = record.fleet.robot_name, states.shape[1]
     there = np.isfinite(_at(record, times)[0])
     goal = np.where(np.isfinite(record.execution.goal_s), record.execution.goal_s, np.inf)
@@ -344,7 +344,7 @@ def _bar(start: float, end: float, row: int, height: float) -> list[tuple[float,
     return [(start, low), (end, low), (end, high), (start, high)]
 
 
-def waits(record: Record) -> FloatArray:
+def waits(record: RunRecord) -> FloatArray:
     """[R, R] seconds that each robot waited for each other one, of the events that tell."""
     num = record.execution.num_robots
     seconds = np.zeros((num, num))
@@ -354,7 +354,7 @@ def waits(record: Record) -> FloatArray:
     return seconds
 
 
-def _waits(record: Record, tag: str) -> Chart | None:
+def _waits(record: RunRecord, tag: str) -> Chart | None:
     seconds = waits(record)
     if not seconds.any():
         return None
@@ -395,7 +395,7 @@ def _waits(record: Record, tag: str) -> Chart | None:
     return draw(f"{tag}_waits", "Who waited for whom", caption, paint, size=(NARROW[0], 4.1))
 
 
-def _lateness(record: Record, tag: str) -> Chart | None:
+def _lateness(record: RunRecord, tag: str) -> Chart | None:
     plan, arrived = record.plan, record.execution.arrived_s
     if plan is None or len(arrived) != plan.num_visits:
         return None
@@ -420,7 +420,7 @@ def _lateness(record: Record, tag: str) -> Chart | None:
     )
 
 
-def _distances(record: Record, times: FloatArray, tag: str) -> Chart | None:
+def _distances(record: RunRecord, times: FloatArray, tag: str) -> Chart | None:
     if record.execution.num_robots < 2:
         return None
     few = times[:: max(1, len(times) // 400)]

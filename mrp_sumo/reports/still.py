@@ -16,10 +16,10 @@ from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
-from mrp_sumo.io.record import STATE_NAMES, Record
+from mrp_sumo.io.record import STATE_NAMES, RunRecord
 from mrp_sumo.reports.picture import Picture, require_suffix
 from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
-from mrp_sumo.reports.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, shown_record, shown_states
+from mrp_sumo.reports.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 
 LIGHT = THEMES["light"]
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
@@ -68,7 +68,7 @@ def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
         For a time outside the run, and a run with nothing to show.
     """
     try:
-        record, outline = shown_record(run), run.outline
+        record, outline = view_record(run), run.outline
     except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
         raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     execution = record.execution
@@ -95,7 +95,7 @@ def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
     return xy
 
 
-def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Picture, Axes, float]:
+def _page(record: RunRecord, outline: Outline | None, width_in: float) -> tuple[Picture, Axes, float]:
     nav, execution = record.nav or record.graph, record.execution
     points = [nav.xy, np.column_stack([c[np.isfinite(c)][[0, 0]] for c in (execution.x_m, execution.y_m)])]
     points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
@@ -116,7 +116,7 @@ def _page(record: Record, outline: Outline | None, width_in: float) -> tuple[Pic
     return figure, ax, 72 * inch_per_m
 
 
-def _draw_floor(ax: Axes, record: Record, outline: Outline | None, points_per_m: float) -> None:
+def _draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float) -> None:
     nav = record.nav or record.graph
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)
@@ -142,12 +142,12 @@ def _draw_floor(ax: Axes, record: Record, outline: Outline | None, points_per_m:
             _write(ax, nav.vertex_name[v], x, y, -7 - 0.08 * points_per_m, 6.5, LIGHT["muted"], 3)
 
 
-def _draw_robots(ax: Axes, record: Record, at_s: float, points_per_m: float) -> list[int]:
+def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) -> list[int]:
     """Draw, and count the robots by state."""
     execution, fleet = record.execution, record.fleet
     x, y, yaw = (c[0] for c in positions_at(execution, np.array([at_s])))
     now = int(np.clip(np.searchsorted(execution.t_s, at_s + 1e-9) - 1, 0, len(execution.t_s) - 1))
-    state = shown_states(execution)[now]
+    state = view_states(execution)[now]
     there = np.flatnonzero((state != ABSENT) & np.isfinite(x))
     few = record.fleet.num_robots <= NAMED
     grow = np.maximum(1, LEAST_PT[not few] / (fleet.length_m * points_per_m))
@@ -190,7 +190,7 @@ def _write(ax: Axes, text: str, x: float, y: float, dy_pt: float, size_pt: float
     note.set_parse_math(False)  # a name is a name
 
 
-def _tell(figure: Figure, ax: Axes, record: Record, at_s: float, counts: list[int], *, planned: bool) -> None:
+def _tell(figure: Figure, ax: Axes, record: RunRecord, at_s: float, counts: list[int], *, planned: bool) -> None:
     width, height = figure.get_size_inches()
     title = figure.text(0.2 / width, 1 - 0.3 / height, record.name, fontsize=14, fontweight="bold", color=LIGHT["ink"], va="center")
     title.set_parse_math(False)

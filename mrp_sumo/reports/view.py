@@ -13,7 +13,7 @@ from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.record import MOVING, WAITING, Record, robot_states
+from mrp_sumo.io.record import MOVING, WAITING, RunRecord, robot_states
 
 if TYPE_CHECKING:
     from mrp_sumo.core.fleet import Fleet
@@ -44,7 +44,7 @@ class AnyRun(Protocol):
         """Whether there is a trajectory."""
 
     @property
-    def record(self) -> Record:
+    def record(self) -> RunRecord:
         """Of a run that was executed."""
 
     @property
@@ -63,7 +63,7 @@ class AnyRun(Protocol):
     def outline(self) -> "Outline | None": ...
 
 
-def shown_record(run: AnyRun) -> Record:
+def view_record(run: AnyRun) -> RunRecord:
     """The run as it is shown: as driven, or as planned where it was not executed.
 
     Raises
@@ -75,7 +75,7 @@ def shown_record(run: AnyRun) -> Record:
         return run.record
     if run.plan is None:
         raise MrpSumoError(f"{run.source}: nothing to replay, the run has neither a plan nor a trajectory ({run.result['status']})")
-    return Record(
+    return RunRecord(
         name=run.result["scenario"]["name"],
         seed=run.result["seed"],
         fleet=run.fleet,
@@ -87,7 +87,7 @@ def shown_record(run: AnyRun) -> Record:
     )
 
 
-def shown_states(execution: Execution) -> NDArray[np.int8]:
+def view_states(execution: Execution) -> NDArray[np.int8]:
     """[T, R] the state of each robot at each sample: `robot_states`, with ABSENT, and turning in place counted as moving."""
     state = robot_states(execution, execution.t_s)
     turning = np.zeros(state.shape, np.bool_)
@@ -98,7 +98,7 @@ def shown_states(execution: Execution) -> NDArray[np.int8]:
     return state
 
 
-def is_grid_map(record: Record) -> bool:
+def is_grid_map(record: RunRecord) -> bool:
     """Whether the map is a grid as it is: its cells are drawn, not lanes."""
     nav, graph = record.nav, record.graph
     return graph.kind == "grid" and (nav is None or np.array_equal(nav.xy, graph.xy))

@@ -7,11 +7,11 @@ import pytest
 from worlds import record_of_two
 
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
-from mrp_sumo.reports.view import ABSENT, furniture_and_walls, plan_as_execution, shown_states
+from mrp_sumo.reports.view import ABSENT, furniture_and_walls, plan_as_execution, view_states
 
 
 def test_states_are_those_of_the_run():
-    state = shown_states(record_of_two().execution)
+    state = view_states(record_of_two().execution)
     assert state[5].tolist() == [MOVING, BLOCKED]
     assert state[15].tolist() == [MOVING, WAITING]
     assert state[25].tolist() == [MOVING, MOVING]
@@ -22,7 +22,7 @@ def test_a_robot_that_turns_in_place_does_not_wait():
     record = record_of_two()
     yaw = record.execution.yaw_rad.copy()
     yaw[12:16, 1] += 0.1 * np.arange(4)
-    state = shown_states(replace(record.execution, yaw_rad=yaw))
+    state = view_states(replace(record.execution, yaw_rad=yaw))
     assert state[13:16, 1].tolist() == [MOVING] * 3
     assert state[18, 1] == WAITING
 

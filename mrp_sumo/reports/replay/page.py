@@ -22,10 +22,10 @@ from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
-from mrp_sumo.io.record import Record
+from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
-from mrp_sumo.reports.view import AnyRun, furniture_and_walls, is_grid_map, shown_record, shown_states
+from mrp_sumo.reports.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 
 SOURCES = Path(__file__).parent
 SCRIPTS = ("data.js", "elements.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")
@@ -126,14 +126,14 @@ def write_replay(folder: Path, out: Path | None = None) -> Path:
 def page_of(run: AnyRun) -> str:
     """The page of a run. Raises MrpSumoError where its folder is damaged or there is nothing to replay."""
     try:
-        record = shown_record(run)
+        record = view_record(run)
         about = _about(run, record)
     except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
         raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     return replay_page(record, about)
 
 
-def replay_page(record: Record, about: About) -> str:
+def replay_page(record: RunRecord, about: About) -> str:
     """The page as text.
 
     Parameters
@@ -186,7 +186,7 @@ def replay_page(record: Record, about: About) -> str:
     )
 
 
-def _about(run: AnyRun, record: Record) -> About:
+def _about(run: AnyRun, record: RunRecord) -> About:
     """What is told of a run, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
     status = run.result["status"].replace("_", " ")
@@ -233,7 +233,7 @@ def _seconds(value: float | None) -> str | None:
     return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
 
 
-def _extent(record: Record, outline: Outline | None) -> tuple[FloatArray, FloatArray]:
+def _extent(record: RunRecord, outline: Outline | None) -> tuple[FloatArray, FloatArray]:
     """Lower left and upper right of everything there is to show."""
     execution = record.execution
     nav = record.nav or record.graph
@@ -251,7 +251,7 @@ def _extent(record: Record, outline: Outline | None) -> tuple[FloatArray, FloatA
 def _add_motion(columns: Columns, execution: Execution, low: FloatArray, high: FloatArray) -> dict[str, Any]:
     """Poses and states, robot by robot."""
     stride = math.ceil(execution.x_m.size / MAX_POSES)
-    state = shown_states(execution)
+    state = view_states(execution)
     kept = slice(None, None, stride)
     unit_m = max(POSITION_M, float((high - low).max()) / 65000)
 
@@ -269,7 +269,7 @@ def _add_motion(columns: Columns, execution: Execution, low: FloatArray, high: F
     return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": unit_m}
 
 
-def _add_plan(columns: Columns, record: Record, low: FloatArray, high: FloatArray) -> dict[str, Any]:
+def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatArray) -> dict[str, Any]:
     """Planned visits and when they were reached; the vertices that plan, goals and events name, numbered anew."""
     plan, graph = record.plan, record.graph
     named = [record.target, np.array([e.vertex for e in record.execution.events], np.int64)]
@@ -297,7 +297,7 @@ def _add_plan(columns: Columns, record: Record, low: FloatArray, high: FloatArra
     }
 
 
-def _add_events(columns: Columns, record: Record, index: IntArray) -> dict[str, Any]:
+def _add_events(columns: Columns, record: RunRecord, index: IntArray) -> dict[str, Any]:
     """The events, by time."""
     events = sorted(record.execution.events, key=lambda event: event.t_s)
     kinds = list(dict.fromkeys(event.kind for event in events))
@@ -320,7 +320,7 @@ def _milliseconds(t_s: FloatArray) -> NDArray[Any]:
     return np.where(np.isfinite(ms), np.clip(np.nan_to_num(ms, posinf=0), 0, NEVER - 1), NEVER)
 
 
-def _map(record: Record, outline: Outline | None, low: FloatArray, high: FloatArray) -> dict[str, Any]:
+def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: FloatArray) -> dict[str, Any]:
     """What is drawn under the robots, in m from the lower left corner."""
     nav = record.nav or record.graph
     told: dict[str, Any] = {"size_m": high - low, "floors": [], "holes": [], "cells": [], "furniture": [], "inner": []}
