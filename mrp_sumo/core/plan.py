@@ -22,6 +22,7 @@ class Status(StrEnum):
     TIMED_OUT = "timed_out"
     INFEASIBLE = "infeasible"
     GAVE_UP = "gave_up"  # an incomplete method ran out of things to try
+    PLANNER_FAILED = "planner_failed"  # a plug-in that broke its contract
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,7 @@ class PlanResult:
     lower_bound_steps: float = 0.0  # on the standard sum of costs of any plan for this problem
     stats: Mapping[str, float] = field(default_factory=dict)  # the planner's own counters
     message: str = ""  # why there is no plan
+    details: str = ""  # the traceback of a plug-in that failed
 
 
 def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> Plan:

@@ -9,13 +9,10 @@ counts. What it writes is data to be judged by the referee, whatever its exit co
 
 import os
 import re
-import select
 import shlex
-import signal
 import subprocess
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -25,6 +22,7 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, nearest
 from mrp_sumo.formats.peers import Cells, cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
+from mrp_sumo.planning.processes import await_end, kill_family
 from mrp_sumo.traffic.referee import judge
 
 PLACES = ("map", "scen", "yaml", "yaml_free", "agents", "time_limit", "seed", "out")
@@ -164,49 +162,13 @@ def _run(words: list[str], folder: Path, limit_s: float) -> _Ran:
             raise PlanError(f"'{words[0]}' cannot be started: {error.strerror}") from None
         ended = False
         try:
-            ended = _await_end(process.pid, limit_s)
+            ended = await_end(process.pid, limit_s)
         finally:
             time_s = perf_counter() - began
-            _kill(process.pid)  # not waited for yet, so that its number cannot be another's by now
+            kill_family(process.pid)  # not waited for yet, so that its number cannot be another's by now
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
     with log.open("rb") as printed:
         printed.seek(max(0, log.stat().st_size - TAIL_BYTES))
         said = printed.read().decode(errors="replace")
     return _Ran(process.returncode if ended else None, said, time_s, usage.ru_utime + usage.ru_stime)
-
-
-def _await_end(pid: int, limit_s: float) -> bool:
-    """Whether a child ends within the limit. It is not waited for, and its end is seen at once: `Popen.wait` looks every 50 ms."""
-    watch = os.pidfd_open(pid)
-    try:
-        poll = select.poll()
-        poll.register(watch, select.POLLIN)
-        return bool(poll.poll(ceil(1000 * limit_s)))
-    finally:
-        os.close(watch)
-
-
-def _kill(leader: int) -> None:
-    """Kill a session's leader and all that came of it, in other process groups and sessions too."""
-    for _ in range(10):  # again while something new appears
-        family = _family(leader)
-        for pid in family:
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(pid, signal.SIGKILL)
-        if family <= {leader}:
-            break
-
-
-def _family(leader: int) -> set[int]:
-    """The living processes of a leader's session, their descendants, and the leader."""
-    parent, session = {}, {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            fields = stat.read_text(errors="replace").rpartition(")")[2].split()
-            if fields[0] not in "ZX":
-                parent[int(stat.parent.name)], session[int(stat.parent.name)] = int(fields[1]), int(fields[3])
-    family = {leader} | {pid for pid in session if session[pid] == leader}
-    while more := {pid for pid in parent if parent[pid] in family} - family:
-        family |= more
-    return family

@@ -1,9 +1,13 @@
-"""Planners and assigners by name, with their parameters; see `mrp_sumo.plugins.registry` for where they are found."""
+"""Planners and assigners by name, with their parameters; see `mrp_sumo.plugins.registry` for where they are found.
+
+Ours are made in this process, those from outside in one of their own, when they are first used.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from mrp_sumo.planning.outside import OutsideAssigner, OutsidePlanner
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins import registry
 from mrp_sumo.search.kernel_cache import drop_stale_kernels
@@ -24,17 +28,22 @@ def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None
     Raises
     ------
     ScenarioError
-        For an unknown name or parameter (with the nearest right one), or a value that does not fit.
-    PlugInError
-        For a plug-in that cannot be loaded, or is no planner.
+        For an unknown name or parameter (with the nearest right one), or a value that does not fit. What only the code of a
+        plug-in from outside can tell is raised by its `prepare`.
     """
+    source = registry.find("planners", name, beside)
+    if not source.ours:
+        return OutsidePlanner(source, parameters)
     drop_stale_kernels()
-    return cast(Planner, registry.make("planners", name, parameters, beside))
+    return cast(Planner, registry.make("planners", name, parameters))
 
 
 def assigner(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Assigner:
     """The assigner of this name; as `planner`."""
-    return cast(Assigner, registry.make("assigners", name, parameters, beside))
+    source = registry.find("assigners", name, beside)
+    if not source.ours:
+        return OutsideAssigner(source, parameters)
+    return cast(Assigner, registry.make("assigners", name, parameters))
 
 
 def planner_names() -> tuple[str, ...]:

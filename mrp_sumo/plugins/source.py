@@ -41,6 +41,16 @@ class Source:
         return self.path and _top(self.path)
 
 
+def definition(source: Source) -> str:
+    """`file:line` of the class or function, read from the text."""
+    if source.path is None:
+        return source.module
+    for node in ast.walk(_tree(source.path)):
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == source.attribute:
+            return f"{shown(source.path)}:{node.lineno}"
+    return shown(source.path)
+
+
 def place_in_file(name: str) -> tuple[str, str] | None:
     """File and attribute of `mine.py:OneByOne`; None for a plain name."""
     found = _IN_FILE.fullmatch(name)

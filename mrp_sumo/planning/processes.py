@@ -1,0 +1,156 @@
+"""Processes that can be killed with all that came of them: programs of others, and the code of plug-ins.
+
+A plug-in's process loads it, checks its face, and answers one call at a time over a socket. It ends with its parent. Whatever the
+plug-in does there (raises, hangs, ends its process), the caller gets an answer, a PlugInError or an Overtime.
+"""
+
+import os
+import pickle
+import select
+import signal
+import socket
+import subprocess
+import sys
+import weakref
+from collections.abc import Mapping
+from contextlib import suppress
+from math import ceil
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.errors import PlugInError
+from mrp_sumo.plugins.source import Source, definition
+
+LOAD_LIMIT_S = 600.0  # for loading and compiling
+
+
+class Overtime(Exception):
+    """A call that was not answered within its time; its process was killed."""
+
+
+class PlugInProcess:
+    """A plug-in in a process of its own.
+
+    Parameters
+    ----------
+    kind
+        Of `plugins.kinds.KINDS`.
+    source, parameters
+        Which plug-in, and how it is made.
+
+    Raises
+    ------
+    ScenarioError
+        For parameters that it does not have.
+    PlugInError
+        When it cannot be loaded or made, or lacks what its kind needs.
+    """
+
+    def __init__(self, kind: str, source: Source, parameters: Mapping[str, Any]) -> None:
+        self._where = definition(source)
+        ours, theirs = socket.socketpair()
+        code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.planning.plug_in_process import main"
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", f"{code}; main({theirs.fileno()}, {os.getpid()})"],
+            pass_fds=(theirs.fileno(),),
+            stdin=subprocess.DEVNULL,
+            stdout=2,  # what a plug-in prints must not mix with our output
+            start_new_session=True,  # out of reach of Ctrl-C, and to be killed with its children
+        )
+        theirs.close()
+        self._connection = Connection(ours.detach())
+        self.close = weakref.finalize(self, _end, self._process, self._connection)
+        self.facts: dict[str, Any] = {}
+        self.facts = self.ask("load", (kind, source, dict(parameters)), LOAD_LIMIT_S)[0]
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked."""
+        return self.close.alive and self._process.poll() is None
+
+    def ask(self, call: str, arguments: tuple[Any, ...], limit_s: float) -> tuple[Any, float]:
+        """The answer to a call, and how many seconds it took.
+
+        Parameters
+        ----------
+        call
+            'load', or a method that `plug_in_process` knows.
+        arguments
+            To be pickled.
+        limit_s
+            Wall time, from when the call has arrived.
+
+        Raises
+        ------
+        Overtime
+            After the limit and 5 % (at least 0.1 s) on top. The process is dead then.
+        PlugInError, ScenarioError, MrpSumoError, MemoryError
+            As the plug-in's process says.
+        """
+        where = self.facts.get("places", {}).get(call, self._where)
+        try:
+            self._connection.send((call, *arguments))
+            self._connection.recv()  # it has arrived
+            if not self._connection.poll(limit_s + max(0.1, 0.05 * limit_s)):
+                self.close()
+                raise Overtime
+            answer, error, time_s = self._connection.recv()
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise PlugInError(f"{where}: {self._ending()} during {call}()") from None
+        if error is not None:
+            raise error
+        return answer, float(time_s)
+
+    def _ending(self) -> str:
+        """How the process ended."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(2)  # it closes its socket a moment before it ends
+        code = self._process.poll()
+        self.close()
+        if code is None:
+            return "closed its connection"
+        return f"its process was killed by {signal.Signals(-code).name}" if code < 0 else f"ended its process with exit code {code}"
+
+
+def _end(process: subprocess.Popen[bytes], connection: Connection) -> None:
+    connection.close()
+    if process.poll() is None:
+        kill_family(process.pid)
+        process.wait()
+
+
+def await_end(pid: int, limit_s: float) -> bool:
+    """Whether a child ends within the limit. It is not waited for, and its end is seen at once: `Popen.wait` looks every 50 ms."""
+    watch = os.pidfd_open(pid)
+    try:
+        poll = select.poll()
+        poll.register(watch, select.POLLIN)
+        return bool(poll.poll(ceil(1000 * limit_s)))
+    finally:
+        os.close(watch)
+
+
+def kill_family(leader: int) -> None:
+    """Kill a session's leader and all that came of it, in other process groups and sessions too."""
+    for _ in range(10):  # again while something new appears
+        family = _family(leader)
+        for pid in family:
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(pid, signal.SIGKILL)
+        if family <= {leader}:
+            break
+
+
+def _family(leader: int) -> set[int]:
+    """The living processes of a leader's session, their descendants, and the leader."""
+    parent, session = {}, {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = stat.read_text(errors="replace").rpartition(")")[2].split()
+            if fields[0] not in "ZX":
+                parent[int(stat.parent.name)], session[int(stat.parent.name)] = int(fields[1]), int(fields[3])
+    family = {leader} | {pid for pid in session if session[pid] == leader}
+    while more := {pid for pid in parent if parent[pid] in family} - family:
+        family |= more
+    return family
