@@ -1,11 +1,10 @@
 """External planners: a command is run on an instance, its plan is read, it never outlives its time."""
 
 import sys
-import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import gone
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
@@ -52,24 +51,7 @@ def test_hanging_program_is_killed_with_its_children(problem, tmp_path):
     )
     result = run(problem, script, time_limit_s=1.5)
     assert result.status is Status.TIMED_OUT
-    child = int(note.read_text())
-    for _ in range(100):
-        stat = Path(f"/proc/{child}/stat")
-        state = stat.read_text().split()[2] if stat.exists() else "X"
-        if state in "ZX":
-            break
-        time.sleep(0.05)
-    assert state in "ZX"
-
-
-def gone(pid):
-    """Whether a process ends within 5 s."""
-    for _ in range(100):
-        stat = Path(f"/proc/{pid}/stat")
-        if not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] in "ZX":
-            return True
-        time.sleep(0.05)
-    return False
+    assert gone(int(note.read_text()))
 
 
 @pytest.mark.parametrize("left_by", ["killed", "ended"])

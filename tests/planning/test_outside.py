@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from test_external import gone
+from processes import gone
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
