@@ -134,7 +134,7 @@ def _figure(study: Study, origin: str) -> str:
     rows: list[list[Any]] = []
     for name in adg.maps:
         common, _ = commonly_solved(adg.frame[adg.frame["_map"] == name])
-        done = common[common["_succeeded"]]
+        done = common[common["_arrived"]]
         for series in adg.series:
             runs = done[done["_series"] == series]
             row: list[Any] = [name, series, len(runs)]

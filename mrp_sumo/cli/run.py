@@ -87,8 +87,8 @@ def _print(result: "RunResult", out: Path, verbose: bool) -> None:
         if told := ", ".join(p for p in parts if p):
             table.add_row(name, told)
 
-    good, bad = "green", "red"
-    row("status", f"[{good if result.status == 'completed' else bad}]{result.status.replace('_', ' ')}[/]", result.note)
+    colour = "red" if result.status != "completed" else "green" if m["plan_valid"] else "yellow"
+    row("status", f"[{colour}]{result.status.replace('_', ' ')}[/]", result.note)
     row("map", f"{scenario.map.file}, {m['num_robots']} robots, seed {scenario.seed}")
     row("planner", scenario.planner.name, _validity(m))
     row("planning time", _seconds(m["planning_time_s"]), _given("assignment", _seconds(m["assignment_time_s"])))
@@ -97,7 +97,7 @@ def _print(result: "RunResult", out: Path, verbose: bool) -> None:
         "cost",
         _count(m["soc_steps"], "steps (sum of costs)"),
         _count(m["cost_steps"], "cells (paper's count)"),
-        _count(m["lower_bound_steps"], "steps lower bound"),
+        _count(m["lower_bound_steps"] or None, "steps lower bound"),  # 0: the planner proves nothing
     )
     if execution is not None:
         row("goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {execution.policy}")
@@ -108,8 +108,8 @@ def _print(result: "RunResult", out: Path, verbose: bool) -> None:
             _given("clearance", _metres(m["min_clearance_m"])),
             f"{m['num_overlaps']} overlaps",
         )
-        row("blocked time", _seconds(m["time_blocked_total_s"]))
-        row("lateness", _given("mean", _seconds(m["lateness_mean_s"])), _given("maximum", _seconds(m["lateness_max_s"])))
+        row("blocked time", _seconds(m["blocked_s"]), _given("MRP-Bench's count", _seconds(m["time_blocked_total_s"])))
+        row("lateness", _given("mean", _lateness(m["lateness_mean_s"])), _given("maximum", _lateness(m["lateness_max_s"])))
         row("real-time factor", f"{m['real_time_factor']:.0f}", f"{m['robot_seconds_per_cpu_second']:.0f} robot-seconds a CPU-second")
     row("files", str(out))
     console.print(table)
@@ -134,6 +134,10 @@ def _seconds(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
+
+
+def _lateness(value: float | None) -> str:
+    return "" if value is None else f"{_seconds(abs(value))} {'early' if value < 0 else 'late'}"
 
 
 def _metres(value: float | None) -> str:

@@ -180,7 +180,7 @@ def success_rates(planned: ArrayLike, succeeded: ArrayLike, confidence: float = 
     Parameters
     ----------
     planned
-        [N] whether the planner found a plan within its time limit.
+        [N] whether the planner found a plan that counts within its time limit: a valid one for us, any one for MRP-Bench.
     succeeded
         [N] whether all robots then reached their goals within theirs.
     confidence
@@ -222,20 +222,23 @@ def rates(results: "pandas.DataFrame", by: Sequence[str], confidence: float = 0.
     Returns
     -------
     DataFrame
-        A row a group: `num_runs`, and `planning`, `normalised` and `overall` success rates with `_low` and `_high`,
-        and `planning_par2_s`.
+        A row for each group: `num_runs`; success rates with `_low` and `_high`: `planning` (valid plans of all runs),
+        `normalised` (successes of the runs with a valid plan), `overall` (successes of all runs), and `mrp_bench_planning`, which
+        counts any plan; and `planning_par2_s`, in which a run without a valid plan counts as twice the limit.
     """
     import pandas as pd
 
     rows = []
     for values, group in results.groupby(list(by), sort=False, dropna=False):
-        planned = _flags(group, "plan_success")
+        found = _flags(group, "plan_success")
+        planned = found & _flags(group, "plan_valid")
         normalised, overall = success_rates(planned, _flags(group, "success"), confidence)
         row: dict[str, Any] = dict(zip(by, values, strict=True)) | {"num_runs": len(group)}
         for name, rate in (
             ("planning", wilson(int(planned.sum()), len(group), confidence)),
             ("normalised", normalised),
             ("overall", overall),
+            ("mrp_bench_planning", wilson(int(found.sum()), len(group), confidence)),
         ):
             row |= {name: rate.value, f"{name}_low": rate.low, f"{name}_high": rate.high}
         limit_s = float(group["planner.time_limit_s"].max())

@@ -40,6 +40,7 @@ CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_
 def measure(job: Job, maps: MapCache) -> Answer:
     """Make a run as far as its suite says, and measure it."""
     from mrp_sumo.experiments.run import carry_out
+    from mrp_sumo.metrics.evaluate import succeeded
 
     file = scenario_of(job)
     try:
@@ -49,9 +50,11 @@ def measure(job: Job, maps: MapCache) -> Answer:
     except MrpSumoError as error:
         lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
         return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines))
-    metrics = outcome.metrics
-    success = outcome.status == "planned" or (outcome.status == "completed" and metrics["all_goals_reached"])
-    return {"status": outcome.status, "success": bool(success), "reason": outcome.note, "metrics": metrics}
+    success = succeeded(outcome.status, outcome.metrics)
+    reason = outcome.note or (
+        "" if success or outcome.solution.verdict is None else outcome.solution.verdict.summary(outcome.solution.problem)
+    )
+    return {"status": outcome.status, "success": success, "reason": reason, "metrics": outcome.metrics}
 
 
 def scenario_of(job: Job) -> "ScenarioFile":

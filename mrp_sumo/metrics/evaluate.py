@@ -1,6 +1,6 @@
 """All metrics of a run, flat: those of the registry, then those that the user brings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrp_sumo.core.execution import Execution
@@ -12,6 +12,14 @@ from mrp_sumo.metrics.registry import METRICS
 from mrp_sumo.traffic.referee import Verdict
 
 Metrics = dict[str, Any]
+
+
+def succeeded(status: str, metrics: Mapping[str, Any]) -> bool:
+    """Whether a run with a plan, driven or not, is a success: a valid plan and, where it was driven, all robots at their goals without an
+    overlap.
+    """
+    arrived = status == "completed" and bool(metrics.get("all_goals_reached"))
+    return (arrived or status == "planned") and bool(metrics.get("plan_valid"))
 
 
 def evaluate(

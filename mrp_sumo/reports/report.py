@@ -161,11 +161,11 @@ def _tiles(study: Study, one: bool) -> list[Tile]:
     tiles += [Tile(word, str(len(of))) for word, of in zip(("maps", "planners and variants"), names) if len(of) > 1]
     if not study.is_planned:
         return tiles
-    planned = float(frame["_planned"].mean())
-    tiles.append(Tile("a plan was found", f"{100 * planned:.1f} %", mood="good" if planned > 0.95 else ""))
+    planned = float(frame["_valid"].mean())
+    tiles.append(Tile("valid plans", f"{100 * planned:.1f} %", mood="good" if planned > 0.95 else ""))
     if study.is_executed:
         share = float(frame["_succeeded"].mean())
-        tiles.append(Tile("all robots at their goals", f"{100 * share:.1f} %", mood="good" if share > 0.95 else ""))
+        tiles.append(Tile("succeeded: valid plan, all robots at their goals", f"{100 * share:.1f} %", mood="good" if share > 0.95 else ""))
         overlaps = frame["num_overlaps"].fillna(0).to_numpy(np.float64) > 0
         if frame["num_overlaps"].notna().any():
             tiles.append(Tile("runs in which robots overlapped", f"{int(overlaps.sum()):,}", mood="bad" if overlaps.any() else "good"))
@@ -185,7 +185,8 @@ def _run_tiles(study: Study) -> list[Tile]:
         ("planning time", "planning_time_s", 1e3, "ms"),
         ("planned makespan", "makespan_s", 1, "s"),
         ("execution time", "execution_time_s", 1, "s"),
-        ("time blocked, all robots", "time_blocked_total_s", 1, "s"),
+        ("blocked, all robots", "blocked_s", 1, "s"),
+        ("time blocked (MRP-Bench)", "time_blocked_total_s", 1, "s"),
         ("least clearance", "min_clearance_m", 100, "cm"),
     ):
         if not pd.isna(row[column]):

@@ -18,6 +18,7 @@ from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
 from mrp_sumo.io.results import PLAN, load_results, read_plan
 from mrp_sumo.io.run_reader import RESULT, Run, load_run
+from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
 
@@ -30,9 +31,10 @@ PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "ecbs_ta": "ECBS-TA",
     "prioritised": "Prioritised",
     "pibt": "PIBT",
-    "lacam": "LaCAM*",
+    "lacam": "LaCAM",  # LaCAM* with `anytime`
     "lns2": "LNS2",
 }
+ANYTIME = "planner.parameters.anytime"  # makes LaCAM LaCAM*
 NUMBERS = (*METRIC_NUMBERS, "run_wall_s", "planner.time_limit_s", "execution.time_limit_s", "seed")  # absent ones are filled in as missing
 FLAGS = ("success", *METRIC_FLAGS)
 NEEDED = ("status", "success", "planner", "map")
@@ -43,8 +45,9 @@ MAX_FOLDERS = 200  # run folders that are opened beside a batch
 class Study:
     """Runs, one a row of `frame`: the columns of `load_results`, and
 
-    `_map`, `_robots`, `_series`: what the row belongs to; `_instance`: number of its instance; `_planned`,
-    `_succeeded`: whether a plan was found, and whether all robots then reached their goals.
+    `_map`, `_robots`, `_series`: what the row belongs to; `_instance`: number of its instance; `_planned`: whether a plan was found,
+    valid or not, as MRP-Bench counts; `_valid`: whether a valid one was; `_arrived`: whether all robots then reached their goals without
+    an overlap; `_succeeded`: whether they did, on a valid plan.
     """
 
     name: str
@@ -142,11 +145,10 @@ def _run_folders(path: Path, told: list[str]) -> dict[str, Run]:
 def _row(key: str, run: Run) -> dict[str, Any]:
     """A run folder as a row of `load_results`."""
     metrics = {name: value for name, value in run.metrics.items() if not isinstance(value, list)}
-    reached = metrics.get("all_goals_reached")
     return {
         "key": key,
         "status": run.result["status"],
-        "success": run.result["status"] == "completed" and bool(reached),
+        "success": succeeded(run.result["status"], metrics),
         "reason": run.result.get("note", ""),
         "repeat": 0,
         **parameter_columns(run.result["scenario"]),
@@ -177,7 +179,9 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: l
     frame["_robots"] = robots.fillna(pd.to_numeric(frame["num_robots"], errors="coerce")).astype("Float64").astype("Int64")
     varying = [c for c in frame.columns if c.split(".")[0] in SECTIONS and frame[c].nunique(dropna=True) > 1]
     mixed = _series_columns(frame, varying)
-    frame["_series"] = [_series_name(row, mixed) for row in frame[["planner", *mixed]].astype(object).itertuples(index=False, name=None)]
+    rows = frame[["planner", *mixed]].astype(object).itertuples(index=False, name=None)
+    anytime = frame[ANYTIME].eq(True).fillna(False) if ANYTIME in frame else np.zeros(len(frame), np.bool_)
+    frame["_series"] = [_series_name(row, mixed, bool(star)) for row, star in zip(rows, anytime)]
     known = list(PLANNER_NAMES)
     first = {s: i for i, s in reversed(list(enumerate(frame["_series"])))}
     rank = {s: (known.index(p) if p in known else len(known), first[s]) for s, p in zip(frame["_series"], frame["planner"])}
@@ -185,7 +189,9 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: l
     instance += [c for c in ("repeat",) if c in frame]
     frame["_instance"] = frame.groupby(instance, sort=False, dropna=False).ngroup() if instance else 0
     frame["_planned"] = frame["plan_success"].fillna(False).to_numpy(np.bool_)
-    frame["_succeeded"] = frame["success"].fillna(False).to_numpy(np.bool_)
+    frame["_valid"] = frame["_planned"] & frame["plan_valid"].fillna(False).to_numpy(np.bool_)
+    frame["_arrived"] = (frame["status"] == "completed").to_numpy(np.bool_)
+    frame["_succeeded"] = (frame["success"].fillna(False) & frame["plan_valid"].fillna(True)).to_numpy(np.bool_)
     factors = tuple(
         c
         for c in varying
@@ -237,11 +243,13 @@ def _series_columns(frame: pd.DataFrame, varying: list[str]) -> list[str]:
     return own
 
 
-def _series_name(row: tuple[Any, ...], columns: list[str]) -> str:
+def _series_name(row: tuple[Any, ...], columns: list[str], anytime: bool) -> str:
     planner = str(row[0])
     parts = [PLANNER_NAMES.get(planner, planner)]
+    if planner == "lacam":
+        parts[0] += "*" * anytime
     for column, value in zip(columns, row[1:]):
-        if pd.isna(value):
+        if pd.isna(value) or (planner == "lacam" and column == ANYTIME):
             continue
         word = column.rsplit(".", 1)[-1].replace("_", " ")
         parts.append(f"{word} {_plain(value)}" if column.startswith("planner.parameters.") or isinstance(value, bool) else _plain(value))

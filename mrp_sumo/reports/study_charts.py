@@ -52,7 +52,7 @@ def study_charts(study: Study) -> dict[str, list[Chart]]:
 
 
 def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart:
-    outcome = "_succeeded" if study.is_executed else "_planned"
+    outcome = "_succeeded" if study.is_executed else "_valid"
     curves: list[Curve] = []
     for s in series:
         points = []
@@ -61,7 +61,7 @@ def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, ta
             points.append((float(value), rate.value, rate.low, rate.high))
         if points:
             curves.append((s, *(100 * np.array(p) if k else np.array(p) for k, p in enumerate(zip(*points)))))  # type: ignore[arg-type]
-    what = "all robots reach their goals" if study.is_executed else "a plan is found"
+    what = "all robots reach their goals on a valid plan" if study.is_executed else "a valid plan is found"
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
@@ -75,14 +75,14 @@ def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, ta
 
 
 def _success_rows(study: Study, runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart:
-    outcome = "_succeeded" if study.is_executed else "_planned"
+    outcome = "_succeeded" if study.is_executed else "_valid"
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
         for i, s in enumerate(series):
             of = runs[runs["_series"] == s]
-            for dy, column, face in ((-0.13, "_planned", PAPER), (0.13, outcome, None)):
-                if column == "_planned" and not study.is_executed and dy < 0:
+            for dy, column, face in ((-0.13, "_valid", PAPER), (0.13, outcome, None)):
+                if column == "_valid" and not study.is_executed and dy < 0:
                     continue
                 rate = wilson(int(of[column].sum()), len(of))
                 colour = COLOURS[i % len(COLOURS)]
@@ -92,7 +92,7 @@ def _success_rows(study: Study, runs: pd.DataFrame, series: Sequence[str], tag: 
         ax.set(xlim=(-2, 102), xlabel="success (%)")
 
     caption = "Share of all runs that succeed, with 95 % Wilson intervals." + (
-        " Hollow: a plan was found; filled: all robots reached their goals." * study.is_executed
+        " Hollow: a valid plan was found; filled: all robots then reached their goals." * study.is_executed
     )
     return draw(f"success_{tag}", f"Success{where}", caption, paint, size=_with_rows(series))
 
@@ -101,7 +101,7 @@ def _planning_time(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, 
     curves: list[Curve] = []
     for s in series:
         points = []
-        of = runs[(runs["_series"] == s) & runs["_planned"]]
+        of = runs[(runs["_series"] == s) & runs["_valid"]]
         for value, group in of.groupby(x):
             time = numbers(group, "planning_time_s")
             if len(time):
@@ -118,12 +118,14 @@ def _planning_time(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, 
         log_seconds(ax.yaxis)
         key(figure, ax)
 
-    caption = "Median planning time of runs with a plan, with the middle half of them. Compiled code is loaded before the clock starts."
+    caption = (
+        "Median planning time of runs with a valid plan, with the middle half of them. Compiled code is loaded before the clock starts."
+    )
     return draw(f"planning_time_{file_name(x)}_{tag}", f"Planning time against {_factor(x)}{where}", caption, paint, size=_with_key(series))
 
 
 def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
-    lines = [(s, np.sort(numbers(runs[(runs["_series"] == s) & runs["_planned"]], "planning_time_s"))) for s in series]
+    lines = [(s, np.sort(numbers(runs[(runs["_series"] == s) & runs["_valid"]], "planning_time_s"))) for s in series]
     if not any(len(t) > 1 for _, t in lines):
         return None
 
@@ -141,7 +143,9 @@ def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> 
         log_seconds(ax.yaxis)
         key(figure, ax)
 
-    caption = "Runs that are solved when each may take the time on the left. Farther right and lower is better; marks are ends."
+    caption = (
+        "Runs that are solved by a valid plan when each may take the time on the left. Farther right and lower is better; marks are ends."
+    )
     return draw(f"cactus_{tag}", f"Runs solved within a time{where}", caption, paint, size=_with_key(series))
 
 
@@ -149,13 +153,13 @@ def _suboptimality(runs: pd.DataFrame, series: Sequence[str], tag: str, where: s
     bound = runs["lower_bound_steps"].to_numpy(np.float64, na_value=np.nan)
     cost = runs["soc_steps"].to_numpy(np.float64, na_value=np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(bound > 0, cost / bound, np.nan)
+        ratio = np.where((bound > 0) & runs["_valid"].to_numpy(np.bool_), cost / bound, np.nan)
     values = [(s, ratio[(runs["_series"] == s).to_numpy() & np.isfinite(ratio)]) for s in series]
     values = [(s, v) for s, v in values if len(v)]
     if not values or sum(len(v) for _, v in values) < 2:
         return None
     caption = (
-        "Sum of costs over the lower bound that the planner itself proved; 1 is optimal. Box: middle half, line: median, "
+        "Sum of costs of valid plans over the lower bound that the planner itself proved; 1 is optimal. Box: middle half, line: median, "
         "whiskers: 5 to 95 %. Numbers of runs in brackets."
     )
     return draw(

@@ -107,6 +107,7 @@ RESULTS = pd.DataFrame(
         "seed": [0, 1, 2, 2, 0, 5],
         "repeat": [0] * 6,
         "plan_success": pd.array([True, False, None, True, True, True], "boolean"),
+        "plan_valid": pd.array([True, None, None, True, True, True], "boolean"),
         "success": pd.array([True, False, False, True, False, True], "boolean"),
         "planning_time_s": [1.0, 60.0, math.nan, 2.0, 3.0, 4.0],
     }
@@ -118,6 +119,12 @@ def test_rates_of_groups_count_every_run():
     assert (cbs["num_runs"], cbs["planning"], cbs["normalised"], cbs["overall"]) == (3, pytest.approx(1 / 3), 1.0, pytest.approx(1 / 3))
     assert cbs["planning_par2_s"] == pytest.approx((1 + 120 + 120) / 3)
     assert (ecbs["normalised"], ecbs["planning_par2_s"]) == (pytest.approx(2 / 3), 3.0)
+
+
+def test_invalid_plan_is_no_success_but_counts_for_mrp_bench():
+    ecbs = rates(RESULTS.assign(plan_valid=pd.array([True, None, None, False, True, True], "boolean")), ["planner"]).to_dict("records")[1]
+    assert (ecbs["planning"], ecbs["mrp_bench_planning"]) == (pytest.approx(2 / 3), 1.0)
+    assert ecbs["planning_par2_s"] == pytest.approx((120 + 3 + 4) / 3)
 
 
 def test_pairs_are_runs_equal_in_all_but_the_factor():

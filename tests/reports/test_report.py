@@ -57,6 +57,7 @@ def results(maps=("office", "warehouse"), planners=("astar", "cbs", "ecbs"), rob
                         "makespan_s": 80.0 + seed if found else None,
                         "execution_time_s": 60.0 + seed + k if found else None,
                         "goals_reached": n if arrives else 1,
+                        "all_goals_reached": arrives,
                         "time_blocked_total_s": 5.0 * seed if found else None,
                         "min_clearance_m": 0.2 if found else None,
                         "num_overlaps": 0 if found else None,
@@ -167,6 +168,24 @@ def test_table_2_counts_plans_found_and_their_time(study):
     assert float(cbs["mean ms"]) == pytest.approx(2.0)
     assert float(cbs["PAR2 s"]) == pytest.approx((5 * 0.002 + 120) / 6)
     assert float(cbs["paper %"]) == 83
+
+
+def test_invalid_plans_are_no_success_and_stand_beside_as_mrp_benchs_count(study):
+    page, text = study
+    (astar,) = [r for r in table(page, "table_2_planning") if (r["map"], r["robots"], r["planner"]) == ("office", "5", "A*")]
+    assert (float(astar["success %"]), float(astar["MRP-Bench success %"]), float(astar["PAR2 s"])) == (0, 100, 120)
+    (astar,) = [r for r in table(page, "table_3_execution") if (r["map"], r["robots"], r["planner"]) == ("office", "5", "A*")]
+    assert float(astar["overall %"]) == 0 and float(astar["MRP-Bench success %"]) == pytest.approx(100 * 4 / 6)
+    assert "valid plans" in text
+
+
+@pytest.mark.parametrize(("anytime", "name"), [(None, "LaCAM"), (False, "LaCAM"), (True, "LaCAM*")])
+def test_lacam_is_called_lacam_star_only_where_it_is_anytime(tmp_path, anytime, name):
+    frame = results(planners=("cbs", "lacam"))
+    if anytime is not None:
+        frame["planner.parameters.anytime"] = [anytime if planner == "lacam" else None for planner in frame["planner"]]
+    page, _ = reported(tmp_path, frame)
+    assert {r["planner"] for r in table(page, "table_2_planning")} == {"CBS", name}
 
 
 def test_table_3_tells_normalised_from_overall_success(study):

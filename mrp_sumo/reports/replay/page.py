@@ -24,6 +24,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
 from mrp_sumo.reports.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 
@@ -208,9 +209,10 @@ def _about(run: AnyRun, record: RunRecord) -> About:
         "Planning time": _seconds(metrics.get("planning_time_s")),
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
         "Lower bound": f"{metrics['lower_bound_steps']:.0f} steps" if metrics.get("lower_bound_steps") else None,
-        "Blocked in all": _seconds(metrics.get("time_blocked_total_s")),
-        "Mean lateness": _seconds(metrics.get("lateness_mean_s")),
-        "Largest lateness": _seconds(metrics.get("lateness_max_s")),
+        "Blocked in all": _seconds(metrics.get("blocked_s")),
+        "Blocked, MRP-Bench": _seconds(metrics.get("time_blocked_total_s")),
+        "Mean lateness": _lateness(metrics.get("lateness_mean_s")),
+        "Largest lateness": _lateness(metrics.get("lateness_max_s")),
         "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
         "Overlaps": metrics.get("num_overlaps"),
     }
@@ -218,7 +220,7 @@ def _about(run: AnyRun, record: RunRecord) -> About:
         name=run.result["scenario"]["name"],
         subtitle=f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {planner}",
         status=status if run.executed else f"{status}, plan only",
-        is_good=run.result["status"] == "completed",
+        is_good=succeeded(run.result["status"], metrics),
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
         facts=tuple((name, str(value)) for name, value in facts.items() if value is not None),
         metrics=tuple((name, str(value)) for name, value in told.items() if value is not None),
@@ -231,6 +233,10 @@ def _seconds(value: float | None) -> str | None:
     if value is None:
         return None
     return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
+
+
+def _lateness(value: float | None) -> str | None:
+    return None if value is None else f"{_seconds(abs(value))} {'early' if value < 0 else 'late'}"
 
 
 def _extent(record: RunRecord, outline: Outline | None) -> tuple[FloatArray, FloatArray]:
