@@ -9,7 +9,7 @@ from mrp_sumo.experiments import batch as batches
 from mrp_sumo.experiments.batch import run_batch
 from mrp_sumo.experiments.suite import read_suite
 from mrp_sumo.io.results import MACHINE_COLUMNS, records_in
-from mrp_sumo.metrics.evaluate import MACHINE_DEPENDENT
+from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 DRIVER = Path(__file__).with_name("drive_batch.py")
 
