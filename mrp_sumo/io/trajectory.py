@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.arrow import numbers, texts
 
 if TYPE_CHECKING:
     import pandas
@@ -73,7 +74,7 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
     encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys(COLUMNS, "BYTE_STREAM_SPLIT")}
     with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot"], column_encoding=encoding) as writer:
         for table in _tables(execution, robot_name, t_ns):
-            writer.write_table(table.cast(schema), ROWS_PER_GROUP * 2)
+            writer.write_table(table.replace_schema_metadata(schema.metadata), ROWS_PER_GROUP * 2)
 
 
 def trajectory_table(execution: Execution, robot_name: tuple[str, ...]) -> pa.Table:
@@ -93,15 +94,19 @@ def _ticks(execution: Execution) -> IntArray:
 
 
 def _schema(num_robots: int) -> pa.Schema:
-    index = pa.int16() if num_robots < 2**15 else pa.int32()
-    fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", pa.dictionary(index, pa.string()), False)]
+    robot = pa.dictionary(pa.from_numpy_dtype(_index(num_robots)), pa.string())
+    fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", robot, False)]
     return pa.schema(fields + [pa.field(name, pa.float64(), False) for name in COLUMNS])
+
+
+def _index(num_robots: int) -> type[np.signedinteger]:
+    return np.int16 if num_robots < 2**15 else np.int32
 
 
 def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray) -> Iterator[pa.Table]:
     """The rows, half a million at a time, robot by robot in each."""
     num_samples, num_robots = execution.x_m.shape
-    schema, names = _schema(num_robots), pa.array(list(robot_name), pa.string())
+    schema, names = _schema(num_robots), texts(robot_name)
     ticks = max(1, ROWS_PER_GROUP // max(1, num_robots))
     for a in range(0, num_samples, ticks):
         rows = slice(a, min(a + ticks, num_samples))
@@ -110,9 +115,9 @@ def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray) -
         time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
         there = np.isfinite(flat[0]) & np.isfinite(flat[1])
         if not there.all():
-            time, robot, flat = time[there], robot[there], [column[there] for column in flat]
-        robots = pa.DictionaryArray.from_arrays(pa.array(robot, schema.field("robot").type.index_type), names)
-        yield pa.Table.from_arrays([pa.array(time), robots, *map(pa.array, flat)], schema=schema)
+            time, robot, flat = time[there], robot[there], [values[there] for values in flat]
+        robots = pa.DictionaryArray.from_arrays(numbers(robot.astype(_index(num_robots))), names)
+        yield pa.Table.from_arrays([numbers(time), robots, *map(numbers, flat)], schema=schema)
 
 
 def read_trajectory(path: Path) -> Trajectory:

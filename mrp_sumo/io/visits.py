@@ -14,6 +14,7 @@ from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.io.arrow import dictionary, numbers, texts
 
 
 def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution) -> None:
@@ -33,22 +34,22 @@ def visits_table(problem: Problem, plan: Plan, execution: Execution) -> pa.Table
     """The table in memory."""
     graph = problem.graph
     arrived = execution.arrived_s if len(execution.arrived_s) == plan.num_visits else np.full(plan.num_visits, np.nan)
-    names = pa.array(list(problem.fleet.robot_name), pa.string())
+    names = texts(problem.fleet.robot_name)
     columns = {
-        "robot": pa.DictionaryArray.from_arrays(pa.array(plan.robot, pa.int32()), names),
-        "visit": pa.array(np.arange(plan.num_visits) - plan.first[plan.robot]),
-        "vertex": pa.array([graph.label(v) for v in plan.vertex.tolist()], pa.string()).dictionary_encode(),
-        "x_m": pa.array(graph.xy[plan.vertex, 0]),
-        "y_m": pa.array(graph.xy[plan.vertex, 1]),
-        "arrive_s": pa.array(plan.arrive_s),
-        "depart_s": pa.array(plan.depart_s, mask=~np.isfinite(plan.depart_s)),
-        "arrived_s": pa.array(arrived, mask=~np.isfinite(arrived)),
+        "robot": pa.DictionaryArray.from_arrays(numbers(plan.robot.astype(np.int32)), names),
+        "visit": numbers(np.arange(plan.num_visits) - plan.first[plan.robot]),
+        "vertex": dictionary([graph.label(v) for v in plan.vertex.tolist()]),
+        "x_m": numbers(graph.xy[plan.vertex, 0]),
+        "y_m": numbers(graph.xy[plan.vertex, 1]),
+        "arrive_s": numbers(plan.arrive_s),
+        "depart_s": numbers(plan.depart_s, np.isfinite(plan.depart_s)),
+        "arrived_s": numbers(arrived, np.isfinite(arrived)),
     }
     return pa.table(columns)
 
 
 def read_arrivals(path: Path) -> FloatArray:
     """[N] when each visit was reached, NaN if never."""
-    column = pq.read_table(path, columns=["arrived_s"])["arrived_s"]
-    arrived: FloatArray = column.to_numpy(zero_copy_only=False).astype(np.float64)
+    found = pq.read_table(path, columns=["arrived_s"])["arrived_s"]
+    arrived: FloatArray = found.to_numpy(zero_copy_only=False).astype(np.float64)
     return arrived

@@ -1,0 +1,36 @@
+"""Arrow columns of arrays and texts. `pyarrow.array` would do, if it did not import pandas to ask whether it was given some of its."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from mrp_sumo.core.graph import BoolArray
+
+
+def numbers(values: np.ndarray, there: BoolArray | None = None) -> pa.Array:
+    """An Arrow array that shares the memory of an array.
+
+    Parameters
+    ----------
+    values
+        [N] numbers.
+    there
+        [N] whether a value is there; the others are null. By default all are.
+    """
+    bits = None if there is None else pa.py_buffer(np.packbits(there, bitorder="little"))
+    data = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [bits, data])
+
+
+def texts(values: Iterable[str]) -> pa.StringArray:
+    """An Arrow array of texts."""
+    encoded = [value.encode() for value in values]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+
+
+def dictionary(values: Sequence[str]) -> pa.DictionaryArray:
+    """An Arrow array of texts that keeps each text once, in the order in which they come first."""
+    index = {value: k for k, value in enumerate(dict.fromkeys(values))}
+    return pa.DictionaryArray.from_arrays(numbers(np.array([index[value] for value in values], np.int32)), texts(index))
