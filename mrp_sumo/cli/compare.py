@@ -48,13 +48,15 @@ def run(options: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
+    from mrp_sumo.experiments.statistics import PairedRates
+
     print(f"{found.num_pairs} runs in common, {found.num_only_first} only in A, {found.num_only_second} only in B")
     table = Table(box=None, padding=(0, 2, 0, 0))
     for name in ("metric", "runs", "A", "B", "B - A [95 %]", "effect", "p", "worse runs", ""):
         table.add_column(name, justify="left" if name in ("metric", "") else "right", no_wrap=True)
     for d in found.differences:
         p = d.paired
-        effect = f"{p.only_second} gained, {p.only_first} lost" if hasattr(p, "only_first") else f"r = {p.rank_biserial:+.2f}"
+        effect = f"{p.only_second} gained, {p.only_first} lost" if isinstance(p, PairedRates) else f"r = {p.rank_biserial:+.2f}"
         verdict = "[red]worse[/]" if d.worse else ""
         table.add_row(
             d.metric,

@@ -10,6 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli.failure import print_failure
+
 if TYPE_CHECKING:
     from mrp_sumo.experiments.run import Progress, RunResult
 
@@ -18,28 +21,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo run`."""
     parser.add_argument("scenario", help="scenario file, or the name of a bundled scenario such as office_9")
     parser.add_argument("--out", metavar="DIR", help="run folder (default: runs/<scenario>)")
-    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's")
-    parser.add_argument("--planner", metavar="NAME", help="instead of the scenario's, with its default parameters")
-    parser.add_argument("--robots", type=int, metavar="N", help="instead of the scenario's")
+    scenario_choice.arguments(parser)
+    parser.add_argument("--policy", metavar="NAME", help="another execution policy; FILE.py:CLASS for one of your own")
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
-    parser.add_argument("-v", "--verbose", action="store_true", help="print every metric and event kind")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the scenario and print a table."""
-    from mrp_sumo.experiments.run import run_scenario
-    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.experiments.run import PLUG_IN_FAILED, run_scenario
 
-    overrides: dict[tuple[str | int, ...], tuple[str, Any]] = {}
-    if options.seed is not None:
-        overrides[("seed",)] = ("--seed", options.seed)
-    if options.planner is not None:
-        overrides[("planner", "name")] = ("--planner", options.planner)
-        overrides[("planner", "parameters")] = ("--planner", {})
-    if options.robots is not None:
-        overrides[("robots", "count")] = ("--robots", options.robots)
-    file = read_scenario(find_scenario(options.scenario), overrides)
+    file = scenario_choice.chosen_scenario(options)
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
     with _progress_bar() as progress:
         result = run_scenario(file, out, progress=progress, gui=options.gui)
@@ -48,6 +41,8 @@ def run(options: argparse.Namespace) -> int:
 
         write_replay(out)
     _print(result, out, options.verbose)
+    if result.status in PLUG_IN_FAILED:
+        print_failure(result.status.replace("_", " "), result.note, result.details if options.verbose else "")
     return 0 if result.status == "completed" else 1
 
 
@@ -88,7 +83,7 @@ def _print(result: "RunResult", out: Path, verbose: bool) -> None:
             table.add_row(name, told)
 
     colour = "red" if result.status != "completed" else "green" if m["plan_valid"] else "yellow"
-    row("status", f"[{colour}]{result.status.replace('_', ' ')}[/]", result.note)
+    row("status", f"[{colour}]{result.status.replace('_', ' ')}[/]", escape(result.note))
     row("map", f"{scenario.map.file}, {m['num_robots']} robots, seed {scenario.seed}")
     row("planner", scenario.planner.name, _validity(m))
     row("planning time", _seconds(m["planning_time_s"]), _given("assignment", _seconds(m["assignment_time_s"])))

@@ -61,7 +61,7 @@ def simulate(
     PlanError
         When the policy keeps the plan's order and that is cyclic.
     """
-    policy, fleet, dt = policy_of(settings.policy), problem.fleet, settings.step_length_s
+    policy, fleet, dt = policy_of(settings.policy, settings.policy_parameters), problem.fleet, settings.step_length_s
     course = course_of(problem, plan, policy, dt)
     disturber = Disturber(
         settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s, float(fleet.radius_m.max()), settings.seed

@@ -15,6 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.outside_policy import OutsidePolicy
 from mrp_sumo.plugins import registry
 from mrp_sumo.traffic.passages import Needs, Schedule
 from mrp_sumo.traffic.schedule import schedule_of
@@ -127,7 +128,9 @@ def policy_of(name: str, parameters: Mapping[str, Any] | None = None, beside: Pa
     PlugInError
         For a plug-in that cannot be loaded, or is no policy.
     """
-    return cast(Policy, registry.make("policies", name, parameters or {}, beside))
+    policy = registry.make("policies", name, parameters or {}, beside)
+    source = registry.find("policies", name, beside)
+    return cast(Policy, policy if source.ours else OutsidePolicy(policy, source))
 
 
 def needs_sound_plan(name: str) -> bool:

@@ -1,6 +1,8 @@
 """How an execution is run. Refuses values that no run could use."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ class ExecutionSettings:
     """Policy, clock and recording of an execution."""
 
     policy: str = "adg"
+    policy_parameters: Mapping[str, Any] = field(default_factory=dict)
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated
     goal_tolerance_m: float = 0.1

@@ -5,7 +5,8 @@ an execution that does not arrive, are written like successes.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,9 +19,9 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.plan import Plan, PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.drive.policy import needs_sound_plan
+from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.io.record import RunRecord, record_of
@@ -28,6 +29,7 @@ from mrp_sumo.io.run_folder import check_replaceable, plain, result_document, wr
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.outside import Outside, failed
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.referee import Verdict, judge
 
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from mrp_sumo.io.outline import Outline
     from mrp_sumo.maps.costmap import Costmap
 
+POLICY_FAILED = "policy_failed"  # the status of a run whose policy, a plug-in, broke its contract
+PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED)
 ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
 
 Progress = Callable[[str, float, float], None]  # (stage, done, of)
@@ -63,6 +67,7 @@ class RunResult:
     execution: Execution | None
     audit: dict[str, Any] | None
     metrics: dict[str, Any]  # JSON values by name
+    details: str = ""  # the traceback of a plug-in that failed
 
     @property
     def source(self) -> str:
@@ -193,16 +198,35 @@ class RunResult:
 
 
 def solve(setup: SetUp) -> Solution:
-    """Assign and plan within the time limit, and judge the plan."""
+    """Assign and plan within the time limit, and judge the plan. A plug-in that fails is a result too."""
+    try:
+        return _solve(setup)
+    finally:
+        for plug_in in (setup.planner, setup.assigner):
+            if isinstance(plug_in, Outside):
+                plug_in.close()
+
+
+def _solve(setup: SetUp) -> Solution:
     scenario, problem = setup.scenario, setup.problem
     began = time.perf_counter()
-    distance.prepare()
-    setup.planner.prepare()
+    try:
+        distance.prepare()
+        with _located(setup.file, "planner", "parameters"):
+            setup.planner.prepare()
+        assigns = setup.planner.assigns
+        if isinstance(setup.assigner, Outside) and scenario.assignment.mode == "optimal" and not assigns:
+            with _located(setup.file, "assignment", "parameters"):
+                setup.assigner.prepare()
+    except PlugInError as error:
+        return Solution(problem, failed(error), None, 0.0)
     prepare_time_s = time.perf_counter() - began
     began = time.perf_counter()
     try:
-        if not setup.planner.assigns:
+        if not assigns:
             problem = problem.assigned(_assignment(setup))
+    except PlugInError as error:
+        return Solution(problem, replace(failed(error), prepare_time_s=prepare_time_s), None, time.perf_counter() - began)
     except PlanError as error:
         result = PlanResult(Status.INFEASIBLE, prepare_time_s=prepare_time_s, message=str(error))
         return Solution(problem, result, None, time.perf_counter() - began)
@@ -290,11 +314,14 @@ def finish(
     from mrp_sumo.metrics.evaluate import evaluate
 
     report, scenario = progress or _silent, setup.scenario
-    execution, note = None, solution.result.message
+    execution, note, details, broken = None, solution.result.message, solution.result.details, ""
     if execute and solution.result.plan is not None:
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
-        execution, note = _execute(setup, solution, network, report, gui)
+        try:
+            execution, note = _execute(setup, solution, network, report, gui)
+        except PlugInError as error:
+            note, details, broken = str(error), error.details, POLICY_FAILED
     report("measuring", 0.0, 0.0)
     problem = solution.problem
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start]) if execution else None
@@ -308,8 +335,17 @@ def finish(
         time_limit_s=scenario.execution.time_limit_s,
         tolerance_m=scenario.execution.goal_tolerance_m,
     )
-    status = _status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned"
-    return RunResult(setup, status, note, solution, execution, audited, plain(metrics))
+    status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
+    return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details)
+
+
+@contextmanager
+def _located(file: ScenarioFile, *place: str) -> Iterator[None]:
+    """Say where the scenario is wrong, of which only a plug-in itself can tell."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(*(f"{file.at(*place)}: {line}" for line in error.lines)) from None
 
 
 def _silent(stage: str, done: float, of: float) -> None:
@@ -324,19 +360,23 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, 
 
     warm.prepare()
     plan, verdict, settings = solution.result.plan, solution.verdict, setup.settings
+    name = setup.scenario.execution.policy.name
+    with _located(setup.file, "execution", "policy"):
+        policy = policy_of(settings.policy, settings.policy_parameters)
     assert plan is not None and verdict is not None
 
     def drive(settings: ExecutionSettings) -> Execution:
         def progress(t_s: float, at_goal: int) -> None:
             report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
-        return simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
+        run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
+        return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:
         return None, f"not executed: {verdict.summary(solution.problem)}"
     if ride := lift_ride(solution.problem, plan):
         return None, f"not executed: {ride}"
-    if not needs_sound_plan(settings.policy):
+    if not policy.sound_plan_only:
         return drive(settings), ""
     unsound = "" if verdict.valid else verdict.summary(solution.problem, limit=1)
     if not unsound:
@@ -345,13 +385,15 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, 
         except PlanError as error:  # an order that nobody can keep
             unsound = str(error)
     if setup.scenario.execution.invalid_plan == "refuse":
-        return None, f"not executed: policy '{settings.policy}' needs a sound plan; {unsound}"
-    note = f"driven with open_loop, since policy '{settings.policy}' needs a sound plan; {unsound}"
-    return drive(replace(settings, policy="open_loop")), note
+        return None, f"not executed: policy '{name}' needs a sound plan; {unsound}"
+    note = f"driven with open_loop, since policy '{name}' needs a sound plan; {unsound}"
+    return drive(replace(settings, policy="open_loop", policy_parameters={})), note
 
 
 def _status(solution: Solution, execution: Execution | None, audited: dict[str, Any] | None, metrics: dict[str, Any]) -> str:
     """How the run ended, in one word for machines. A robot within the goal tolerance has reached its goal."""
+    if solution.result.status is Status.PLANNER_FAILED:
+        return str(Status.PLANNER_FAILED)
     if solution.result.plan is None:
         return f"planning_{solution.result.status}"
     if execution is None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,9 @@ from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.protocol import Assigner, Planner
-from mrp_sumo.planning.registry import assigner, assigner_names, planner, planner_names
+from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.plugins.registry import find
+from mrp_sumo.plugins.source import resolved
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
 
@@ -95,18 +98,24 @@ def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, Execution
     scenario = file.scenario
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
-        _plug_in(file, ("planner", "name"), planner, scenario.planner.name, scenario.planner.parameters),
-        _plug_in(file, ("assignment", "solver"), assigner, scenario.assignment.solver, scenario.assignment.parameters),
+        _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, scenario.planner.parameters),
+        _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
     )
 
 
-def _plug_in(file: ScenarioFile, place: tuple[str, str], make: Callable[..., Any], name: str, parameters: Mapping[str, Any]) -> Any:
-    """The plug-in of a name; what is wrong with its parameters is told at their place."""
-    if not parameters:
-        return _located(file, place, lambda: make(name, {}))
-    known = planner_names() if make is planner else assigner_names()
-    return _located(file, (place[0], "parameters") if name in known else place, lambda: make(name, parameters))
+def _plug_in(
+    file: ScenarioFile, place: tuple[str, ...], kind: str, make: Callable[..., Any], name: str, parameters: Mapping[str, Any]
+) -> Any:
+    """The plug-in of a name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
+    _located(file, place, lambda: find(kind, name, file.folder))
+    return _located(file, (*place[:-1], "parameters") if parameters else place, lambda: make(name, parameters, file.folder))
+
+
+def _checked_policy(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
+    """Refuse wrong parameters of a policy of ours."""
+    if find("policies", name, folder).ours:
+        policy_of(name, parameters)
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
@@ -122,15 +131,16 @@ def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> floa
 
 def _settings(file: ScenarioFile) -> ExecutionSettings:
     execution = file.scenario.execution
-    _located(file, ("execution", "policy"), lambda: policy_of(execution.policy))
+    _plug_in(file, ("execution", "policy", "name"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
     recovery, replanner = execution.recovery, execution.recovery.replanner or ""
     if replanner:
-        _located(file, ("execution", "recovery", "replanner"), lambda: planner(replanner, {}))
+        _plug_in(file, ("execution", "recovery", "replanner"), "planners", planner, replanner, {})
     settings: ExecutionSettings = _located(
         file,
         ("execution",),
         lambda: ExecutionSettings(
-            policy=execution.policy,
+            policy=resolved(execution.policy.name, file.folder),
+            policy_parameters=execution.policy.parameters,
             step_length_s=execution.step_length_s,
             time_limit_s=execution.time_limit_s,
             record_period_s=file.scenario.record.period_s,
@@ -138,7 +148,7 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             on_deadlock=execution.on_deadlock,
             give_way=recovery.give_way,
             patience_s=recovery.patience_s,
-            replanner=replanner,
+            replanner=resolved(replanner, file.folder),
             disturbances=_disturbances(execution.disturbances),
         ),
     )

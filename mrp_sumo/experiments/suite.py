@@ -17,10 +17,11 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.identity import input_hash, run_key, scenario_key
-from mrp_sumo.io.columns import MAIN_KEYS, parameter_columns
+from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
-from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, read_scenario
+from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, plug_ins_of, read_scenario, rename, unknown_key
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
+from mrp_sumo.plugins.source import place_in_file
 
 MAX_RUNS = 1_000_000
 _RANGE = re.compile(r"(\d+)\.\.(\d+)")
@@ -127,7 +128,7 @@ def read_suite(path: Path) -> SuiteFile:
     places = _AxisPlaces(document, {tuple(key.split(".")): (section, key) for key in suite.grid_search})
     for key, values in suite.grid_search.items():
         place = document.at((section, key))
-        if told := _unknown_key(key):
+        if told := unknown_key(key):
             faults.append(f"{place}: {told}")
         try:
             axes.append((key, tuple(_expanded(values))))
@@ -186,28 +187,6 @@ def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
     return runs
 
 
-def _unknown_key(key: str) -> str:
-    """What is wrong with a dotted key of scenarios, '' if nothing is."""
-    model: Any = Scenario
-    for i, part in enumerate(parts := key.split(".")):
-        if model is None or model is dict:
-            return "" if model is dict else f"'{'.'.join(parts[:i])}' has no keys"
-        if part not in model.model_fields:
-            return f"unknown key{nearest(key, _all_keys(Scenario), limit=20)}"
-        annotation = model.model_fields[part].annotation
-        kinds = [annotation, *getattr(annotation, "__args__", ())]
-        inner = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
-        model = inner[0] if inner else dict if str(annotation).startswith("dict") else None
-    return ""
-
-
-def _all_keys(model: type[BaseModel], above: str = "") -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        yield above + name
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from _all_keys(field.annotation, f"{above}{name}.")
-
-
 def _expanded(values: list[Any] | str) -> Iterator[Any]:
     """The values of an axis, ranges written out.
 
@@ -247,6 +226,9 @@ def _base(document: Document, suite: Suite, path: Path) -> dict[str, Any]:
         value = base[section][key]
         if isinstance(value, str) and (file.folder / value).is_file():
             base[section][key] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
+    for place, _, name in plug_ins_of(file.scenario):
+        if found := place_in_file(name):
+            rename(base, place, f"{Path(os.path.relpath(file.folder / found[0], path.parent)).as_posix()}:{found[1]}")
     return base
 
 
@@ -254,42 +236,13 @@ def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> Scenario:
     """The scenario of a combination of values. It has no name: a name is no reason to run it again."""
     data = dict(file.base)
     for (key, _), value in zip(file.axes, values, strict=True):
-        _put(data, key.split("."), value)
+        put(data, key.split("."), value)
     data["name"] = ""
     for section in ("planner", "assignment"):  # the model keeps the order of other keys
         inner = data.get(section)
         if isinstance(inner, dict) and isinstance(inner.get("parameters"), dict) and inner["parameters"]:
             data[section] = {**inner, "parameters": dict(sorted(inner["parameters"].items()))}
     return validated(file.document, Scenario, data, options=file.places)
-
-
-def _put(data: dict[str, Any], key: list[str], value: Any) -> None:
-    """Set a dotted key in `data`, whose inner mappings are shared and therefore copied.
-
-    Naming another planner or map drops what belongs to the one before: parameters, level, graph.
-    """
-    section = key[0]
-    if len(key) == 1 and section in MAIN_KEYS and isinstance(value, str):
-        key = [section, MAIN_KEYS[section]]
-    if len(key) == 1:
-        old = data.get(section)
-        if isinstance(old, dict) and isinstance(value, dict) and section != "map":
-            value = {k: v for k, v in old.items() if not (k == "parameters" and MAIN_KEYS.get(section) in value)} | value
-        data[section] = value
-        return
-    inner = data.get(section)
-    if isinstance(inner, str) and section in MAIN_KEYS:
-        inner = {MAIN_KEYS[section]: inner}
-    if key == ["map", "file"]:
-        inner = {}
-    copied: dict[str, Any] = dict(inner) if isinstance(inner, dict) else {}
-    if key == ["planner", "name"]:
-        copied.pop("parameters", None)
-    if len(key) == 2:
-        copied[key[1]] = value
-    else:
-        _put(copied, key[1:], value)
-    data[section] = copied
 
 
 class _AxisPlaces(dict[Place, str]):
@@ -332,16 +285,16 @@ class _Exclusions:
     def __init__(self, file: SuiteFile) -> None:
         self._file = file
         self._rules = [
-            {_short(key): value if isinstance(value, list) else [value] for key, value in rule.items()} for rule in file.suite.exclude
+            {short_key(key): value if isinstance(value, list) else [value] for key, value in rule.items()} for rule in file.suite.exclude
         ]
         self._used = [False] * len(self._rules)
         faults = []
         for i, rule in enumerate(file.suite.exclude):
             for key, value in rule.items():
-                if told := _unknown_key(key):
+                if told := unknown_key(key):
                     faults.append(f"{file.document.at(('exclude', i, key))}: {told}")
                 elif isinstance(value, list) or (isinstance(value, str) and _RANGE.fullmatch(value)):
-                    self._rules[i][_short(key)] = list(_expanded(value))
+                    self._rules[i][short_key(key)] = list(_expanded(value))
         if faults:
             raise ScenarioError(*faults)
 
@@ -358,12 +311,6 @@ class _Exclusions:
         unused = [self._file.document.at(("exclude", i)) for i, used in enumerate(self._used) if not used]
         if unused:
             raise ScenarioError(*(f"{place}: no run has these values" for place in unused))
-
-
-def _short(key: str) -> str:
-    """The column of a key: `planner` for `planner.name`."""
-    section, _, inner = key.partition(".")
-    return section if MAIN_KEYS.get(section) == inner else key
 
 
 class _Inputs:

@@ -5,15 +5,18 @@ the wrong kind and figures out of range are refused, each in one line with its l
 the map can tell (names of vertices, robots that fit) is checked when the run is set up.
 """
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.io.columns import MAIN_KEYS, put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.maps.catalogue import bundled_folder
 
@@ -106,7 +109,7 @@ class Assignment(_Strict):
     """Who goes to which goal."""
 
     mode: Literal["optimal", "random", "fixed"] = Field("optimal", description="'fixed': robot i to goal i.")
-    solver: str = Field("linear_sum_assignment", description="Assigner for 'optimal', such as mip or cp_sat.")
+    solver: str = Field("linear_sum_assignment", description="Assigner for 'optimal', such as mip or cp_sat, or FILE.py:CLASS.")
     cost: Literal["euclidean", "manhattan", "path"] = "euclidean"
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the assigner.")
 
@@ -114,7 +117,7 @@ class Assignment(_Strict):
 class PlannerChoice(_Strict):
     """The planner and what it may spend."""
 
-    name: str = "cbs"
+    name: str = Field("cbs", description="Of a registered planner, or FILE.py:CLASS, the file relative to the scenario.")
     time_limit_s: Positive = 60.0
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the planner.")
     step_s: Positive | None = Field(
@@ -178,13 +181,26 @@ class RecoveryChoice(_Strict):
 
     give_way: bool = Field(True, description="First come first served, one of a ring of waiting robots steps aside or backs out.")
     patience_s: Positive = Field(10.0, description="Of who is blocked for good, before it drives around or all are planned anew.")
-    replanner: str | None = Field("lacam", description="Any registered planner; null: none.")
+    replanner: str | None = Field("lacam", description="Any planner, by name or FILE.py:CLASS; null: none.")
+
+
+class PolicyChoice(_Strict):
+    """The execution policy; its name alone is short for one without parameters."""
+
+    name: str = "adg"
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the policy.")
+
+    @model_serializer(mode="wrap")
+    def _short(self, full: SerializerFunctionWrapHandler) -> str | dict[str, Any]:
+        return full(self) if self.parameters else self.name
 
 
 class ExecutionChoice(_Strict):
     """How the plan is driven in SUMO."""
 
-    policy: str = Field("adg", description="Who may enter which vertex when: adg, open_loop, ...")
+    policy: PolicyChoice = Field(
+        PolicyChoice(), description="Who may enter which vertex when: adg, open_loop, ..., or name and parameters."
+    )
     invalid_plan: Literal["open_loop", "refuse"] = Field(
         "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
     )
@@ -197,6 +213,11 @@ class ExecutionChoice(_Strict):
         {}, description="Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."
     )
     disturbances: DisturbanceChoice = DisturbanceChoice()
+
+    @field_validator("policy", mode="before")
+    @classmethod
+    def _short_form(cls, found: Any) -> Any:
+        return {"name": found} if isinstance(found, str) else found
 
 
 class Recording(_Strict):
@@ -241,6 +262,9 @@ class Scenario(_Strict):
         return data
 
 
+SECTIONS = tuple(Scenario.model_fields)
+
+
 @dataclass(frozen=True)
 class ScenarioFile:
     """A checked scenario, and where its values come from, for messages about them."""
@@ -250,8 +274,12 @@ class ScenarioFile:
     options: Mapping[Place, str]  # command line options by the place they stand for
 
     def at(self, *place: str | int) -> str:
-        """`file:line: key` of a place, or the command line option that set it."""
-        return self.options.get(place) or self.document.at(place)
+        """`file:line: key` of a place, or the command line option that set it, something above it or something in it."""
+        for end in range(len(place), 0, -1):
+            if option := self.options.get(place[:end]):
+                return option
+        inside = (option for set_place, option in self.options.items() if set_place[: len(place)] == place)
+        return next(inside, None) or self.document.at(place)
 
     @property
     def folder(self) -> Path:
@@ -290,7 +318,7 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
         The file.
     overrides
         What the command line says instead: place -> (option, value), such as
-        `{("planner", "name"): ("--planner", "cbs")}`.
+        `{("planner", "name"): ("--planner", "cbs")}`. Naming another planner drops the parameters of the one before.
 
     Raises
     ------
@@ -346,14 +374,83 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
     options = {**file.options, **{place: option for place, (option, _) in overrides.items()}}
     data = file.scenario.model_dump(exclude={"name"})  # which may be a file's, with any character
     for place, (_, value) in overrides.items():
-        at = data
-        for key in place[:-1]:
-            at = at[str(key)]
-        at[str(place[-1])] = value
+        put(data, place, value)
     scenario = validated(file.document, Scenario, data, options=options)
     if not scenario.name:
         scenario = scenario.model_copy(update={"name": file.scenario.name})
     return ScenarioFile(scenario, file.document, options)
+
+
+PLUG_INS = {  # keys that name plug-ins, and their kinds
+    "planner.name": "planners",
+    "assignment.solver": "assigners",
+    "execution.policy.name": "policies",
+    "execution.recovery.replanner": "planners",
+}
+
+
+def plug_ins_of(scenario: Scenario) -> Iterator[tuple[Place, str, str]]:
+    """(place, kind, name) of every plug-in that a scenario names."""
+    for key, kind in PLUG_INS.items():
+        place = tuple(key.split("."))
+        if name := reduce(getattr, place, scenario):
+            yield place, kind, str(name)
+
+
+def is_plug_in(key: str) -> bool:
+    """Whether a dotted key, or what it is short for, names a plug-in."""
+    return f"{key}.{MAIN_KEYS.get(key)}" in PLUG_INS or key in PLUG_INS
+
+
+def rename(data: dict[str, Any], place: Place, name: str) -> None:
+    """Change the name of a plug-in in a dumped scenario; its parameters stay."""
+    at: Any = data
+    for key in place[:-1]:
+        if isinstance(at[key], str):  # the short form
+            at[key] = name
+            return
+        at = at[key]
+    at[place[-1]] = name
+
+
+def unknown_key(key: str) -> str:
+    """What is wrong with a dotted key of scenarios, '' if nothing is."""
+    model: Any = Scenario
+    for i, part in enumerate(parts := key.split(".")):
+        if model is None or model is dict:
+            return "" if model is dict else f"'{'.'.join(parts[:i])}' has no keys"
+        if part not in model.model_fields:
+            return f"unknown key{nearest_key(key)}"
+        annotation = model.model_fields[part].annotation
+        kinds = [annotation, *getattr(annotation, "__args__", ())]
+        inner = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
+        model = inner[0] if inner else dict if str(annotation).startswith("dict") else None
+    return ""
+
+
+def nearest_key(key: str, others: Iterable[str] = ()) -> str:
+    """The end of a message about an unknown key: the likeliest meant by its whole name, else by its last part.
+
+    Parameters
+    ----------
+    key
+        What the user wrote.
+    others
+        More keys that would have been right.
+    """
+    known = [*others, *_all_keys(Scenario)]
+    by_last = {name.rpartition(".")[2]: name for name in reversed(known)}
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.75) or [
+        by_last[name] for name in difflib.get_close_matches(key.rpartition(".")[2], by_last, n=1, cutoff=0.75)
+    ]
+    return f" (did you mean '{close[0]}'?)" if close else nearest(key, known, limit=20)
+
+
+def _all_keys(model: type[BaseModel], above: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        yield above + name
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _all_keys(field.annotation, f"{above}{name}.")
 
 
 def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:

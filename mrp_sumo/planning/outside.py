@@ -42,6 +42,15 @@ class Outside:
                 raise PlugInError(f"{definition(self._source)}: not loaded after {LOAD_LIMIT_S:g} s") from None
         return self._process
 
+    def prepare(self) -> None:
+        """Load it; raises as `process` does."""
+        _ = self.process
+
+    def close(self) -> None:
+        """End its process; another begins when it is needed again."""
+        if self._process is not None:
+            self._process.close()
+
 
 class OutsidePlanner(Outside):
     """A planner; see `Planner`."""

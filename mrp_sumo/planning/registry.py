@@ -10,6 +10,7 @@ from typing import Any, cast
 from mrp_sumo.planning.outside import OutsideAssigner, OutsidePlanner
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins import registry
+from mrp_sumo.plugins.parameters import parameters_of
 from mrp_sumo.search.kernel_cache import drop_stale_kernels
 
 
@@ -44,6 +45,19 @@ def assigner(name: str, parameters: Mapping[str, Any], beside: Path | None = Non
     if not source.ours:
         return OutsideAssigner(source, parameters)
     return cast(Assigner, registry.make("assigners", name, parameters))
+
+
+def parameter_names(name: str) -> tuple[str, ...] | None:
+    """The parameters of a planner of ours; None for one from outside, which would have to be loaded.
+
+    Raises
+    ------
+    ScenarioError
+        For an unknown name.
+    """
+    if not registry.find("planners", name).ours:
+        return None
+    return tuple(parameter.name for parameter in parameters_of(planner_class(name)))
 
 
 def planner_names() -> tuple[str, ...]:

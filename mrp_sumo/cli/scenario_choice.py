@@ -1,0 +1,161 @@
+"""What the command line says instead of a scenario: the same words for every command that reads one."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.io.scenario import ScenarioFile
+
+Override = tuple[str, Any]  # the option, for messages, and the value
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments that change a scenario."""
+    add = parser.add_argument
+    add("--robots", type=int, metavar="N", help="the first N robots, or as many drawn")
+    add("--planner", metavar="NAME", help="another planner, with its default parameters; FILE.py:CLASS for one of your own")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="any key of the scenario, such as execution.on_deadlock=stop, or a parameter of the planner, such as w=1.5; may be repeated",
+    )
+    add(
+        "--command",
+        metavar="TEMPLATE",
+        help="an external planner, such as 'lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}'",
+    )
+    add("--time-limit", type=float, metavar="S", help="wall time of the planner in s")
+    add("--seed", type=int, metavar="N", help="of planner, draws and disturbances")
+
+
+def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
+    """The scenario that the options name, with what they say instead.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, with the option or the file and line.
+    """
+    from mrp_sumo.io.scenario import changed, find_scenario, read_scenario
+
+    require_sound(options)
+    file = changed(read_scenario(find_scenario(options.scenario)), _named(options))
+    return changed(file, _set(options, file))
+
+
+def chosen_planner(options: argparse.Namespace, default: str) -> tuple[str, dict[str, Any]]:
+    """Name and parameters of the planner where there is no scenario.
+
+    Parameters
+    ----------
+    options
+        With those of `arguments`.
+    default
+        The planner where none is named.
+
+    Raises
+    ------
+    MrpSumoError
+        For a key that is no parameter of the planner.
+    """
+    from mrp_sumo.planning.registry import parameter_names
+
+    require_sound(options)
+    if options.command:
+        return "external", {"command": options.command}
+    name = options.planner or default
+    parameters = {}
+    for key, value in _pairs(options):
+        if "." in (word := key.removeprefix("planner.parameters.")):
+            raise MrpSumoError(f"--set {key}: an instance has no such key, expected a parameter of the planner")
+        _require_parameter(word, name, parameter_names(name))
+        parameters[word] = value
+    return name, parameters
+
+
+def require_sound(options: argparse.Namespace) -> None:
+    """Refuse options that contradict each other or are out of range.
+
+    Raises
+    ------
+    MrpSumoError
+        One line.
+    """
+    if options.time_limit is not None and not (options.time_limit > 0 and math.isfinite(options.time_limit)):
+        raise MrpSumoError(f"--time-limit is {options.time_limit:g}, expected a number of seconds above 0")
+    if options.command and (options.planner or options.set):
+        raise MrpSumoError("--command is a planner of its own: leave out --planner and --set")
+
+
+def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]:
+    """What the options with a name of their own say."""
+    from mrp_sumo.plugins.source import resolved
+
+    said: dict[tuple[str | int, ...], Override] = {}
+    if options.seed is not None:
+        said["seed",] = ("--seed", options.seed)
+    if options.robots is not None:
+        said["robots", "count"] = ("--robots", options.robots)
+    if options.planner is not None:
+        said["planner", "name"] = ("--planner", resolved(options.planner, Path()))
+    if options.command:
+        said["planner", "name"] = ("--command", "external")
+        said["planner", "parameters", "command"] = ("--command", options.command)
+    if options.time_limit is not None:
+        said["planner", "time_limit_s"] = ("--time-limit", options.time_limit)
+    if getattr(options, "policy", None) is not None:
+        said["execution", "policy"] = ("--policy", resolved(options.policy, Path()))
+    return said
+
+
+def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | int, ...], Override]:
+    """What `--set` says: keys of the scenario, and parameters of its planner.
+
+    Raises
+    ------
+    MrpSumoError
+        For an unknown key, with the nearest right one.
+    """
+    from mrp_sumo.io.scenario import SECTIONS, is_plug_in, unknown_key
+    from mrp_sumo.planning.registry import parameter_names
+    from mrp_sumo.plugins.source import resolved
+
+    said: dict[tuple[str | int, ...], Override] = {}
+    for key, value in _pairs(options):
+        option = f"--set {key}"
+        if "." not in key and key not in SECTIONS:
+            name = file.scenario.planner.name
+            _require_parameter(key, name, parameter_names(name))
+            said["planner", "parameters", key] = (option, value)
+            continue
+        if wrong := unknown_key(key):
+            raise MrpSumoError(f"{option}: {wrong}")
+        said[tuple(key.split("."))] = (option, resolved(value, Path()) if is_plug_in(key) and isinstance(value, str) else value)
+    return said
+
+
+def _pairs(options: argparse.Namespace) -> list[tuple[str, Any]]:
+    """Keys and values, which are YAML."""
+    from mrp_sumo.maps.yaml_text import Text, parse
+
+    found = []
+    for pair in options.set:
+        key, equals, value = pair.partition("=")
+        if not equals or not key:
+            raise MrpSumoError(f"--set {pair}: expected KEY=VALUE")
+        found.append((key, parse(Text(Path("--set"), value))))
+    return found
+
+
+def _require_parameter(key: str, planner: str, known: tuple[str, ...] | None) -> None:
+    """Refuse what is neither a parameter of the planner nor a key of scenarios."""
+    from mrp_sumo.io.scenario import nearest_key
+
+    if known is not None and key not in known:
+        raise MrpSumoError(f"--set {key}: neither a key of scenarios nor a parameter of '{planner}'{nearest_key(key, known)}")
