@@ -109,7 +109,8 @@ def _plug_in(
 ) -> Any:
     """The plug-in of a name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
     _located(file, place, lambda: find(kind, name, file.folder))
-    return _located(file, (*place[:-1], "parameters") if parameters else place, lambda: make(name, parameters, file.folder))
+    section = place if kind == "policies" else place[:-1]
+    return _located(file, (*section, "parameters") if parameters else place, lambda: make(name, parameters, file.folder))
 
 
 def _checked_policy(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
@@ -131,7 +132,7 @@ def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> floa
 
 def _settings(file: ScenarioFile) -> ExecutionSettings:
     execution = file.scenario.execution
-    _plug_in(file, ("execution", "policy", "name"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
+    _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
     recovery, replanner = execution.recovery, execution.recovery.replanner or ""
     if replanner:
         _plug_in(file, ("execution", "recovery", "replanner"), "planners", planner, replanner, {})
