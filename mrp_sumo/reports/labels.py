@@ -21,7 +21,7 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
     size
         [N, 2] width and height of each label.
     lane, wall
-        [S, 2, 2] each, strokes that a label should not cover; two lanes weigh more than any number of walls.
+        [S, 2, 2] each, strokes that a label should not cover; three lanes weigh more than any number of walls.
     page
         [2, 2] lower left and upper right: a label lies within.
     gap
@@ -46,7 +46,7 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
         cost = cost + 10.0 * ((low < page[0]) | (high > page[1])).any(1)
         cost += 10.0 * _overlap(low, high, placed_low, placed_high)
         cost += 1.5 * _overlap(low - 1, high + 1, anchor, anchor)
-        cost += 0.5 * _covered(low, high, lane, *lane_box) + np.minimum(0.4 * _covered(low, high, wall, *wall_box), 0.7)
+        cost += 0.5 * _covered(low, high, lane, *lane_box) + np.minimum(0.6 * _covered(low, high, wall, *wall_box), 1.2)
         best = int(np.argmin(cost))
         if cost[best] < 3:
             corner[i] = low[best]

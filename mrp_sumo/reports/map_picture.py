@@ -90,7 +90,7 @@ def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: f
     others
         Further files for the same picture.
     findings
-        Whether to mark the findings that have a place.
+        Whether to ring the places of warnings.
     dpi
         Of the PNG.
 
@@ -369,25 +369,32 @@ def _write_names(ax: Axes, panel: Panel, nav: NavGraph, ranked: list[int], point
     names = [_name(nav, v) for v in ranked]
     size = np.array([(0.58 * font_pt * len(name) + 1, 1.15 * font_pt) for name in names])
     lines = np.stack([on_page[nav.tail[panel.lanes]], on_page[nav.head[panel.lanes]]], axis=1)
-    walls = np.zeros((0, 2, 2)) if panel.level is None else (panel.level.wall_xy - panel.low) * points_per_m
+    walls = np.zeros((0, 2, 2)) if panel.level is None else (_walls_and_doors(panel.level) - panel.low) * points_per_m
     page = np.array([(0.0, 0.0), panel.size * points_per_m])
     corner = place_labels(on_page[ranked], size, lines, walls, page, 3.2 * shrink + 1.6)
     placed = np.isfinite(corner[:, 0])
     low, high = (panel.low + c[placed] / points_per_m for c in (corner, corner + size))
     ground = [((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in zip(low, high)]
-    ax.add_collection(PolyCollection(ground, facecolor=FLOOR, edgecolor="none", alpha=0.75, zorder=6.5), autolim=False)
+    ax.add_collection(PolyCollection(ground, facecolor=FLOOR, edgecolor="none", alpha=0.9, zorder=6.5), autolim=False)
     for at, name in zip((low + high) / 2, itertools.compress(names, placed)):  # centred: the width is an estimate
         ax.text(*at, name, fontsize=font_pt, color=INK, ha="center", va="center", zorder=7)
 
 
+def _walls_and_doors(level: Level) -> FloatArray:
+    """[S, 2, 2] what a name should not lie on."""
+    return np.concatenate([level.wall_xy, *([[level.xy[door.start], level.xy[door.end]]] for door in level.doors)])
+
+
 def _mark_findings(ax: Axes, panel: Panel, map_: Map, legend: dict[str, Artist]) -> None:
-    """Rings around the places that findings name: vertices and coordinates, of the file or of the graph."""
+    """Rings around the places that warnings name: vertices and coordinates, of the file or of the graph. Notes get none."""
     nav, level = map_.nav, panel.level
     in_file = np.zeros((0, 2)) if level is None else level.xy
     shift = in_file[0] - level.world_xy[0] if level is not None and len(in_file) else np.zeros(2)
     labelled = {nav.label(v): nav.xy[v] for v in panel.vertices.tolist()} if map_.findings else {}
     places = []
     for finding in map_.findings:
+        if finding.severity != "warn":
+            continue
         of_graph = map_.building is None or (bool(map_.changes) and finding.kind in FOUND_ON_GRAPHS)
         for detail in finding.details:
             if f"level {panel.name} " not in detail + " ":
@@ -401,7 +408,7 @@ def _mark_findings(ax: Axes, panel: Panel, map_: Map, legend: dict[str, Artist])
                     places.append(in_file[int(vertex[1])])
     if places:
         ax.scatter(*np.array(places).T, s=90, facecolor="none", edgecolor=VERMILION, lw=1.6, zorder=6)
-        legend.setdefault("finding", Line2D([], [], marker="o", ls="", ms=9, mfc="none", mec=VERMILION, mew=1.6))
+        legend.setdefault("warning", Line2D([], [], marker="o", ls="", ms=9, mfc="none", mec=VERMILION, mew=1.6))
 
 
 def _draw_scale(ax: Axes, panel: Panel, points_per_m: float) -> None:

@@ -23,9 +23,9 @@ from mrp_sumo.reports import paper, study_tables
 from mrp_sumo.reports.chart import Chart
 from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
 from mrp_sumo.reports.run_charts import replay_of, run_charts, tag_of
-from mrp_sumo.reports.study import Study, read_study
+from mrp_sumo.reports.study import Study, read_study, short_key
 from mrp_sumo.reports.study_charts import study_charts
-from mrp_sumo.reports.table import Cell, Table
+from mrp_sumo.reports.table import Cell, Table, whole
 
 INDEX = "index.html"
 MAX_RUNS = 4  # of a batch whose charts are drawn one by one
@@ -113,8 +113,17 @@ def _kept_runs(study: Study) -> list[Section]:
             parts += run_charts(run, tag_of(["", *chosen], key))
         except MrpSumoError as error:
             text = f"{text} Cannot be drawn: {error}"
-        sections.append(Section(tag_of(["", *chosen], key), f"Run {key}", text, parts))
+        sections.append(Section(tag_of(["", *chosen], key), _title_of(study, key), text, parts))
     return sections
+
+
+def _title_of(study: Study, key: str) -> str:
+    """What a run is, in words: "office, 9 robots, CBS, seed 3004"."""
+    if short_key(key) == key:  # a folder that somebody named
+        return f"Run {key}"
+    row = study.frame.iloc[list(study.frame["key"]).index(key)]
+    seed = "" if pd.isna(row["seed"]) else f", seed {int(row['seed'])}"
+    return f"{row['_map']}, {whole(row['_robots'])} robots, {row['_series']}{seed}"
 
 
 def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:

@@ -325,7 +325,8 @@ def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -
             ax.grid(visible=False)
         ax.grid(axis="y", visible=False)
         ax.set(xlim=(0, times[-1]), ylim=(num - 0.4, -0.6), xlabel="time (s)")
-        handles = [Patch(facecolor=colour, alpha=alpha[state], label=name) for state, name, colour, _ in STATES]
+        seen = np.unique(states[there])
+        handles = [Patch(facecolor=colour, alpha=alpha[state], label=name) for state, name, colour, _ in STATES if state in seen]
         figure.legend(handles=handles, loc="outside lower left", ncols=4)
 
     tall = float(np.clip(0.9 + 0.24 * num, 2.2, 8.0)) if num <= MANY_ROBOTS else 6.0

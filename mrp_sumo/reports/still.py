@@ -17,6 +17,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import STATE_NAMES, RunRecord
+from mrp_sumo.reports.labels import place_labels
 from mrp_sumo.reports.picture import Picture, require_suffix
 from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
 from mrp_sumo.reports.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
@@ -25,6 +26,7 @@ LIGHT = THEMES["light"]
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 MARGIN_M = 0.6
 TRAIL_S = 20.0
+NAME_PT, ROBOT_PT = 6.5, 7.5  # names of stations and robots
 NAMED = 60  # robots up to which they are named and the plan is shown
 LEAST_PT = (8.0, 4.5)  # length of a robot on the page, at least: up to NAMED robots, and beyond
 
@@ -136,10 +138,12 @@ def _draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per
     ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
     named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
     ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
-    if len(named) <= 80:
-        for v in named:
-            x, y = nav.xy[v]
-            _write(ax, nav.vertex_name[v], x, y, -7 - 0.08 * points_per_m, 6.5, LIGHT["muted"], 3)
+    if 0 < len(named) <= 80:
+        walls = None if outline is None else np.concatenate([outline.walls, outline.doors])
+        names = [nav.vertex_name[v] for v in named]
+        for name, at in zip(names, _name_places(ax, names, nav.xy[named], NAME_PT, 2 + 0.08 * points_per_m, points_per_m, walls, ends)):
+            if np.isfinite(at[0]):
+                _write(ax, name, *at, NAME_PT, LIGHT["muted"], 3)
 
 
 def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) -> list[int]:
@@ -166,10 +170,14 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=5), autolim=False)
     arrows = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
     ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
-    if few:
-        for r in there:
-            half_pt = 0.5 * float(np.hypot(fleet.length_m[r], fleet.width_m[r]) * grow[r]) * points_per_m
-            _write(ax, fleet.robot_name[r], x[r], y[r], half_pt + 6, 7.5, LIGHT["ink"], 6)
+    if few and len(there):
+        half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m
+        centres = _name_places(
+            ax, [fleet.robot_name[r] for r in there], np.column_stack((x[there], y[there])), ROBOT_PT, half_pt + 2, points_per_m
+        )
+        for r, at in zip(there, centres):
+            beside = at if np.isfinite(at[0]) else (x[r], y[r] + (half_pt + 6) / points_per_m)
+            _write(ax, fleet.robot_name[r], *beside, ROBOT_PT, LIGHT["ink"], 6)
     return np.bincount(state, minlength=5)[:4].tolist()
 
 
@@ -182,10 +190,26 @@ def _box(x: float, y: float, yaw: float, length: float, width: float, shape: Flo
     return shape * (length, width) @ np.array([(c, s), (-s, c)]) + (x, y)
 
 
-def _write(ax: Axes, text: str, x: float, y: float, dy_pt: float, size_pt: float, colour: str, zorder: float) -> None:
-    note = ax.annotate(
-        text, (x, y), (0, dy_pt), textcoords="offset points", fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder
-    )
+def _name_places(
+    ax: Axes,
+    names: list[str],
+    xy: FloatArray,
+    size_pt: float,
+    gap_pt: float,
+    points_per_m: float,
+    walls: FloatArray | None = None,
+    lanes: FloatArray | None = None,
+) -> FloatArray:
+    """[N, 2] centres of names beside points, in m: clear of each other and, if possible, of walls and lanes; NaN without room."""
+    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    wall, lane = ((np.zeros((0, 2, 2)) if ends is None else ends - low) * points_per_m for ends in (walls, lanes))
+    size = np.array([(0.58 * size_pt * len(name) + 1, 1.15 * size_pt) for name in names])
+    page = np.array([(0.0, 0.0), (high - low) * points_per_m])
+    return low + (place_labels((xy - low) * points_per_m, size, lane, wall, page, gap_pt) + size / 2) / points_per_m
+
+
+def _write(ax: Axes, text: str, x: float, y: float, size_pt: float, colour: str, zorder: float) -> None:
+    note = ax.text(x, y, text, fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder)
     note.set_path_effects([withStroke(linewidth=1.8, foreground=LIGHT["floor"])])
     note.set_parse_math(False)  # a name is a name
 
@@ -204,7 +228,7 @@ def _tell(figure: Figure, ax: Axes, record: RunRecord, at_s: float, counts: list
         va="center",
     )
     style = {"marker": "s", "ls": "", "ms": 7, "mec": "none"}
-    keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, STATE_NAMES, counts)]
+    keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, STATE_NAMES, counts) if n]
     if record.plan is not None and record.fleet.num_robots <= NAMED and not planned:
         keys.append(Line2D([], [], marker="s", ls="", ms=7, mfc="none", mec=LIGHT["muted"], label="where the plan has it"))
     where = {"loc": "lower left", "bbox_to_anchor": (0.1 / width, 0.02 / height)}

@@ -21,6 +21,7 @@ from mrp_sumo.io.run_reader import RESULT, Run, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
+from mrp_sumo.reports.view import title_of
 
 PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "astar": "A*",
@@ -80,6 +81,11 @@ class Study:
         return sorted(found.items(), key=lambda item: tuple(order[k].index(v) if k in order else v for k, v in zip(by, item[0])))
 
 
+def short_key(key: str) -> str:
+    """What names a run on the page: the first eight digits of a batch's key, or the name of its folder as it is."""
+    return key[:8] if re.fullmatch(r"[0-9a-f]{20}", key) else key
+
+
 def read_study(path: Path) -> Study:
     """The study of a folder.
 
@@ -110,7 +116,7 @@ def read_study(path: Path) -> Study:
     elif (path / RESULT).is_file():
         run = load_run(path)
         folders = {path.resolve().name: run}
-        name = str(run.result["scenario"].get("name") or name)
+        name = title_of(run.result)
         frame = pd.DataFrame([_row(path.resolve().name, run)])
     elif path.is_dir():
         folders = _run_folders(path, told)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
-from mrp_sumo.reports.study import Study, numbers
+from mrp_sumo.reports.study import Study, numbers, short_key
 from mrp_sumo.reports.table import Cell, Link, Table, between, percent, whole
 
 MAX_PAIRS = 45  # pairs of series that are compared
@@ -65,7 +65,7 @@ def reasons(study: Study) -> Table | None:
     )
     grouped = grouped.sort_values("count", ascending=False, kind="stable").head(REASONS)
     rows: list[list[Cell]] = [
-        [status.replace("_", " "), why or "no reason is given", int(row["count"]), str(row["example"])]
+        [status.replace("_", " "), why or "no reason is given", int(row["count"]), short_key(str(row["example"]))]
         for (status, why), row in grouped.iterrows()
     ]
     return Table("reasons", "Why runs did not succeed", ("status", "reason", "runs", "such as"), rows, labels=1, folded=len(rows) > 6)
@@ -189,7 +189,7 @@ def worst_runs(study: Study, page: Path) -> Table | None:
         seed = row["seed"]
         rows.append(
             [
-                str(row.get("key", i)),
+                short_key(str(row.get("key", i))),
                 str(row["status"]).replace("_", " "),
                 row["_map"],
                 whole(row["_robots"]),

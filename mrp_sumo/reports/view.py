@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -63,6 +65,17 @@ class AnyRun(Protocol):
     def outline(self) -> "Outline | None": ...
 
 
+def title_of(result: Mapping[str, Any]) -> str:
+    """What a run is called: by its scenario's name, or in words where that has none, as in batches."""
+    scenario = result["scenario"]
+    if scenario["name"]:
+        return str(scenario["name"])
+    robots = scenario["robots"]
+    count = robots["count"] or len(robots["starts"])
+    map_name = Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
+    return f"{map_name}, {count} robots, {scenario['planner']['name']}, seed {result['seed']}"
+
+
 def view_record(run: AnyRun) -> RunRecord:
     """The run as it is shown: as driven, or as planned where it was not executed.
 
@@ -72,11 +85,11 @@ def view_record(run: AnyRun) -> RunRecord:
         When there is neither a plan nor a trajectory.
     """
     if run.executed:
-        return run.record
+        return replace(run.record, name=title_of(run.result))
     if run.plan is None:
         raise MrpSumoError(f"{run.source}: nothing to replay, the run has neither a plan nor a trajectory ({run.result['status']})")
     return RunRecord(
-        name=run.result["scenario"]["name"],
+        name=title_of(run.result),
         seed=run.result["seed"],
         fleet=run.fleet,
         graph=run.graph,

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -134,7 +135,10 @@ def test_worst_runs_are_kept_and_linked_in_the_report(study, capsys):
     assert kept["status"] == recorded["status"]
     assert kept["metrics"]["time_blocked_total_s"] == recorded["time_blocked_total_s"]
     assert main(["report", str(out)]) == 0
-    assert f'<a href="../kept/{worst}/replay.html">replay</a>' in (out / "report" / "index.html").read_text()
+    text = (out / "report" / "index.html").read_text()
+    assert f'<a href="../kept/{worst}/replay.html">replay</a>' in text
+    shown = re.sub(r'href="[^"]*"|id="[^"]*"|"#?run_[^"]*"', "", re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL))
+    assert worst[:8] in shown and worst not in shown  # nobody reads twenty digits
 
 
 def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_path):

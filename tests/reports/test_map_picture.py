@@ -45,7 +45,7 @@ def test_picture_tells_key_facts_names_and_kinds(tmp_path: Path) -> None:
     assert "3 vertices   ·   2 edges   ·   1 component   ·   10.0 x 6.0 m" in text
     assert {"depot", "shelf", "charger", "station", "junction", "door", "lane, both ways"} <= set(text)
     assert "lane, one way" not in text
-    assert "finding" not in text
+    assert "warning" not in text
 
 
 def test_one_way_lanes_get_arrows(tmp_path: Path) -> None:
@@ -57,14 +57,15 @@ def test_components_get_colours(tmp_path: Path) -> None:
     assert {"component of 3 vertices (1)", "component of 2 vertices (2)"} <= set(text)
 
 
-def test_findings_are_marked_unless_unwanted(tmp_path: Path) -> None:
+def test_warnings_are_ringed_unless_unwanted_and_notes_are_not(tmp_path: Path) -> None:
     near = Finding("t_junction_near_miss", "warn", 1, ("graph 0 level L1 vertex 1 near lane 1: 0.088 m",))
     crossing = Finding("lanes_cross_without_vertex", "warn", 1, ("graph 0 level L1 lanes 1 and 3 at (5.50, -4.00)",))
     elsewhere = Finding("t_junction_near_miss", "warn", 1, ("graph 0 level L2 vertex 1 near lane 1: 0.088 m",))
     map_ = replace(small_map(tmp_path), findings=(near, crossing))
-    assert "finding" in words(map_, tmp_path)
-    assert "finding" not in words(map_, tmp_path, findings=False)
-    assert "finding" not in words(replace(map_, findings=(elsewhere,)), tmp_path)
+    assert "warning" in words(map_, tmp_path)
+    assert "warning" not in words(map_, tmp_path, findings=False)
+    assert "warning" not in words(replace(map_, findings=(elsewhere,)), tmp_path)
+    assert "warning" not in words(replace(map_, findings=(replace(near, severity="info"),)), tmp_path)
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
@@ -100,12 +101,12 @@ def test_map_without_building_is_drawn(tmp_path: Path) -> None:
     assert "depot" in words(replace(small_map(tmp_path), building=None), tmp_path)
 
 
-def test_findings_of_a_repaired_map_are_marked_by_label(tmp_path: Path) -> None:
+def test_warnings_of_a_repaired_map_are_ringed_by_label(tmp_path: Path) -> None:
     near = Finding("t_junction_near_miss", "warn", 1, ("level L1 vertex depot near lane v1 - shelf: 0.088 m",))
     map_ = replace(small_map(tmp_path), findings=(near,))
-    assert "finding" not in words(map_, tmp_path)
-    assert "finding" in words(replace(map_, changes=("something",)), tmp_path)
-    assert "finding" in words(replace(map_, building=None), tmp_path)
+    assert "warning" not in words(map_, tmp_path)
+    assert "warning" in words(replace(map_, changes=("something",)), tmp_path)
+    assert "warning" in words(replace(map_, building=None), tmp_path)
 
 
 def test_blocked_cells_of_a_grid_are_drawn(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_varia
 from mrp_sumo.reports.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 
 SOURCES = Path(__file__).parent
-SCRIPTS = ("data.js", "elements.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")
+SCRIPTS = ("data.js", "elements.js", "labels.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
 MARGIN_M = 0.6
@@ -217,7 +217,7 @@ def _about(run: AnyRun, record: RunRecord) -> About:
         "Overlaps": metrics.get("num_overlaps"),
     }
     return About(
-        name=run.result["scenario"]["name"],
+        name=record.name,
         subtitle=f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {planner}",
         status=status if run.executed else f"{status}, plan only",
         is_good=succeeded(run.result["status"], metrics),

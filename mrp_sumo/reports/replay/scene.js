@@ -1,11 +1,14 @@
 /* global PIXI */
 /* Draws the map and the robots. What is drawn is decided by `view`, the state that the user changes. */
 import { ABSENT, AT_GOAL, BLOCKED, MOVING, NEVER, STATE_COLORS, THEMES, WAITING } from "./constants.js";
+import { SIDES, chooseSides } from "./labels.js";
 import { Robots, Strokes, packed } from "./shaders.js";
 
 const TRAIL_S = 20;
 const MAX_TRAIL_PIECES = 48000;
 const MAX_LABELS = 260;
+const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
+const STATION_FONT = `500 10.5px ${FAMILY}`;
 
 export class Scene {
   constructor(run, motion, events) {
@@ -340,13 +343,13 @@ export class Scene {
     let drawn = 0;
     const airy = c.scale < 12 ? 10 : 0; // names on a map seen from afar want more room
     const write = (text, x, y, color, font, must) => {
-      if (x < -80 || y < -20 || x > this.width + 80 || y > this.height + 20 || (drawn >= MAX_LABELS && !must)) return;
+      if (x < -80 || y < -20 || x > this.width + 80 || y > this.height + 20 || (drawn >= MAX_LABELS && !must)) return false;
       context.font = font;
       const w = context.measureText(text).width + 6 + 2 * airy, h = 7 + airy, cells = [];
       for (let gx = Math.floor((x - w / 2) / 8); gx <= Math.floor((x + w / 2) / 8); gx++) {
         for (let gy = Math.floor((y - h) / 8); gy <= Math.floor((y + h) / 8); gy++) cells.push(gx * 65536 + gy);
       }
-      if (!must && cells.some((cell) => taken.has(cell))) return;
+      if (!must && cells.some((cell) => taken.has(cell))) return false;
       for (const cell of cells) taken.add(cell);
       drawn++;
       context.textAlign = "center";
@@ -357,21 +360,24 @@ export class Scene {
       context.globalAlpha = 1;
       context.fillStyle = color;
       context.fillText(text, x, y);
+      return true;
     };
-    const family = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
     const above = (r) => Math.max(0.5 * Math.hypot(run.length[r], run.width[r]) * c.scale, 0.6 * this.least) + 10;
     const label = (r, must) => {
       const [x, y] = this.toScreen(m.pose[3 * r], m.pose[3 * r + 1]);
-      write(run.robots[r], x, y - above(r), must ? theme.accent : theme.ink, `${must ? 700 : 600} 11.5px ${family}`, must);
+      write(run.robots[r], x, y - above(r), must ? theme.accent : theme.ink, `${must ? 700 : 600} 11.5px ${FAMILY}`, must);
     };
     for (const r of new Set([view.selected, view.hovered])) if (r >= 0 && m.now[r] !== ABSENT) label(r, true);
     if (view.labels) {
       const typical = run.length[0] * c.scale;
       if (m.numRobots <= 60 || typical > 9) for (let r = 0; r < m.numRobots; r++) if (m.now[r] !== ABSENT && r !== view.selected) label(r, false);
-      for (const i of this.labelOrder) {
+      for (const { station, width, side } of this.namesOfStations(context)) {
         if (drawn >= MAX_LABELS) break;
-        const s = this.map.stations[i], [x, y] = this.toScreen(s.x, s.y);
-        if (s.name) write(s.name, x, y + Math.max(0.13 * c.scale, 3) + 9, theme.muted, `500 10.5px ${family}`, false);
+        const [x, y] = this.toScreen(station.x, station.y);
+        for (const other of [SIDES[side], ...SIDES]) { // where a robot's name is in the way, another side
+          const [dx, dy] = other(width, 10, this.stationRadius);
+          if (write(station.name, x + dx, y + dy, theme.muted, STATION_FONT, false)) break;
+        }
       }
     }
     if (view.found) { // a station that the search led to
@@ -381,10 +387,28 @@ export class Scene {
       context.beginPath();
       context.arc(x, y, 12, 0, 2 * Math.PI);
       context.stroke();
-      write(view.found.name, x, y + 22, theme.accent, `700 12px ${family}`, true);
+      write(view.found.name, x, y + 22, theme.accent, `700 12px ${FAMILY}`, true);
     }
     this.drawGoal(context, view);
-    this.drawScale(context, family);
+    this.drawScale(context);
+  }
+
+  get stationRadius() {
+    return Math.max(0.13 * this.camera.scale, 3);
+  }
+
+  /* Names of stations with the side on which each stands; decided again when the zoom has changed by a tenth. */
+  namesOfStations(context) {
+    const step = Math.round(Math.log(this.camera.scale) / Math.log(1.1));
+    if (this.names && this.names.step === step) return this.names.list;
+    const { map } = this, k = this.camera.scale;
+    context.font = STATION_FONT;
+    const list = this.labelOrder.map((i) => map.stations[i]).filter((s) => s.name).map((station) => ({ station, width: context.measureText(station.name).width }));
+    const lines = [...map.walls, ...map.inner, ...map.doors.flat()].map((v, i) => (i % 2 ? -v : v) * k);
+    const sides = list.length <= MAX_LABELS ? chooseSides(list.map(({ station, width }) => ({ x: station.x * k, y: -station.y * k, width })), lines, 14, this.stationRadius) : [];
+    list.forEach((name, i) => (name.side = sides[i] ?? 0));
+    this.names = { step, list };
+    return list;
   }
 
   drawGoal(context, view) {
@@ -400,7 +424,7 @@ export class Scene {
     }
   }
 
-  drawScale(context, family) {
+  drawScale(context) {
     const wanted = 110 / this.camera.scale, power = 10 ** Math.floor(Math.log10(wanted));
     const metres = [5, 2, 1].map((f) => f * power).find((v) => v <= wanted), w = metres * this.camera.scale;
     const x = 16, y = this.height - 16;
@@ -412,7 +436,7 @@ export class Scene {
     context.lineTo(x + w, y);
     context.lineTo(x + w, y - 4);
     context.stroke();
-    context.font = `500 11px ${family}`;
+    context.font = `500 11px ${FAMILY}`;
     context.textAlign = "left";
     context.fillStyle = this.theme.muted;
     context.fillText(metres >= 1 ? `${metres} m` : `${Math.round(metres * 100)} cm`, x + w + 7, y - 3);
