@@ -32,7 +32,7 @@ from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import warm
 from mrp_sumo.drive.loop import simulate
-from mrp_sumo.drive.motion_plan import lanes_of
+from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import MrpSumoError
@@ -197,7 +197,7 @@ def rows_of_schedules(options: argparse.Namespace) -> Iterator[Row]:
         for _ in range(2):  # the second without the loading of code
             begun = time.process_time()
             resources = resources_of(graph, problem.fleet.separation_m)
-            needs = needs_of(graph, plan, lanes_of(problem, plan), resources)
+            needs = needs_of(graph, plan, lanes_along(problem.graph, plan)[0], resources)
             needed = time.process_time()
             schedule = schedule_of(problem, plan, needs)
             done = time.process_time()

@@ -36,7 +36,7 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.drive import recovery
+from mrp_sumo.drive import replanning
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import needs_sound_plan, policies
@@ -199,7 +199,7 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     """Drive run `number`: what it was, how it ended, and what is wrong with it. Again with the planner that it was driven
     with, planning takes the time it takes.
     """
-    recovery.PLANNING_LIMIT_S = 60.0 if again_with else 1.0  # many worlds have no room for a new plan
+    replanning.PLANNING_LIMIT_S = 60.0 if again_with else 1.0  # many worlds have no room for a new plan
     rng = np.random.default_rng([number, 77])
     world = worlds.draw(rng, number)
     boxes = rng.random() < 0.6  # of those they fit on

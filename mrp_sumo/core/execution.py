@@ -5,7 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import FloatArray, IntArray
 
 # what a robot's second can be spent on, the columns of `Execution.booked_s`
 BOOKINGS = ("moving", "turning", "planned_wait", "dependency_wait", "yielding", "blocked", "disturbed", "at_goal")
@@ -33,6 +33,22 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False)
+class Reply:
+    """Other ways that some robots were sent while they drove: K robots, N visits in CSR form."""
+
+    t_s: float
+    reason: str  # 'give_way', 'detour' or 'replan'
+    text: str  # for people
+    robot: IntArray  # [K] ascending
+    first: IntArray  # [K + 1] visits of the k-th robot are first[k]:first[k + 1]
+    since: IntArray  # [K] the robot's visit after which they come, counted from 0 along its way
+    vertex: IntArray  # [N]
+    arrive_s: FloatArray  # [N] as planned
+    depart_s: FloatArray  # [N] as planned, inf where the robot stays
+    arrived_s: FloatArray  # [N] as driven, NaN: never
+
+
+@dataclass(frozen=True, eq=False)
 class Execution:
     """Time-major trajectory of R robots over T samples, and what happened. NaN: not on the floor."""
 
@@ -53,6 +69,7 @@ class Execution:
     believed: FloatArray | None = None  # [3, T, R] x, y, yaw: where robots take themselves to be; None: where they are
     sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots
+    replies: tuple[Reply, ...] = ()  # by time
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
 
     @property

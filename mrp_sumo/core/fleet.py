@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.errors import ScenarioError
 
 
@@ -83,3 +83,9 @@ def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
         turn_rate_rad_s=column(robot_type.turn_rate_rad_s),
         gap_m=column(robot_type.gap_m),
     )
+
+
+def some_of(fleet: Fleet, robots: IntArray) -> Fleet:
+    """A fleet of some of the robots [K], in this order."""
+    columns = {name: getattr(fleet, name)[robots] for name in Fleet.__dataclass_fields__ if name != "robot_name"}
+    return Fleet(robot_name=tuple(fleet.robot_name[r] for r in robots.tolist()), **columns)

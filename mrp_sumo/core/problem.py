@@ -10,6 +10,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
+from mrp_sumo.core.task import Stop, Task
 from mrp_sumo.errors import PlanError
 
 
@@ -58,6 +59,11 @@ class Problem:
         if not len(self.goal):
             return self.start
         return np.where(self.goal_of >= 0, self.goal[np.maximum(self.goal_of, 0)], self.start)
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """The goals as tasks of one stop, each for the robot that has it. A robot without a goal has to stay at its start."""
+        return tuple(Task(id=r, stops=(Stop(v),), robot=r) for r, v in enumerate(self.target.tolist()))
 
     def assigned(self, goal_of: IntArray) -> "Problem":
         """The same problem with these assignments."""

@@ -1,6 +1,6 @@
 """What goes wrong in real fleets: noise, stops, delays, breakdowns, closed lanes, people in the way, late messages.
 
-What there may be; `drive.disturber` makes it happen. Disturbances only ever slow robots down or hold them back: what
+What there may be; `drive.world` makes it happen. Disturbances only ever slow robots down or hold them back: what
 a policy promises, it promises under all of them. Refuses parameters out of range.
 """
 

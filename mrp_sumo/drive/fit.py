@@ -6,22 +6,33 @@ reach of each other or in one mutex group.
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.errors import ExecutionError
-from mrp_sumo.traffic.resources import Resources
+from mrp_sumo.traffic.resources import Resources, resources_of
 
 
-def lanes_of(problem: Problem, plan: Plan) -> IntArray:
-    """[N] the lane by which each visit is reached, -1 for robots' first visits.
+def resources_for(problem: Problem, plan: Plan) -> Resources:
+    """What the robots must not share, if they can drive the plan.
 
     Raises
     ------
     ExecutionError
-        When the plan is for other robots, begins elsewhere, or jumps between vertices without a lane.
+        When they cannot.
     """
+    check_lanes(problem, plan)
+    if ride := lift_ride(problem, plan):
+        raise ExecutionError(ride)
+    check_room(problem)
+    resources = resources_of(problem.graph, problem.fleet.separation_m)
+    check_groups(problem, resources)
+    return resources
+
+
+def check_lanes(problem: Problem, plan: Plan) -> None:
+    """Refuse a plan for other robots, one that begins elsewhere, and one that jumps between vertices without a lane."""
     graph, names = problem.graph, problem.fleet.robot_name
     if plan.num_robots != problem.num_robots:
         raise ExecutionError(f"the plan has {plan.num_robots} robots, the problem {problem.num_robots}")
@@ -31,30 +42,17 @@ def lanes_of(problem: Problem, plan: Plan) -> IntArray:
         r = int(elsewhere[0])
         found, expected = graph.label(int(plan.vertex[begin[r]])), graph.label(int(problem.start[r]))
         raise ExecutionError(f"the plan of {names[r]} begins at '{found}', expected its start '{expected}'")
-    lane, missing = lanes_along(problem, plan)
+    missing = lanes_along(graph, plan)[1]
     if missing.any():
         k = int(np.flatnonzero(missing)[0])
         r, tail, head = int(plan.robot[k]), int(plan.vertex[k - 1]), int(plan.vertex[k])
         raise ExecutionError(f"the plan of {names[r]} goes from '{graph.label(tail)}' to '{graph.label(head)}', where there is no lane")
-    return lane
 
 
-def lanes_along(problem: Problem, plan: Plan) -> tuple[IntArray, BoolArray]:
-    """[N] the lane by which each visit is reached, -1 for first visits, and whether there is none where there should be one."""
-    graph, begin = problem.graph, plan.first[:-1]
-    tail, head = np.append(-1, plan.vertex[:-1]), plan.vertex
-    key = graph.tail * graph.num_vertices + graph.head
-    lane = np.searchsorted(key, tail * graph.num_vertices + head)
-    lane[begin] = -1
-    missing = np.ones(len(lane), np.bool_)
-    within = (lane >= 0) & (lane < len(key))
-    missing[within] = (graph.tail[lane[within]] != tail[within]) | (graph.head[lane[within]] != head[within])
-    missing[begin] = False
-    return lane, missing
-
-
-def check_room(problem: Problem, plan: Plan, separation: float) -> None:
+def check_room(problem: Problem) -> None:
+    """Refuse robots that do not fit the cells, stand where no lane is, or start within reach of each other."""
     graph, fleet = problem.graph, problem.fleet
+    separation = fleet.separation_m
     if not problem.num_robots:
         raise ExecutionError("there are no robots to execute a plan with")
     if separation > graph.cell_m + 1e-9:
@@ -82,7 +80,7 @@ def check_room(problem: Problem, plan: Plan, separation: float) -> None:
 
 def lift_ride(problem: Problem, plan: Plan) -> str:
     """What to say of a plan that rides a lift, which is not executed; '' for others."""
-    lane, graph = lanes_along(problem, plan)[0], problem.graph
+    lane, graph = lanes_along(problem.graph, plan)[0], problem.graph
     rides = np.flatnonzero((lane >= 0) & np.array(["lift" in options for options in graph.lane_options], np.bool_)[lane])
     if not len(rides):
         return ""

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
-from mrp_sumo.drive import _controller
-from mrp_sumo.drive.change import Way
-from mrp_sumo.drive.motion_plan import Course
+from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
+from mrp_sumo.drive._causes import ARRIVED_M
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.reroute import Reroute
+from mrp_sumo.drive.state import State
 from mrp_sumo.traffic.resources import Resources
 
 INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
@@ -41,14 +42,28 @@ class GivingWay:
 class Surroundings:
     """What a search for places needs to know."""
 
-    graph: NavGraph
-    course: Course
-    state: _controller.State
+    ledger: Ledger
     closed: BoolArray  # [L]
 
     @property
+    def graph(self) -> PlanGraph:
+        return self.ledger.graph
+
+    @property
+    def state(self) -> State:
+        return self.ledger.state
+
+    @property
     def resources(self) -> Resources:
-        return self.course.resources
+        return self.ledger.resources
+
+    def granted(self, robot: int) -> int:
+        """The last visit that a robot may drive to."""
+        return int(self.ledger.visits.granted[robot])
+
+    def ahead(self, robot: int) -> int:
+        """The visit after that, -1: none."""
+        return int(self.ledger.visits.next[self.granted(robot)])
 
     def of_lane(self, lane: int) -> IntArray:
         """What a robot needs to drive on a lane to its end."""
@@ -64,44 +79,35 @@ class Surroundings:
         return self.graph.num_vertices + found.zones_of[found.zones_first[place] : found.zones_first[place + 1]]
 
     def free_for(self, robot: int, needs: IntArray) -> bool:
-        holder = self.state.holder[needs]
+        holder = self.state.grants.holder[needs]
         return bool(((holder < 0) | (holder == robot)).all())
 
     def still_needed(self, robot: int) -> IntArray:
-        """Resources a robot holds or will need on the rest of its path."""
-        path, need = self.course.path, self.course.need
-        part = slice(need.first[self.state.back[robot]], need.first[path.first[robot + 1]])
-        needed: IntArray = need.resource[part][~self.state.freed[part]]
-        return needed
+        """Resources a robot holds or will need on the rest of its way."""
+        return self.ledger.resources_from(robot, int(self.state.grants.oldest[robot]))
 
     def can_turn_back(self, robot: int) -> bool:
         """Whether a robot that waits on a lane has the lane for itself and may drive back."""
-        state, path = self.state, self.course.path
-        lane = int(path.lane[state.won[robot] + 1])
-        back = int(path.reverse[lane])
-        return back >= 0 and not self.closed[back] and state.claims[lane] == 1 and state.claims[back] == 0
+        visits, claims = self.ledger.visits, self.state.grants.claims
+        lane = int(visits.lane[self.ahead(robot)])
+        back = int(visits.reverse[lane])
+        return back >= 0 and not self.closed[back] and claims[lane] == 1 and claims[back] == 0
 
     def enters_by_itself(self, robot: int) -> bool:
         """Whether a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""
-        path, visit = self.course.path, int(self.state.won[robot])
-        return visit == path.first[robot] and not (self.graph.head == path.vertex[visit]).any()
+        visits, visit = self.ledger.visits, self.granted(robot)
+        return visit == visits.first[robot] and not (self.graph.head == visits.vertex[visit]).any()
 
     def stands(self, robot: int) -> bool:
         """Whether a robot stands at a vertex, or on a lane on which it can turn back, with nothing ahead that it may drive."""
-        state, path = self.state, self.course.path
-        at = float(path.at[state.won[robot]])
-        if (
-            self.enters_by_itself(robot)
-            or state.speed[robot] > 0
-            or state.nx[robot] != state.won[robot] + 1
-            or state.won[robot] + 1 >= path.first[robot + 1]
-        ):
+        visits, motion, granted = self.ledger.visits, self.state.motion, self.granted(robot)
+        if self.enters_by_itself(robot) or motion.speed_mps[robot] > 0 or visits.reached[robot] != granted or visits.next[granted] < 0:
             return False
-        beyond = float(state.s[robot]) - at
-        return beyond > INTO_M and self.can_turn_back(robot) if state.on_lane[robot] else abs(beyond) <= _controller.ARRIVED_M
+        beyond = float(motion.s_m[robot] - visits.at_m[granted])
+        return beyond > INTO_M and self.can_turn_back(robot) if self.state.grants.on_lane[robot] else abs(beyond) <= ARRIVED_M
 
 
-def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Way] | None:
+def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Reroute] | None:
     """Who of a ring of waiting robots gives way and how; None if nobody can."""
     for asked in (list(ring), _behind(around.state, ring)):
         best: tuple[float, int, list[int], tuple[int, ...]] | None = None
@@ -123,22 +129,22 @@ def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArra
 
 def still_to_pass(around: Surroundings, giving: GivingWay, broken: BoolArray) -> int:
     """One of the others that is to pass the way back yet, -1: none."""
-    state, path = around.state, around.course.path
+    visits = around.ledger.visits
     for other in giving.others:
-        if broken[other] or state.nx[other] >= path.first[other + 1]:
+        if broken[other] or visits.next[visits.reached[other]] < 0:
             continue
         if np.isin(around.still_needed(other), giving.back).any():
             return other
     return -1
 
 
-def _behind(state: _controller.State, ring: Sequence[int]) -> list[int]:
+def _behind(state: State, ring: Sequence[int]) -> list[int]:
     """Robots that wait for one of the ring, or for one who does, nearest first."""
     found, known = [], set(ring)
     front = list(ring)
-    waits = state.wait_since < np.inf
+    waits = state.waits.since_s < np.inf
     while front:
-        front = [r for r in np.flatnonzero(waits & np.isin(state.other, front)).tolist() if r not in known]
+        front = [r for r in np.flatnonzero(waits & np.isin(state.grants.other, front)).tolist() if r not in known]
         known.update(front)
         found += front
     return found
@@ -146,13 +152,13 @@ def _behind(state: _controller.State, ring: Sequence[int]) -> list[int]:
 
 def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[float, list[int]] | None:
     """The nearest place in nobody's way: metres, and the vertices from where the robot stands to it."""
-    graph, state, path = around.graph, around.state, around.course.path
-    avoid, goals = np.zeros(len(state.holder), np.bool_), np.zeros(len(state.holder), np.bool_)
+    graph, grants, visits, granted = around.graph, around.state.grants, around.ledger.visits, around.granted(robot)
+    avoid, goals = np.zeros(len(grants.holder), np.bool_), np.zeros(len(grants.holder), np.bool_)
     for other in others:
         avoid[around.still_needed(other)] = True
-        goals[around.of_vertex(int(path.vertex[path.first[other + 1] - 1]))] = True
-    start = int(path.vertex[state.won[robot]])
-    begin = float(state.s[robot] - path.at[state.won[robot]]) if state.on_lane[robot] else 0.0
+        goals[around.of_vertex(int(visits.vertex[visits.last[other]]))] = True
+    start = int(visits.vertex[granted])
+    begin = float(around.state.motion.s_m[robot] - visits.at_m[granted]) if grants.on_lane[robot] else 0.0
     if not around.free_for(robot, around.of_vertex(start)):
         return None
     came: dict[int, int] = {}
@@ -171,29 +177,29 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
             return cost, out[::-1]
         for lane in range(int(graph.first[vertex]), int(graph.first[vertex + 1])):
             head, back = int(graph.head[lane]), int(graph.reverse[lane])
-            usable = head not in came and back >= 0 and not around.closed[lane] and not state.claims[back]
+            usable = head not in came and back >= 0 and not around.closed[lane] and not grants.claims[back]
             if usable and around.free_for(robot, around.of_lane(lane)):
                 heapq.heappush(heap, (cost + float(graph.length_m[lane]), head, vertex))
     return None
 
 
-def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: list[int], now: float) -> tuple[GivingWay, Way]:
-    state, course, graph = around.state, around.course, around.graph
-    plan, won, end = course.plan, int(state.won[robot]), int(course.path.first[robot + 1])
-    turns_back = bool(state.on_lane[robot])
+def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: list[int], now: float) -> tuple[GivingWay, Reroute]:
+    graph, ledger, granted = around.graph, around.ledger, around.granted(robot)
+    vertex, arrive_s, depart_s = ledger.column("vertex"), ledger.column("arrive_s"), ledger.column("depart_s")
+    turns_back = bool(around.state.grants.on_lane[robot])
     there = out if turns_back else out[1:]
     home = out[-2::-1]  # the way back, after the place
-    rest = np.arange(won + 1, end)
-    while len(home) > 1 and len(rest) and home[-2] == plan.vertex[rest[0]]:  # no need to go to a dead end and back
+    rest = ledger.ids(robot, granted)[1:]
+    while len(home) > 1 and len(rest) and home[-2] == vertex[rest[0]]:  # no need to go to a dead end and back
         home, rest = home[:-1], rest[1:]
-    if len(home) == 1 and len(rest) and out[-1] == plan.vertex[rest[0]]:  # its path leads to the place anyway
+    if len(home) == 1 and len(rest) and out[-1] == vertex[rest[0]]:  # its path leads to the place anyway
         home, rest = [], rest[1:]
     new = np.array(there + home, np.int64)
     times = np.full(len(new), now)
-    way = Way(
-        vertex=np.concatenate([new, plan.vertex[rest]]),
-        arrive_s=np.concatenate([times, plan.arrive_s[rest]]),
-        depart_s=np.concatenate([times, plan.depart_s[rest]]) if len(rest) else np.append(times[1:], np.inf),
+    way = Reroute(
+        vertex=np.concatenate([new, vertex[rest]]),
+        arrive_s=np.concatenate([times, arrive_s[rest]]),
+        depart_s=np.concatenate([times, depart_s[rest]]) if len(rest) else np.append(times[1:], np.inf),
         leave_s=now,
         back=turns_back,
         pause=len(there),

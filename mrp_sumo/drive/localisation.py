@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.drive.disturbances import Disturbances
 
-LOCALISATION = 37  # purpose of the stream of chance, beside those of drive.disturber
+LOCALISATION = 37  # purpose of the stream of chance, beside those of drive.world
 
 
 def believed_poses(x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray, period_s: float, what: Disturbances, seed: int) -> FloatArray:

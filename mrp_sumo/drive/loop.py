@@ -1,39 +1,36 @@
 """The co-simulation: a plan driven in SUMO, step by step, under a policy.
 
-Each step: see what robots did, let them claim what they need next, command speeds, let SUMO move. Refuses plans
+Tasks go in, commitments come out: the ledger keeps what robots have been given, the controller grants what it allows, the
+engine moves the bodies, the dispatcher sends robots other ways where they do not get on, listeners write and show. Refuses plans
 and robots that cannot be driven (`drive.fit`) before the first step. Robots at their goals stay there as
 obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.drive import _controller
-from mrp_sumo.drive.change import Change, changed_course
-from mrp_sumo.drive.deadlock import LOOK_EVERY_S, DeadlockWatch, deadlock_event, events_of, waits_at_the_end
-from mrp_sumo.drive.disturber import Disturber
+from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.deadlock import LOOK_EVERY_S
+from mrp_sumo.drive.dispatcher import Dispatcher
+from mrp_sumo.drive.fit import resources_for
+from mrp_sumo.drive.ledger import Ledger, replies_of
+from mrp_sumo.drive.listeners import Listener, Moment, Progress, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
-from mrp_sumo.drive.motion_plan import Course, course_of, empty_log, empty_news, fresh_state
 from mrp_sumo.drive.policy import Policy, policy_of
-from mrp_sumo.drive.recorder import Recorder
-from mrp_sumo.drive.recovery import Recovery
+from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.engines.sumo.routes import Routes
-from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
+from mrp_sumo.drive.world import World
+from mrp_sumo.engines.protocol import Engine
+from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import PlanError
-
-A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
-WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
-COMPARE_EVERY_S = 10.0  # SUMO's own positions are kept this often for the audit, and at the end
-Progress = Callable[[float, int], None]
 
 
 def simulate(
@@ -61,183 +58,146 @@ def simulate(
     PlanError
         When the policy keeps the plan's order and that is cyclic.
     """
-    policy, fleet, dt = policy_of(settings.policy, settings.policy_parameters), problem.fleet, settings.step_length_s
-    course = course_of(problem, plan, policy, dt)
-    disturber = Disturber(
-        settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s, float(fleet.radius_m.max()), settings.seed
+    dt, policy = settings.step_length_s, policy_of(settings.policy, settings.policy_parameters)
+    ledger = Ledger(problem, plan, policy, resources_for(problem, plan))
+    world = World(
+        *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
+        *(float(problem.fleet.radius_m.max()), settings.seed),
     )
-    with running_sumo(network, fleet, fleet.separation_m, dt, settings.seed, gui) as sumo:
-        routes = Routes(problem.graph, course.path, sumo, fresh_state(course))
-        routes.begin(type_of(fleet), float(fleet.max_speed_mps.max()))
-        run = _Run(problem, plan, settings, policy, course, routes, sumo, disturber, Recorder(problem.graph.xy[plan.vertex], course.path))
-        run.drive(progress)
-    return run.execution()
+    drive = Drive(settings, ledger, Controller(ledger, policy, settings), world, Dispatcher(ledger, world, settings), policy)
+    reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
+    recorder, witness = Recorder(), Witness()
+    with sumo_engine(problem.graph, problem.fleet, network, dt, settings.seed, gui) as bodies:
+        bodies.place(ledger.visits)
+        drive.run(bodies, [recorder, witness, *reports])
+    return _execution(drive, plan, recorder, witness)
 
 
 @dataclass
-class _Run:
+class Drive:
     """An execution under way."""
 
-    problem: Problem
-    plan: Plan
     settings: ExecutionSettings
-    policy: Policy
-    course: Course  # of the plan, or of the last new one
-    routes: Routes
-    sumo: Sumo
-    disturber: Disturber
-    recorder: Recorder
+    ledger: Ledger
+    controller: Controller
+    world: World
+    dispatcher: Dispatcher
+    chosen: Policy  # of the scenario; a new plan may be driven by another
+    events: list[Event] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)  # what the engine finds wrong
+    outcome: Outcome = Outcome.TIME_LIMIT
+    now_s: float = 0.0
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
 
-    def __post_init__(self) -> None:
-        self.state = self.routes.state
-        self.names = self.problem.fleet.robot_name
-        self.labels = [self.problem.graph.label(v) for v in range(self.problem.graph.num_vertices)]
-        self.events: list[Event] = []
-        self.findings: list[str] = []
-        self.watch = DeadlockWatch()
-        self.outcome = Outcome.TIME_LIMIT
-        self.now = 0.0
-        self.sumo_s: list[float] = []  # when SUMO was asked where it has the robots
-        self.sumo_xy: list[FloatArray] = []  # [R, 2] each
-        self.recovery = Recovery(self.problem, self.settings, self.disturber) if self.settings.on_deadlock == "resolve" else None
-        self.visit = np.arange(self.plan.num_visits)  # [N] of the plan, for each visit of the course, -1: none
-        self.arrived = np.full(self.plan.num_visits, np.nan)  # [N] of the plan's visits, before the course was changed
-
-    def drive(self, progress: Progress | None) -> None:
-        """Until all robots are at the ends of their paths, or time is up."""
-        settings, dt, state, sumo = self.settings, self.settings.step_length_s, self.state, self.sumo
-        num_robots = self.problem.num_robots
-        log, news = empty_log(num_robots), empty_news(num_robots)
-        tolerances = (self.problem.graph.cell_m - A_CELL_LESS_M, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S)
-        look_every, tell_every = max(1, round(LOOK_EVERY_S / dt)), max(1, round(1 / dt))
-        disturbed, step, s = settings.disturbances.any, 0, np.zeros(num_robots)
-        around = self.disturber.around
-
-        def advance(look: bool) -> tuple[int, int, int]:
-            course = self.course
-            counts: tuple[int, int, int] = _controller.advance(
-                *(look, self.now, dt, s, course.drive, course.path, course.need, self.state, log, news, around, *tolerances),
-                *(self.policy.look_ahead, self.policy.paced),
-            )
-            return counts
-
-        wall, cpu = time.perf_counter(), time.process_time()
+    def run(self, bodies: Engine, listeners: Sequence[Listener]) -> None:
+        """Until all tasks are done, or time is up."""
+        settings, dt, state, conditions = self.settings, self.settings.step_length_s, self.ledger.state, self.world.conditions
+        look_every, sample_every = max(1, round(LOOK_EVERY_S / dt)), settings.steps_per_sample
+        wall, cpu, step = time.perf_counter(), time.process_time(), 0
         while True:
-            if disturbed:
-                self.events += self.disturber.happen(self.now, state)
-            logged, changed, due = advance(step > 0)
-            if logged:
-                self.events += events_of(log, logged, self.course.path, self.names)
-            if step % settings.steps_per_sample == 0:
-                self.recorder.sample(s, state.yaw, state.speed)
-                over = self._is_over()
-                if over or self.now >= len(self.sumo_s) * COMPARE_EVERY_S:
-                    self.sumo_s.append(self.now)
-                    self.sumo_xy.append(sumo.positions())
-                if over:
-                    break
-            if step % look_every == 0 and self._look_for_deadlocks():
-                state, s = self.state, self.state.s.copy()
-                _, changed, due = advance(False)
-            if progress and step and step % tell_every == 0:
-                progress(self.now, int(np.isfinite(state.goal).sum()))
-            for r in news.changed[:changed].tolist():
-                sumo.set_speed(sumo.names[r], state.command[r])
-            if due:
-                self.routes.renew(news.due[:due].tolist())
-            sumo.step()
+            self.events += self.world.update(self.now_s, state.grants)
+            self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0)
+            is_sample = step % sample_every == 0
+            is_last = is_sample and self._is_over()
+            for listener in listeners:
+                listener.hear(Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger))
+            if is_last:
+                break
+            if step % look_every == 0 and self._dispatch(bodies):
+                self.controller.advance(self.now_s, bodies, conditions, observe=False)
+            self.controller.command(bodies)
+            moving = (state.grants.command_mps > 0) | (state.motion.speed_mps > 0)
+            found = bodies.step(moving)
             step += 1
-            self.now = round(step * dt, 9)
-            sumo.read_driven(s, (state.command > 0) | (state.speed > 0))
-            self.findings += [f"{self.now:.2f} s: SUMO reports a {kind} of {one} and {two}" for one, two, kind in sumo.collisions()]
+            self.now_s = round(step * dt, 9)
+            self.findings += [f"{self.now_s:.2f} s: {finding}" for finding in found]
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
-        if self.recovery:
-            self.recovery.end(self.now)
-            self.events += self.recovery.events
-        self.events += waits_at_the_end(self.now, state, self.course.path, self.names, WAIT_LEAST_S)
+        self.dispatcher.close(self.now_s)
+        self.events += self.dispatcher.events
+        self.events += self.controller.unfinished_waits(self.now_s)
 
     def _is_over(self) -> bool:
         if self.outcome is Outcome.DEADLOCK:
             return True
-        if (self.state.nx >= self.course.path.first[1:]).all() and self.state.home.all():
+        if self.dispatcher.finished():
             self.outcome = Outcome.COMPLETED
             return True
-        return self.now >= self.settings.time_limit_s - 1e-9
+        return self.now_s >= self.settings.time_limit_s - 1e-9
 
-    def _look_for_deadlocks(self) -> bool:
-        """Tell new deadlocks, and do about robots that do not get on what the settings say. Whether the course was changed."""
-        found = self.watch.look(self.state)
-        self.events += [deadlock_event(self.now, cycle, self.state, self.course.path, self.labels, self.names) for cycle in found]
+    def _dispatch(self, bodies: Engine) -> bool:
+        """Report new deadlocks, and send robots that do not get on other ways. Returns whether any were sent."""
+        found = self.dispatcher.watch.look(self.ledger.state)
+        self.events += [self.controller.deadlock(self.now_s, cycle) for cycle in found]
         if found and self.settings.on_deadlock == "stop":
             self.outcome = Outcome.DEADLOCK
-        if self.recovery is None:
-            return False
-        self.recovery.let_go(self.now, self.course, self.state)
-        return self.recovery.look(self.now, self.watch.known, self.course, self.state, self.policy.keeps_order, self._change)
+        for need in self.dispatcher.due(self.now_s, self.controller.policy.keeps_order):
+            answer = self.dispatcher.answer(need, self.now_s)
+            if answer is not None and self._append(answer, bodies):
+                return True
+        return False
 
-    def _change(self, change: Change, anew: bool) -> None:
-        """Send robots other ways. A new plan is driven in its order if that can be kept: it is for who is where now,
+    def _append(self, answer: Replan, bodies: Engine) -> bool:
+        """Have the ledger take an answer. A new plan is driven in its order if that can be kept: it is for who is where now,
         not for the clock.
         """
-        before, path, graph = self.state, self.course.path, self.problem.graph
-        policies = [self.policy]
-        if anew:
-            policies = [policy_of("adg")] if policy_of(self.settings.policy).sound_plan_only else [policy_of("adg"), policy_of("open_loop")]
+        robots = sorted(answer.reroute)
+        backs = [r for r in robots if answer.reroute[r].back]
+        waits = self.controller.unfinished_waits(self.now_s, robots)
+        policies = self._policies(answer)
         for policy in policies:
             try:
-                course, state, was = changed_course(
-                    self.problem, self.course, before, change, policy, self.settings.step_length_s, self.now
-                )
+                self.ledger.append(answer, policy, self.now_s)
                 break
-            except PlanError:
+            except PlanError as error:
                 if policy is policies[-1]:
-                    raise
-        self.events += waits_at_the_end(self.now, before, path, self.names, WAIT_LEAST_S, list(change.way))
-        turned = [r for r, way in change.way.items() if way.back]
-        offset = before.s - state.s
-        offset[turned] = np.nan
-        known = np.flatnonzero((self.visit >= 0) & np.isfinite(before.arrived))
-        self.arrived[self.visit[known]] = before.arrived[known]
-        self.visit = np.where(was >= 0, self.visit[was], -1)
-        self.policy, self.course, self.state = policy, course, state
-        self.sumo.rebase(state.s)
-        self.recorder.turn_to(graph.xy[course.path.vertex], course.path)
-        self.disturber.count_from(offset, state.allowed)
-        self.routes.change(course.path, state)
-        for r in turned:
-            self.routes.turn_back(r)
-        self.watch.known = {ring for ring in self.watch.known if not set(ring) & set(change.way)}
+                    self.dispatcher.refused(error, self.now_s)
+                    return False
+        self.events += waits
+        self.controller.follow(policy)
+        self.controller.divert(robots, backs, bodies)
+        self.world.inform(backs, self.ledger.state.grants.allowed_m)
+        self.dispatcher.accepted(answer, self.now_s)
+        return True
 
-    def execution(self) -> Execution:
-        """All that was recorded."""
-        x, y, yaw, speed = self.recorder.samples()
-        state, settings = self.state, self.settings
-        yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
-        what, believed = settings.disturbances, None
-        if what.localisation_m or what.localisation_rad:
-            believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
-        goal, arrived = np.where(self.course.plan.last_vertex == self.problem.target, state.goal, np.nan), self.arrived
-        known = np.flatnonzero((self.visit >= 0) & np.isfinite(state.arrived))
-        arrived[self.visit[known]] = state.arrived[known]
-        ends = self.plan.first[1:] - 1  # where a way was given up, robots still reach the ends
-        arrived[ends] = np.where(np.isfinite(arrived[ends]), arrived[ends], goal)
-        return Execution(
-            t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
-            x_m=frozen(x),
-            y_m=frozen(y),
-            yaw_rad=frozen(yaw),
-            speed_mps=frozen(speed),
-            arrived_s=frozen(arrived),
-            goal_s=frozen(goal),
-            outcome=self.outcome,
-            policy=settings.policy,
-            sim_time_s=self.now,
-            wall_time_s=self.wall_s,
-            cpu_time_s=self.cpu_s,
-            events=tuple(sorted(self.events, key=lambda event: (event.t_s, event.robot, event.kind))),
-            findings=tuple(self.findings),
-            booked_s=frozen(state.booked),
-            believed=believed,
-            sumo_t_s=frozen(np.array(self.sumo_s)),
-            sumo_xy_m=frozen(np.array(self.sumo_xy)),
-        )
+    def _policies(self, answer: Replan) -> list[Policy]:
+        if not answer.reordered:
+            return [self.controller.policy]
+        if self.chosen.sound_plan_only:
+            return [policy_of("adg")]
+        return [policy_of("adg"), policy_of("open_loop")]
+
+
+def _execution(drive: Drive, plan: Plan, recorder: Recorder, witness: Witness) -> Execution:
+    """All that was recorded."""
+    settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
+    x, y, yaw, speed = recorder.samples(ledger)
+    yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
+    believed = None
+    if what.localisation_m or what.localisation_rad:
+        believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
+    goal_s = np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan)
+    arrived_s = ledger.column("arrived_s")[: plan.num_visits].copy()
+    ends = plan.first[1:] - 1  # where a way was given up, robots still reach the ends
+    arrived_s[ends] = np.where(np.isfinite(arrived_s[ends]), arrived_s[ends], goal_s)
+    return Execution(
+        t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
+        x_m=frozen(x),
+        y_m=frozen(y),
+        yaw_rad=frozen(yaw),
+        speed_mps=frozen(speed),
+        arrived_s=frozen(arrived_s),
+        goal_s=frozen(goal_s),
+        outcome=drive.outcome,
+        policy=settings.policy,
+        sim_time_s=drive.now_s,
+        wall_time_s=drive.wall_s,
+        cpu_time_s=drive.cpu_s,
+        events=tuple(sorted(drive.events, key=lambda event: (event.t_s, event.robot, event.kind))),
+        findings=tuple(drive.findings),
+        booked_s=frozen(ledger.state.waits.booked_s),
+        believed=believed,
+        sumo_t_s=frozen(np.array(witness.t_s)),
+        sumo_xy_m=frozen(np.array(witness.xy_m)),
+        replies=replies_of(ledger),
+    )

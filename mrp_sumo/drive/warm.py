@@ -6,11 +6,22 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import PlanGraph, frozen, nav_graph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.drive import _controller
+from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.deadlock import DeadlockWatch
 from mrp_sumo.drive.disturbances import NONE
-from mrp_sumo.drive.disturber import Disturber
-from mrp_sumo.drive.motion_plan import course_of, empty_log, empty_news, fresh_state
+from mrp_sumo.drive.fit import resources_for
+from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.world import World
+
+
+class Standstill:
+    """An engine in which nothing moves, as far as the controller sees one."""
+
+    def __init__(self, num_robots: int) -> None:
+        self.driven_m = np.zeros(num_robots)
+        self.routed = np.zeros(num_robots, np.int64)
 
 
 def prepare() -> None:
@@ -19,12 +30,11 @@ def prepare() -> None:
     graph = PlanGraph(**vars(nav), kind="roadmap", cell_m=1.0, vertex_of_station=frozen(np.arange(2)))
     fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 1)
     problem = Problem(graph, fleet, np.array([0]), np.array([1]), np.array([0]), 1.0)
-    course = course_of(problem, plan_of_paths([[0, 1]], 1.0), policy_of("adg"), 0.1)
-    state, log, news = fresh_state(course), empty_log(1), empty_news(1)
-    around = Disturber(NONE, graph, 1, 0.1, 1.0, 0.1, 0).around
+    plan, policy, settings = plan_of_paths([[0, 1]], 1.0), policy_of("adg"), ExecutionSettings()
+    ledger = Ledger(problem, plan, policy, resources_for(problem, plan))
+    controller = Controller(ledger, policy, settings)
+    conditions = World(NONE, graph, 1, 0.1, 1.0, 0.1, 0).conditions
     for step in range(2):
-        _controller.advance(
-            *(step > 0, step * 0.1, 0.1, np.zeros(1), course.drive, course.path, course.need, state, log, news, around),
-            *(1.0, 10.0, 0.1, 0.5, 4, False),
-        )
-    _controller.waiting_cycles(state)
+        controller.advance(step * 0.1, Standstill(1), conditions, observe=step > 0)
+    ledger.state.waits.since_s[:] = 0.0
+    DeadlockWatch().look(ledger.state)

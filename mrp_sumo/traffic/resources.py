@@ -22,7 +22,6 @@ from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.passages import Needs
 
-ARRIVED_M = 0.002  # a robot this close to a vertex has arrived there: SUMO is asked to stop 1 mm before
 LEFT_M = 0.003  # before the lane's end a robot has left the vertex behind it at the latest
 
 
@@ -115,7 +114,14 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources) 
 
 
 def left_after_m(
-    graph: NavGraph, plan: Plan, lane: IntArray, cum_m: FloatArray, stretch: FloatArray, needs: Needs, resources: Resources
+    graph: NavGraph,
+    plan: Plan,
+    lane: IntArray,
+    from_m: FloatArray,
+    at_m: FloatArray,
+    stretch: FloatArray,
+    needs: Needs,
+    resources: Resources,
 ) -> FloatArray:
     """[M] how far along its path a robot has left what it needed, inf where it stays.
 
@@ -123,8 +129,8 @@ def left_after_m(
     ----------
     lane
         [N] by which a visit is reached, -1 for first visits.
-    cum_m
-        [N] distance of each visit along its robot's path.
+    from_m, at_m
+        [N] where that lane begins along its robot's path, and where the visit is.
     stretch
         [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer.
     """
@@ -132,7 +138,7 @@ def left_after_m(
     visit, resource = needs.visit, needs.resource
     onward = np.append(lane[1:], -1)[visit]  # lane by which the visit's vertex is left, -1: never
     used = np.where(needs.on_lane, lane[visit], onward)
-    origin = np.where(needs.on_lane, cum_m[visit - 1], cum_m[visit])
+    origin = np.where(needs.on_lane, from_m[visit], at_m[visit])
     after = np.full(len(visit), np.inf)
     shared = num_vertices + len(resources.zone)
     at_vertex = ((resource < num_vertices) | (resource >= shared) & ~needs.on_lane) & (used >= 0)

@@ -94,10 +94,6 @@ class Sumo:
             names = compress(self._name, moving.tolist())
             driven_m[moving] = np.fromiter(map(self._vehicle.getDistance, names), np.float64) - self._base[moving]
 
-    def rebase(self, driven_m: FloatArray) -> None:
-        """Let odometers show these values [R] now."""
-        self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name)) - driven_m
-
     def edge(self, robot: int) -> str:
         return str(self._vehicle.getRoadID(self._name[robot]))
 
@@ -117,11 +113,6 @@ class Sumo:
         if stops:
             self._stop_at_end(name, ([edge, *onward])[-1])
         self._turned.append((robot, driven_m))
-
-    def leader(self, robot: int, within_m: float) -> int:
-        """The robot ahead on the route, -1: none."""
-        found = self._vehicle.getLeader(self._name[robot], within_m)
-        return int(found[0].removeprefix("robot_")) if found and found[0] else -1
 
     def collisions(self) -> list[tuple[str, str, str]]:
         """What SUMO reports of the last step: collider, victim, kind."""

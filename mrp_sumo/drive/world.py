@@ -1,4 +1,4 @@
-"""Makes disturbances happen, step by step.
+"""The world as it is now: which lanes are closed, what holds robots back. Makes disturbances happen, step by step.
 
 Every kind has its own stream of chance, `default_rng([seed, purpose])`, so that the same seed disturbs every
 policy alike and one kind can be switched off without changing the others. Refuses robots and lanes that do
@@ -11,8 +11,8 @@ import numpy as np
 
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
-from mrp_sumo.drive import _controller
 from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
+from mrp_sumo.drive.state import Conditions, Grants
 from mrp_sumo.errors import ExecutionError
 
 SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
@@ -20,9 +20,19 @@ SLOWEST_ROBOT = 0.7  # of its type's speed, however wide the spread
 SLOWEST_MOMENT = 0.2  # of the robot's speed, however strong the noise
 
 
+@dataclass(frozen=True, eq=False)
+class Barrier:
+    """Lanes that are to be closed for a while, as soon as nobody may enter them and nobody holds the vertices."""
+
+    begin_s: float
+    end_s: float
+    lanes: IntArray
+    vertices: IntArray
+
+
 @dataclass
-class Disturber:
-    """The disturbances of one execution as they happen; its arrays are read by the controller's kernel."""
+class World:
+    """The surroundings of one execution as they change; its arrays are read by the controller's kernels."""
 
     what: Disturbances
     graph: NavGraph
@@ -55,26 +65,25 @@ class Disturber:
         for breakdown in self._pending:
             if not 0 <= breakdown.robot < num_robots:
                 raise ExecutionError(f"disturbances: a breakdown of robot {breakdown.robot}, but there are {num_robots}")
-        self._barriers = [(c.begin_s, c.duration_s, self._lanes_of(c), np.zeros(0, np.int64)) for c in what.closures]
-        self._barriers += [(o.begin_s, o.duration_s, *self._near(o)) for o in what.obstacles]
-        self._closing: list[tuple[float, IntArray]] = []  # until when, lanes
+        none = np.zeros(0, np.int64)
+        self._barriers = [Barrier(c.begin_s, c.begin_s + c.duration_s, self._lanes_of(c), none) for c in what.closures]
+        self._barriers += [Barrier(o.begin_s, o.begin_s + o.duration_s, *self._near(o)) for o in what.obstacles]
+        self._closing: list[Barrier] = []
+        prompt = not (what.latency_s or what.message_loss)
+        self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt)
 
-    def count_from(self, offset_m: FloatArray, allowed_m: FloatArray) -> None:
-        """Distances begin `offset_m` [R] further along; robots whose offset is NaN know what they are allowed [R]."""
+    def inform(self, robots: list[int], allowed_m: FloatArray) -> None:
+        """These robots know how far they may drive, allowed_m [R], whatever they were sent before."""
         for known in (self.told_m, *self._sent):
-            known[:] = np.where(np.isnan(offset_m), allowed_m, known - offset_m)
+            known[robots] = allowed_m[robots]
 
-    @property
-    def around(self) -> _controller.Around:
-        """What the kernel reads."""
-        prompt = not (self.what.latency_s or self.what.message_loss)
-        return _controller.Around(self.factor, self.hold_until, self.told_m, self.closed, prompt)
-
-    def happen(self, now: float, state: _controller.State) -> list[Event]:
-        """Bring everything up to the step that begins at `now`."""
+    def update(self, now: float, grants: Grants) -> list[Event]:
+        """Bring everything up to the step that begins at `now`. Returns what happened."""
+        if not self.what.any:
+            return []
         what, dt, events = self.what, self.step_length_s, []
         if what.latency_s or what.message_loss:
-            self._deliver(state.allowed)
+            self._deliver(grants.allowed_m)
         if what.speed_noise:
             normal = self._stream[NOISE].normal(size=self.num_robots)
             self._u += -self._u * dt / what.speed_noise_tau_s + what.speed_noise * np.sqrt(2 * dt / what.speed_noise_tau_s) * normal
@@ -91,11 +100,12 @@ class Disturber:
             steps = self._stream[DELAYS].integers(what.delay_steps_min, what.delay_steps_max + 1, self.num_robots)
             late = np.flatnonzero(delayed & (self.hold_until <= now)).tolist()
             events += [self._hold(robot, now, float(steps[robot] * self.planned_step_s), "is delayed") for robot in late]
-        for breakdown in [b for b in self._pending if b.begin_s <= now + 1e-9]:
-            self._pending.remove(breakdown)
+        begun = [breakdown for breakdown in self._pending if breakdown.begin_s <= now + 1e-9]
+        self._pending = [breakdown for breakdown in self._pending if breakdown.begin_s > now + 1e-9]
+        for breakdown in begun:
             self.broken[breakdown.robot] |= breakdown.duration_s == np.inf
             events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
-        return events + self._barriers_now(now, state.claims, state.holder)
+        return events + self._update_closures(now, grants)
 
     def _deliver(self, allowed_m: FloatArray) -> None:
         """Robots hear what they may drive late, or not this time. What they know never shrinks."""
@@ -112,24 +122,28 @@ class Disturber:
         self.hold_until[robot] = max(self.hold_until[robot], now + duration)
         return Event(now, "disturbed", robot, duration_s=duration, text=text)
 
-    def _barriers_now(self, now: float, claims: IntArray, holder: IntArray) -> list[Event]:
-        events = []
-        for barrier in [b for b in self._barriers if b[0] <= now + 1e-9]:
-            begin, duration, lanes, vertices = barrier
-            if now >= begin + duration:
-                self._barriers.remove(barrier)
-            elif not claims[lanes].any() and (holder[vertices] < 0).all():
-                self._barriers.remove(barrier)
-                self._closing.append((begin + duration, lanes))
+    def _update_closures(self, now: float, grants: Grants) -> list[Event]:
+        events: list[Event] = []
+        waiting: list[Barrier] = []
+        for barrier in self._barriers:
+            lanes = barrier.lanes
+            if barrier.begin_s > now + 1e-9:
+                waiting.append(barrier)
+            elif now >= barrier.end_s:
+                continue
+            elif grants.claims[lanes].any() or (grants.holder[barrier.vertices] >= 0).any():
+                waiting.append(barrier)
+            else:
+                self._closing.append(barrier)
                 self.closed[lanes] = True
                 head = int(self.graph.head[lanes[0]]) if len(lanes) else -1
-                events.append(Event(now, "closed", -1, head, duration_s=begin + duration - now, text=f"{len(lanes)} lanes are closed"))
-        ended = [closing for closing in self._closing if closing[0] <= now + 1e-9]
-        if ended:
-            self._closing = [closing for closing in self._closing if closing[0] > now + 1e-9]
+                events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=f"{len(lanes)} lanes are closed"))
+        self._barriers = waiting
+        if any(closing.end_s <= now + 1e-9 for closing in self._closing):
+            self._closing = [closing for closing in self._closing if closing.end_s > now + 1e-9]
             self.closed[:] = False
-            for _, lanes in self._closing:
-                self.closed[lanes] = True
+            for closing in self._closing:
+                self.closed[closing.lanes] = True
         return events
 
     def _lanes_of(self, closure: Closure) -> IntArray:

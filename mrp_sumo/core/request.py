@@ -1,0 +1,83 @@
+"""What a planner is asked while robots drive: from where each is committed to be, by which stops, over which lanes.
+
+One-shot planning is the request of time 0, in which every robot stands at its start and has one stop.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrp_sumo.core.fleet import some_of
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.task import Task
+from mrp_sumo.errors import PlanError
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """K robots of a fleet, and the stops ahead of each, S in all.
+
+    `site` has the graph, the fleet, the planned time for a lane and the seed.
+    """
+
+    now_s: float
+    site: Problem
+    robot: IntArray  # [K] numbers in the fleet, ascending
+    start: IntArray  # [K] vertex that each is committed to reach, and free to leave
+    stop_first: IntArray  # [K + 1] CSR
+    stop: IntArray  # [S] vertices
+    closed: BoolArray  # [L] lanes that nobody may use
+    reason: str = ""  # why it is made, for people
+
+
+def stops_ahead(tasks: Sequence[Sequence[Task]]) -> tuple[IntArray, IntArray]:
+    """[K + 1], [S] the stops of each robot's tasks in CSR form."""
+    stops = [[stop.vertex for task in of_robot for stop in task.stops] for of_robot in tasks]
+    first = np.cumsum([0, *map(len, stops)])
+    return frozen(first.astype(np.int64)), frozen(np.array([v for of_robot in stops for v in of_robot], np.int64))
+
+
+def one_shot(request: Request) -> Problem:
+    """The request as a classical problem: a start and a goal for each of its robots, on the lanes that are open.
+
+    Raises
+    ------
+    PlanError
+        When a robot has several stops, or none.
+    """
+    count = np.diff(request.stop_first)
+    if (count != 1).any():
+        robot = int(request.robot[np.flatnonzero(count != 1)[0]])
+        name, found = request.site.fleet.robot_name[robot], int(count[count != 1][0])
+        raise PlanError(f"{name} has {found} stops ahead, and a one-shot planner expects one")
+    return replace(
+        request.site,
+        graph=_with_lanes(request.site.graph, ~request.closed) if request.closed.any() else request.site.graph,
+        fleet=some_of(request.site.fleet, request.robot),
+        start=frozen(request.start),
+        goal=frozen(request.stop),
+        goal_of=frozen(np.arange(len(request.robot))),
+    )
+
+
+def _with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
+    """The same vertices with these lanes only."""
+    lanes = np.flatnonzero(open_)
+    nav = nav_graph(
+        name=graph.name,
+        xy=graph.xy,
+        lanes=np.stack([graph.tail[lanes], graph.head[lanes]], 1),
+        level_names=graph.level_names,
+        level=graph.level,
+        vertex_name=graph.vertex_name,
+        vertex_options=graph.vertex_options,
+        length_m=graph.length_m[lanes],
+        speed_mps=graph.speed_mps[lanes],
+        lane_options=[graph.lane_options[lane] for lane in lanes.tolist()],
+        source=graph.source,
+    )
+    fields = {name: getattr(nav, name) for name in NavGraph.__dataclass_fields__}
+    own = {name: getattr(graph, name) for name in PlanGraph.__dataclass_fields__ if name not in fields}
+    return PlanGraph(**fields, **own)

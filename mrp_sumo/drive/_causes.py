@@ -1,0 +1,11 @@
+"""Codes that the controller's kernels share: why robots wait, how their time is booked, what the log says."""
+
+# why a robot does not go on
+FREE, TURNING, PLANNED, OTHER, ONCOMING, FOLLOWING, DISTURBED, FINISHED, LETTING_PASS = range(9)
+# how a robot's time is booked, the columns of `core.execution.BOOKINGS`
+MOVING, TURN, PLANNED_WAIT, DEPENDENCY_WAIT, YIELDING, BLOCKED, DISTURBANCE, AT_GOAL = range(8)
+# kinds of entries in the log
+WAITED, STOOD_BLOCKED, ARRIVED_AT_GOAL, SET_OUT = range(4)
+
+ARRIVED_M = 0.002  # a robot this close to a vertex has arrived there: it stops MARGIN_M before
+MARGIN_M = 0.001  # a robot is stopped this far before the end of what it may drive

@@ -1,0 +1,109 @@
+"""The controller: turns what the ledger allows into speeds, step by step, and the kernels' log into events."""
+
+import numpy as np
+
+from mrp_sumo.core.execution import Event
+from mrp_sumo.drive import _causes, _controller
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.policy import Policy
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.state import Conditions, Kinematics, Rules, empty_log, empty_news
+from mrp_sumo.engines.protocol import Engine
+
+A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
+WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
+WHY = {
+    _causes.OTHER: "needs what {other} holds or is to pass first",
+    _causes.ONCOMING: "{other} comes towards it on the lane",
+    _causes.FOLLOWING: "behind {other}",
+    _causes.DISTURBED: "disturbed",
+    _causes.LETTING_PASS: "lets {other} pass",
+}
+
+
+class Controller:
+    """Grants what the ledger allows under a policy, which may change with a new plan."""
+
+    def __init__(self, ledger: Ledger, policy: Policy, settings: ExecutionSettings) -> None:
+        fleet, dt = ledger.problem.fleet, settings.step_length_s
+        self.ledger = ledger
+        self.dt = dt
+        self.kinematics = Kinematics(
+            speed_mps=fleet.max_speed_mps,
+            decel_mps2=fleet.decel_mps2,
+            turn_rate_rad_s=fleet.turn_rate_rad_s,
+            reach_m=fleet.max_speed_mps**2 / (2 * fleet.decel_mps2) + 3 * fleet.max_speed_mps * dt + 0.02,
+        )
+        self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
+        self._settings = settings
+        self.follow(policy)
+        self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
+        self._num_changed = self._num_due = 0
+
+    def follow(self, policy: Policy) -> None:
+        """Grant by this policy from now on."""
+        self.policy = policy
+        settings = self._settings
+        self._rules = Rules(
+            *(self._cell_m, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S), policy.look_ahead, policy.paced
+        )
+
+    def advance(self, now_s: float, bodies: Engine, conditions: Conditions, *, observe: bool) -> list[Event]:
+        """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
+        ledger = self.ledger
+        num_logged, self._num_changed, self._num_due = _controller.advance(
+            *(observe, now_s, self.dt, bodies.driven_m, self.kinematics, self._rules),
+            *(ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news),
+        )
+        return self._events(num_logged) if num_logged else []
+
+    def command(self, bodies: Engine) -> None:
+        """Send the engine new speeds, and more of the way where it needs it."""
+        if self._num_changed:
+            bodies.command(self._news.changed[: self._num_changed].tolist(), self.ledger.state.grants.command_mps)
+        if self._num_due:
+            bodies.lengthen(self._news.due[: self._num_due].tolist(), self.ledger.visits)
+
+    def divert(self, replan_robots: list[int], backs: list[int], bodies: Engine) -> None:
+        """Robots have been sent other ways: all speeds are sent again."""
+        self.ledger.state.grants.command_mps[:] = -1.0
+        bodies.divert(replan_robots, self.ledger.visits)
+        for r in backs:
+            bodies.turn_back(r, self.ledger.visits)
+
+    def unfinished_waits(self, now_s: float, robots: list[int] | None = None) -> list[Event]:
+        """Events for the waits and blockings of some robots that end now, with the run or with their way; of all by default."""
+        waits = self.ledger.state.waits
+        some = np.ones(self.ledger.num_robots, np.bool_)
+        if robots is not None:
+            some[:] = False
+            some[robots] = True
+        waiting, stuck = np.flatnonzero(some & (now_s - waits.since_s >= WAIT_LEAST_S)), np.flatnonzero(some & waits.stuck)
+        events = [self._wait(_causes.WAITED, r, float(waits.since_s[r]), now_s) for r in waiting.tolist()]
+        return events + [self._wait(_causes.STOOD_BLOCKED, r, float(waits.mark_s[r]), now_s) for r in stuck.tolist()]
+
+    def deadlock(self, t_s: float, cycle: tuple[int, ...]) -> Event:
+        """A deadlock with its cycle by robot and the vertex each wants."""
+        names, wanted = self.ledger.problem.fleet.robot_name, self.ledger.state.grants.wanted
+        vertex = self.ledger.column("vertex")[wanted[list(cycle)]].tolist()
+        text = " waits for ".join(f"{names[r]} (to '{self.ledger.graph.label(v)}')" for r, v in zip(cycle, vertex))
+        return Event(t_s, "deadlock", cycle[0], vertex[0], cycle[1 % len(cycle)], 0.0, f"{text} waits for {names[cycle[0]]}")
+
+    def _wait(self, kind: int, robot: int, begin_s: float, end_s: float) -> Event:
+        waits = self.ledger.state.waits
+        return self._event(kind, robot, int(waits.cause[robot]), int(waits.where[robot]), int(waits.other[robot]), begin_s, end_s)
+
+    def _events(self, num_logged: int) -> list[Event]:
+        columns = (column[:num_logged].tolist() for column in self._log)
+        return [self._event(*entry) for entry in zip(*columns)]
+
+    def _event(self, kind: int, robot: int, cause: int, visit: int, other: int, begin_s: float, end_s: float) -> Event:
+        begin_s, end_s = round(begin_s, 9), round(end_s, 9)
+        vertex = int(self.ledger.column("vertex")[visit]) if visit >= 0 else -1
+        if kind == _causes.SET_OUT:
+            return Event(begin_s, "started", robot, vertex)
+        if kind == _causes.ARRIVED_AT_GOAL:
+            return Event(end_s, "goal", robot, vertex)
+        names = self.ledger.problem.fleet.robot_name
+        text = WHY.get(cause, "").format(other=names[other] if other >= 0 else "another robot")
+        return Event(begin_s, "waited" if kind == _causes.WAITED else "blocked", robot, vertex, other, round(end_s - begin_s, 9), text)

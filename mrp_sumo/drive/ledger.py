@@ -1,0 +1,386 @@
+"""The ledger: every visit that robots have been given, under ids that never change, and who passes whom.
+
+Visits are only ever appended. Where a robot is sent another way, its visits beyond the last one it has been granted are cut
+off, and the new ones are linked in their place; what it holds, has done and has been booked stays as it is. The order of
+passages is that of the policy over all visits that are still to be made; what robots hold comes first in it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.execution import Reply
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.task import Task
+from mrp_sumo.core.visits import Visits
+from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
+from mrp_sumo.drive.policy import Policy
+from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.drive.state import NEVER, Needs, state_at_rest
+from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.passages import Needs as PlanNeeds
+from mrp_sumo.traffic.passages import Schedule
+from mrp_sumo.traffic.resources import Resources
+
+VISIT_COLUMNS = {  # of `Visits`, by what an empty place holds
+    **dict.fromkeys(("next", "lane"), -1),
+    **dict.fromkeys(("rank", "vertex"), 0),
+    **dict.fromkeys(("from_m", "at_m", "heading_rad", "earliest_s", "due_s", "short_of_m"), 0.0),
+    "turns": False,
+    "arrived_s": np.nan,
+}
+PLANNED_COLUMNS = {"arrive_s": 0.0, "depart_s": 0.0, "robot": 0, "entry": 0}  # of the ledger alone
+NEED_COLUMNS = {"resource": 0, "on_lane": False, "left_at_m": 0.0, "freed": False, "passage": 0, "closes": True}
+
+
+@dataclass(frozen=True)
+class TurnBack:
+    """A robot that turned round on a lane: where on its way, and on the floor."""
+
+    robot: int
+    at_m: float
+    xy: FloatArray  # [2]
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """An answer of the dispatcher as the ledger has it: the visits `begin` to `end`."""
+
+    t_s: float
+    reason: str
+    text: str
+    begin: int
+    end: int
+
+
+class Ledger:
+    """What R robots have been given to do, and the state they are in.
+
+    `visits`, `needs` and `state` are what kernels see; the arrays of visits and needs may be longer than there are visits.
+    """
+
+    def __init__(self, problem: Problem, plan: Plan, policy: Policy, resources: Resources) -> None:
+        """Begin with a plan for robots at rest.
+
+        Raises
+        ------
+        PlanError
+            When the policy keeps an order and the plan's cannot be kept.
+        """
+        self.problem = problem
+        self.resources = resources
+        self.tasks: tuple[Task, ...] = problem.tasks
+        self.num_visits = self.num_needs = 0
+        self.entries: list[Entry] = []
+        self.turn_backs: list[TurnBack] = []
+        self.end_of_tasks = np.full(self.num_robots, -1)  # [R] vertex where each robot is to stay
+        for task in self.tasks:
+            self.end_of_tasks[task.robot] = task.end
+        first, last = plan.first[:-1].copy(), plan.first[1:] - 1
+        self._pieces = [[(a, b + 1)] for a, b in zip(first.tolist(), last.tolist())]  # of each robot's way: ids [a, b)
+        self._columns = {name: np.full(plan.num_visits, empty) for name, empty in (VISIT_COLUMNS | PLANNED_COLUMNS).items()}
+        self._need_columns = {name: np.full(4 * plan.num_visits, empty) for name, empty in NEED_COLUMNS.items()}
+        self._need_first = np.zeros(plan.num_visits + 1, np.int64)
+        self._of_robot = {"first": first, "last": last, "reached": first.copy(), "granted": first.copy()}
+        laid_out = motion_plan(self.graph, resources, plan, Departure.at_rest(self.num_robots), np.zeros(0, np.int64))
+        self._write(laid_out, np.ones(plan.num_visits, np.bool_), Entry(0.0, "plan", "", 0, plan.num_visits))
+        self.state = state_at_rest(self.num_robots, laid_out.needs.num_resources, self.graph.num_lanes, first)
+        self._keep_order(policy, plan, np.arange(plan.num_visits), policy.order(problem, plan, laid_out.needs))
+        self._columns["next"][:-1] = np.arange(1, plan.num_visits)
+        self._columns["next"][last] = -1
+        self._columns["rank"][:] = np.arange(plan.num_visits) - plan.first[plan.robot]
+        self._columns["arrived_s"][first] = 0.0
+        self.state.motion.yaw_rad[:] = laid_out.heading_rad[first]
+        self.state.home[:] = plan.vertex[last] == self.end_of_tasks
+        self.state.waits.goal_s[self.state.home & (first == last)] = 0.0  # robots that never move are at their goals
+        self._columns["robot"][:] = plan.robot
+        for r in range(self.num_robots):
+            self._hold(r, int(first[r]))
+        self._show()
+
+    @property
+    def graph(self) -> PlanGraph:
+        return self.problem.graph
+
+    @property
+    def num_robots(self) -> int:
+        return self.problem.num_robots
+
+    def ids(self, robot: int, since: int) -> IntArray:
+        """Visits of a robot from one of them on, in the order in which it makes them."""
+        pieces = self._pieces[robot]
+        k = next(i for i, (a, b) in enumerate(pieces) if a <= since < b)
+        parts = [np.arange(since, pieces[k][1]), *(np.arange(a, b) for a, b in pieces[k + 1 :])]
+        return np.concatenate(parts)
+
+    def all_ids(self, robot: int) -> IntArray:
+        """All visits of a robot that it has made or is still to make."""
+        return self.ids(robot, int(self._of_robot["first"][robot]))
+
+    def column(self, name: str) -> NDArray[Any]:
+        """[N] of all visits: a field of `Visits`, or robot, arrive_s, depart_s (as planned), entry (which brought it)."""
+        return self._columns[name][: self.num_visits]
+
+    def resources_from(self, robot: int, since: int) -> IntArray:
+        """Resources that a robot holds, or needs on its way from a visit on."""
+        needs = self._needs_of(self.ids(robot, since))[1]
+        resource: IntArray = self._need_columns["resource"][needs]
+        return resource
+
+    def append(self, replan: Replan, policy: Policy, now_s: float) -> None:
+        """Send robots other ways.
+
+        Raises
+        ------
+        PlanError
+            When the policy keeps an order and the new one cannot be kept; then nothing has changed.
+        """
+        robots = np.array(sorted(replan.reroute), np.int64)
+        ways = [replan.reroute[r] for r in robots.tolist()]
+        joint = self._of_robot["granted"][robots]
+        plan = _from_joints(ways, self._columns["vertex"][joint], now_s)
+        departure = self._departure(robots, joint, ways)
+        needless = np.flatnonzero(np.isin(robots, sorted(replan.left_alone)))
+        laid_out = motion_plan(self.graph, self.resources, plan, departure, needless)
+        fresh = np.ones(plan.num_visits, np.bool_)  # all but the joints, which are here already
+        fresh[plan.first[:-1]] = False
+        before = self.num_visits, self.num_needs
+        ids = self._write(laid_out, fresh, Entry(now_s, replan.reason, replan.text, before[0], before[0] + int(fresh.sum())))
+        ids[~fresh] = joint
+        new = {r: ids[plan.first[i] + 1 : plan.first[i + 1]] for i, r in enumerate(robots.tolist())}
+        leave_s = dict(zip(robots.tolist(), plan.depart_s[plan.first[:-1]].tolist()))
+        live, at = self._live(new, leave_s, now_s)
+        try:
+            first, kept = self._needs_of(at)
+            columns = self._need_columns
+            needs = PlanNeeds(frozen(first), columns["resource"][kept], columns["on_lane"][kept], len(self.state.grants.holder))
+            schedule = policy.order(self.problem, live, needs)
+        except PlanError:
+            self.num_visits, self.num_needs = before
+            self.entries.pop()
+            raise
+        self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
+        self._take_over_joints(laid_out, ids, [way.back for way in ways])
+        for r, visits in new.items():
+            self._link(r, int(self._of_robot["granted"][r]), visits)
+        self._keep_order(policy, live, at, schedule)
+        for r, way in zip(robots.tolist(), ways):
+            self._set_out_anew(r, way, now_s)
+        self.state.home[:] = self._columns["vertex"][self._of_robot["last"]] == self.end_of_tasks
+        goal_s = self.state.waits.goal_s
+        stays = self.state.home & (self._of_robot["last"] == self._of_robot["reached"])
+        goal_s[robots] = np.where(stays[robots], np.where(np.isfinite(goal_s[robots]), goal_s[robots], now_s), np.nan)
+        for r in sorted(replan.left_alone):
+            self.state.yielding.pause[r] = self._columns["rank"][self._of_robot["granted"][r]]
+        self._show()
+
+    def _write(self, laid_out: MotionPlan, fresh: BoolArray, entry: Entry) -> IntArray:
+        """Append the fresh visits with their needs. Returns [N] the ids of the plan's visits, where fresh."""
+        plan, needs = laid_out.plan, laid_out.needs
+        begin, count = self.num_visits, int(fresh.sum())
+        kept = fresh[needs.visit]
+        need_begin, need_count = self.num_needs, int(kept.sum())
+        self._make_room(begin + count, need_begin + need_count)
+        part = slice(begin, begin + count)
+        for name in ("lane", "from_m", "at_m", "heading_rad", "turns", "short_of_m"):
+            self._columns[name][part] = getattr(laid_out, name)[fresh]
+        for name in ("vertex", "arrive_s", "depart_s"):
+            self._columns[name][part] = getattr(plan, name)[fresh]
+        self._columns["arrived_s"][part] = np.nan
+        self._columns["entry"][part] = len(self.entries)
+        of_visit = np.bincount(needs.visit, minlength=plan.num_visits)[fresh]
+        self._need_first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
+        part = slice(need_begin, need_begin + need_count)
+        self._need_columns["resource"][part] = needs.resource[kept]
+        self._need_columns["on_lane"][part] = needs.on_lane[kept]
+        self._need_columns["left_at_m"][part] = laid_out.left_at_m[kept]
+        self._need_columns["freed"][part] = False
+        self.num_visits, self.num_needs = begin + count, need_begin + need_count
+        self.entries.append(entry)
+        ids: IntArray = begin + np.cumsum(fresh) - 1
+        return ids
+
+    def _make_room(self, num_visits: int, num_needs: int) -> None:
+        """Arrays twice as long where they do not suffice, so that appending takes constant time a visit."""
+        if num_visits > len(self._columns["next"]):
+            self._columns = {name: _longer(column, num_visits) for name, column in self._columns.items()}
+            self._need_first = _longer(self._need_first, num_visits + 1)
+        if num_needs > len(self._need_columns["resource"]):
+            self._need_columns = {name: _longer(column, num_needs) for name, column in self._need_columns.items()}
+
+    def _live(self, new: Mapping[int, IntArray], leave_s: Mapping[int, float], now_s: float) -> tuple[Plan, IntArray]:
+        """The plan from the last visits that robots have reached on, and [N] the ids of its visits.
+
+        What robots that are sent another way have been granted comes before everything else in it.
+        """
+        columns, reached, granted = self._columns, self._of_robot["reached"], self._of_robot["granted"]
+        ids, granted_already, leaves, first = [], [], [], [0]
+        for r in range(self.num_robots):
+            way = self.ids(r, int(reached[r]))
+            if r in new:
+                kept = way[: int(np.searchsorted(columns["rank"][way], columns["rank"][granted[r]])) + 1]
+                way = np.concatenate([kept, new[r]])
+                granted_already.append(np.arange(len(way)) < len(kept))
+                leaves.append((first[-1] + len(kept) - 1, leave_s[r]))
+            else:
+                granted_already.append(np.zeros(len(way), np.bool_))
+            ids.append(way)
+            first.append(first[-1] + len(way))
+        at, before = np.concatenate(ids), np.concatenate(granted_already)
+        depart_s = np.where(before, now_s - 1.0, columns["depart_s"][at])
+        for place, time_s in leaves:
+            depart_s[place] = time_s
+        plan = Plan(
+            first=frozen(np.array(first, np.int64)),
+            vertex=frozen(columns["vertex"][at]),
+            arrive_s=frozen(np.where(before, now_s - 1.0, columns["arrive_s"][at])),
+            depart_s=frozen(depart_s),
+        )
+        return plan, at
+
+    def _needs_of(self, ids: IntArray) -> tuple[IntArray, IntArray]:
+        """Of some visits [K], what they still need: CSR offsets [K + 1], and the needs."""
+        begin, end = self._need_first[ids], self._need_first[ids + 1]
+        count = end - begin
+        needs = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
+        kept = ~self._need_columns["freed"][needs]
+        left = np.bincount(np.repeat(np.arange(len(ids)), count)[kept], minlength=len(ids))
+        return np.concatenate([[0], np.cumsum(left)]).astype(np.int64), needs[kept]
+
+    def _keep_order(self, policy: Policy, plan: Plan, ids: IntArray, schedule: Schedule | None) -> None:
+        """Let the visits that are still to be made be driven as the policy says."""
+        columns, needs = self._columns, self._need_columns
+        columns["earliest_s"][ids] = policy.earliest_s(plan)
+        columns["due_s"][ids] = plan.arrive_s if policy.paced else 0.0
+        self._passing: IntArray = frozen(np.zeros(0, np.int64)) if schedule is None else schedule.robot
+        first, at = self._needs_of(ids)
+        if schedule is None:
+            needs["closes"][at] = True
+            self.state.grants.turn[:] = 0
+            return
+        needs["passage"][at] = schedule.passage_of_need
+        needs["closes"][at] = schedule.last_visit[schedule.passage_of_need] == np.repeat(np.arange(len(ids)), np.diff(first))
+        self.state.grants.turn[:] = schedule.first[:-1]
+
+    def _departure(self, robots: IntArray, joint: IntArray, ways: Sequence[Reroute]) -> Departure:
+        """From where these robots leave the last visits that they have been granted."""
+        columns, motion = self._columns, self.state.motion
+        stands = self._of_robot["reached"][robots] == joint
+        back = np.array([way.back for way in ways], np.bool_)
+        lane = columns["lane"][columns["next"][joint]]
+        return Departure(
+            at_m=columns["at_m"][joint],
+            heading_rad=np.where(stands, motion.yaw_rad[robots], columns["heading_rad"][joint]),
+            back_lane=np.where(back, self.graph.reverse[lane], -1),
+            back_m=np.where(back, motion.s_m[robots] - columns["at_m"][joint], 0.0),
+        )
+
+    def _turn_back(self, robots: Sequence[int]) -> None:
+        """Remember where robots turn round on their lanes."""
+        columns, xy = self._columns, self.graph.xy
+        for r in robots:
+            behind = int(self._of_robot["granted"][r])
+            ahead = int(columns["next"][behind])
+            at_m = float(self.state.motion.s_m[r])
+            share = (at_m - columns["at_m"][behind]) / (columns["at_m"][ahead] - columns["at_m"][behind])
+            begin, end = xy[columns["vertex"][behind]], xy[columns["vertex"][ahead]]
+            self.turn_backs.append(TurnBack(r, at_m, begin + share * (end - begin)))
+
+    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: Sequence[bool]) -> None:
+        """Robots leave joints by other lanes: where they turn there, and when they have left what they need there, is new."""
+        columns, needs, plan = self._columns, self._need_columns, laid_out.plan
+        for i, turns_back in enumerate(back):
+            place = int(plan.first[i])
+            joint = int(ids[place])
+            columns["depart_s"][joint] = plan.depart_s[place]
+            columns["turns"][joint] = laid_out.turns[place]
+            if turns_back:  # it is clear of the joint already, and comes to it again
+                continue
+            mine = np.arange(self._need_first[joint], self._need_first[joint + 1])
+            mine = mine[~needs["on_lane"][mine]]
+            needs["left_at_m"][mine] = laid_out.left_at_m[laid_out.needs.first[place] : laid_out.needs.first[place + 1]]
+
+    def _link(self, robot: int, joint: int, new: IntArray) -> None:
+        """Put visits in the place of those that came after a joint."""
+        columns, pieces, oldest = self._columns, self._pieces[robot], self.state.grants.oldest
+        if columns["rank"][oldest[robot]] > columns["rank"][joint]:  # it is among those that are cut off
+            oldest[robot] = joint
+        k = next(i for i, (a, b) in enumerate(pieces) if a <= joint < b)
+        pieces[k:] = [(pieces[k][0], joint + 1)] + ([(int(new[0]), int(new[-1]) + 1)] if len(new) else [])
+        columns["next"][joint] = new[0] if len(new) else -1
+        columns["next"][new[:-1]] = new[1:]
+        columns["next"][new[-1:]] = -1
+        columns["rank"][new] = columns["rank"][joint] + 1 + np.arange(len(new))
+        columns["robot"][new] = robot
+        self._of_robot["last"][robot] = new[-1] if len(new) else joint
+
+    def _set_out_anew(self, robot: int, way: Reroute, now_s: float) -> None:
+        """What a robot waited for is over; it asks again on its new way."""
+        grants, waits, yielding, motion = self.state.grants, self.state.waits, self.state.yielding, self.state.motion
+        granted = int(self._of_robot["granted"][robot])
+        yielding.gives_way[robot], yielding.pause_for[robot] = way.pause >= 0, -1
+        yielding.pause[robot] = self._columns["rank"][granted] + way.pause if way.pause >= 0 else NEVER
+        if way.back:
+            self._keep_behind(robot)
+        grants.cause[robot], grants.other[robot], grants.asked_s[robot], grants.wanted[robot] = 0, -1, np.inf, granted
+        waits.since_s[robot], waits.cause[robot], waits.other[robot], waits.where[robot] = np.inf, 0, -1, -1
+        waits.mark_m[robot], waits.mark_s[robot], waits.stuck[robot] = motion.s_m[robot], now_s, False
+
+    def _keep_behind(self, robot: int) -> None:
+        """Nobody is to come to the vertex behind a robot while it turns round on its lane, nor on either side of the lane."""
+        grants, columns = self.state.grants, self._columns
+        behind = int(columns["next"][self._of_robot["granted"][robot]])
+        lane = int(columns["lane"][behind])
+        grants.turned_back[robot] = True
+        grants.allowed_m[robot] = self.state.motion.s_m[robot]
+        grants.claims[lane] += 1
+        grants.claimer[lane] = robot
+        grants.holder[self._need_columns["resource"][self._need_first[behind] : self._need_first[behind + 1]]] = robot
+
+    def _hold(self, robot: int, visit: int) -> None:
+        """Give a robot what a visit needs."""
+        resource = self._need_columns["resource"][self._need_first[visit] : self._need_first[visit + 1]]
+        self.state.grants.holder[resource] = robot
+        self.state.grants.held[resource] += 1
+
+    def _show(self) -> None:
+        """`visits` and `needs` as kernels see them, after arrays have been made anew."""
+        columns = {name: self._columns[name] for name in VISIT_COLUMNS}
+        self.visits = Visits(**columns, **self._of_robot, reverse=self.graph.reverse)
+        self.needs = Needs(first=self._need_first, **self._need_columns, passing=self._passing)
+
+
+def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
+    """What came after the first plan, as it was driven."""
+    replies = []
+    for entry in ledger.entries[1:]:
+        ids = np.arange(entry.begin, entry.end)
+        robot, begin = np.unique(ledger.column("robot")[ids], return_index=True)
+        columns = {name: frozen(ledger.column(name)[ids]) for name in ("vertex", "arrive_s", "depart_s", "arrived_s")}
+        since = ledger.column("rank")[ids[begin]] - 1
+        first = np.append(begin, len(ids)).astype(np.int64)
+        replies.append(Reply(entry.t_s, entry.reason, entry.text, frozen(robot), frozen(first), frozen(since), **columns))
+    return tuple(replies)
+
+
+def _from_joints(ways: Sequence[Reroute], vertex: IntArray, now_s: float) -> Plan:
+    """The plan of K robots that leave the vertices [K] of their joints."""
+    first = np.cumsum([0] + [len(way.vertex) + 1 for way in ways])
+    before = now_s - 1.0
+    return Plan(
+        first=frozen(first.astype(np.int64)),
+        vertex=frozen(np.concatenate([part for v, way in zip(vertex.tolist(), ways) for part in ([v], way.vertex)]).astype(np.int64)),
+        arrive_s=frozen(np.concatenate([part for way in ways for part in ([before], way.arrive_s)]).astype(np.float64)),
+        depart_s=frozen(np.concatenate([part for way in ways for part in ([way.leave_s], way.depart_s)]).astype(np.float64)),
+    )
+
+
+def _longer(column: NDArray[Any], needed: int) -> NDArray[Any]:
+    longer = np.empty(max(needed, 2 * len(column)), column.dtype)
+    longer[: len(column)] = column
+    return longer

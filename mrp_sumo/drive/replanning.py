@@ -1,0 +1,148 @@
+"""A new plan for all robots that can move, from the vertices they have been granted, around what stays.
+
+Robots go on driving what they have been granted. One that can reach its goal no more stays where it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
+from mrp_sumo.core.plan import Plan, Status
+from mrp_sumo.core.request import Request, one_shot
+from mrp_sumo.drive.giving_way import Surroundings
+from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.search.route import reach_m
+from mrp_sumo.traffic.resources import Resources
+
+PLANNING_LIMIT_S = 10.0  # of wall time
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """Who can be given a new plan, and from where; R robots."""
+
+    request: Request
+    waits: BoolArray  # [R] who cannot: broken, or on a lane that it neither may drive to the end nor back
+    back: BoolArray  # [R] who turns round on its lane first
+    left_alone: frozenset[int]  # robots that wait on their lanes
+    cut_off: tuple[int, ...]  # robots that cannot reach where their tasks end
+
+
+def situation(now_s: float, around: Surroundings, broken: BoolArray) -> Situation:
+    """What a planner is to be asked."""
+    ledger, graph, grants = around.ledger, around.graph, around.state.grants
+    visits, taken = ledger.visits, grants.holder.copy()
+    start, back = visits.vertex[visits.granted].copy(), np.zeros(len(broken), np.bool_)
+    waits = broken | np.array([around.enters_by_itself(r) for r in range(len(broken))])
+    for r in np.flatnonzero(grants.on_lane & ~waits).tolist():
+        ahead = around.ahead(r)
+        on, behind = around.of_lane(int(visits.lane[ahead])), around.of_vertex(int(start[r]))
+        if ((taken[on] < 0) | (taken[on] == r)).all():
+            taken[on], start[r] = r, visits.vertex[ahead]
+        elif around.stands(r) and ((taken[behind] < 0) | (taken[behind] == r)).all():
+            taken[behind], back[r] = r, True
+        else:
+            waits[r] = True
+    alone = frozenset(np.flatnonzero(waits & grants.on_lane).tolist())
+    blocked = around.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
+    for r in alone:
+        lane = int(visits.lane[around.ahead(r)])
+        blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
+    robots = np.flatnonzero(~waits)
+    goal, cut_off = _goals(graph, ~blocked, start[robots], ledger.end_of_tasks[robots])
+    request = Request(
+        now_s=now_s,
+        site=ledger.problem,
+        robot=robots,
+        start=start[robots],
+        stop_first=np.arange(len(robots) + 1),
+        stop=goal,
+        closed=blocked,
+        reason="replan",
+    )
+    return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
+
+
+def replan(found: Situation, around: Surroundings, planner: str) -> Replan:
+    """Ask a planner.
+
+    Raises
+    ------
+    PlanError
+        When it finds no plan.
+    """
+    request, visits, on_lane = found.request, around.ledger.visits, around.state.grants.on_lane
+    now_s, plan = request.now_s, answer(request, planner) if len(request.robot) else None
+    ways = {}
+    for r in range(len(found.waits)):
+        if found.waits[r]:
+            if r in found.left_alone:
+                ahead = around.ahead(r)
+                ways[r] = Reroute(visits.vertex[ahead : ahead + 1].copy(), np.array([now_s]), np.array([np.inf]), now_s)
+            else:
+                ways[r] = Reroute(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.inf)
+            continue
+        assert plan is not None
+        i = int(np.searchsorted(request.robot, r))
+        part = slice(plan.first[i], plan.first[i + 1])
+        vertex, arrive_s, depart_s = plan.vertex[part], plan.arrive_s[part] + now_s, plan.depart_s[part] + now_s
+        if on_lane[r]:
+            ways[r] = Reroute(vertex, arrive_s, depart_s, now_s - 1.0, bool(found.back[r]))
+        else:
+            ways[r] = Reroute(vertex[1:], arrive_s[1:], depart_s[1:], float(depart_s[0]))
+    text = f"{planner} planned anew"
+    if found.cut_off:
+        names = [around.ledger.problem.fleet.robot_name[r] for r in found.cut_off]
+        text += f"; without a way to their goals: {', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
+    return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone)
+
+
+def answer(request: Request, planner: str) -> Plan:
+    """The plan of a registered planner for a request, in seconds since it was made.
+
+    Raises
+    ------
+    PlanError
+        When there is none.
+    """
+    from mrp_sumo.planning.registry import planner as make
+
+    try:
+        problem = one_shot(request)
+        method = make(planner, {})
+        if hasattr(method, "rotations"):  # no order can keep them
+            method = make(planner, {"rotations": False})
+        method.prepare()
+        result = method.plan(problem, PLANNING_LIMIT_S)
+    except MrpSumoError as error:
+        raise PlanError(f"{planner}: {error}") from error
+    if result.plan is None or result.status not in (Status.SOLVED, Status.TIMED_OUT):
+        raise PlanError(f"{planner} found no plan{': ' + result.message if result.message else ''}")
+    return result.plan
+
+
+def lanes_needing(graph: NavGraph, resources: Resources, resource: BoolArray) -> BoolArray:
+    """[L] lanes for which a robot needs one of these resources [Q]."""
+    num_vertices = graph.num_vertices
+    zones = resource[num_vertices:]
+    place = np.zeros(len(resources.zones_first) - 1, np.bool_)
+    place[:num_vertices] = resource[:num_vertices]
+    of_place = np.repeat(np.arange(len(place)), np.diff(resources.zones_first))
+    np.logical_or.at(place, of_place, zones[resources.zones_of])
+    needing: BoolArray = place[graph.head] | place[num_vertices + resources.track]
+    return needing
+
+
+def _goals(graph: NavGraph, open_: BoolArray, start: IntArray, target: IntArray) -> tuple[IntArray, Sequence[int]]:
+    """[K] targets that can be reached, or the start, and who has to stay there."""
+    reach = reach_m(graph, open_, start)
+    goal = np.where(np.isfinite(reach[np.arange(len(start)), target]), target, start)
+    while True:  # who stays may stand on another's goal: that one stays too
+        values, count = np.unique(goal, return_counts=True)
+        contested = np.isin(goal, values[count > 1]) & (goal != start)
+        if not contested.any():
+            return goal, np.flatnonzero(goal != target).tolist()
+        goal[contested] = start[contested]

@@ -1,0 +1,29 @@
+"""Replies to requests while robots drive: other ways for some of them, from the last visits that they have been granted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Reroute:
+    """Where a robot goes from the last visit it has been granted, instead of on as it was to."""
+
+    vertex: IntArray  # the visits that follow
+    arrive_s: FloatArray
+    depart_s: FloatArray  # inf for the last
+    leave_s: float  # from the visit it has been granted; inf where nothing follows
+    back: bool = False  # it stands on a lane and turns back there: `vertex` begins with the vertex behind it
+    pause: int = -1  # after how many of these visits it lets others pass; -1: it does not
+
+
+@dataclass(frozen=True, eq=False)
+class Replan:
+    """Other ways for some robots, all decided together."""
+
+    reroute: Mapping[int, Reroute]
+    reason: str  # 'give_way', 'detour' or 'replan'
+    text: str = ""  # for people
+    reordered: bool = False  # whether a plan of all robots, which is driven in its own order if that can be kept
+    left_alone: frozenset[int] = field(default_factory=frozenset)  # robots that need nothing beyond what they have been granted

@@ -1,0 +1,198 @@
+"""What changes while robots drive, by its owner: every array is written in one place.
+
+The ledger's visits and needs are in `core.visits` and here; distances are along each robot's way since its start.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.execution import BOOKINGS
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+
+NEVER = 2**62
+
+
+class Needs(NamedTuple):
+    """What visits need, [M] unless said. The ledger lays them out, the controller frees them."""
+
+    first: IntArray  # [N + 1] CSR: visit k needs first[k]:first[k + 1]
+    resource: IntArray
+    on_lane: BoolArray  # whether only the lane to the visit's vertex needs it
+    left_at_m: FloatArray  # where along the robot's way the need ends, inf: never
+    freed: BoolArray
+    passage: IntArray  # place in the order of its resource
+    closes: BoolArray  # whether it ends its passage
+    passing: IntArray  # [E] robot of each passage; empty where nobody keeps an order
+
+
+class Motion(NamedTuple):
+    """Where robots are and how fast, [R]. Written when a step of the engine is observed."""
+
+    s_m: FloatArray  # driven
+    moved_m: FloatArray  # in the last step
+    speed_mps: FloatArray
+    yaw_rad: FloatArray
+    turning: BoolArray  # whether the robot turned in the last step
+
+
+class Grants(NamedTuple):
+    """Who may drive where, and at which speed; [R] unless said. Written by the controller."""
+
+    allowed_m: FloatArray  # how far
+    on_lane: BoolArray  # whether it may enter the lane after its last granted visit without having won its end
+    turned_back: BoolArray  # whether it turned round on the lane it is on: nobody follows it there, SUMO would not see it
+    oldest: IntArray  # first visit that may still hold something
+    cause: IntArray  # why it is granted nothing more
+    other: IntArray  # the robot it waits for, -1: none
+    wanted: IntArray  # the visit it waits for
+    asked_s: FloatArray  # since when it asks for its next visit, inf: it does not
+    command_mps: FloatArray  # speed for the next step; negative: to be sent again
+    holder: IntArray  # [Q] robot that holds each resource, -1: none
+    held: IntArray  # [Q] by how many of its needs
+    turn: IntArray  # [Q] the passage whose turn it is
+    claims: IntArray  # [L] robots that may enter the lane and have not arrived at its end
+    claimer: IntArray  # [L] the last of them
+
+
+class Waits(NamedTuple):
+    """What became of each robot's time, [R] unless said. Written by the observer."""
+
+    category: IntArray  # how the last step is booked
+    waiting: BoolArray  # whether it was spent on waiting for another robot
+    booked_s: FloatArray  # [R, 8] see `core.execution.BOOKINGS`
+    mark_m: FloatArray  # at the last progress by a cell
+    mark_s: FloatArray
+    stuck: BoolArray  # no progress by a cell within the window
+    since_s: FloatArray  # inf: does not wait
+    cause: IntArray
+    other: IntArray
+    where: IntArray  # visit
+    goal_s: FloatArray  # when it came to stand where its tasks end, NaN: not yet
+
+
+class Yielding(NamedTuple):
+    """Who lets others pass, [R]. Written by the dispatcher."""
+
+    pause: IntArray  # rank of the visit beyond which a robot that gives way claims nothing; NEVER where it does not
+    pause_for: IntArray  # the robot it lets pass, -1: none
+    gives_way: BoolArray  # from when it sets out to give way until it may go on
+
+
+class State(NamedTuple):
+    """All of it, as kernels take it."""
+
+    motion: Motion
+    grants: Grants
+    waits: Waits
+    yielding: Yielding
+    home: BoolArray  # [R] whether the robot's way ends where its tasks do. Written by the ledger
+
+
+class Kinematics(NamedTuple):
+    """Limits of the robots, [R]."""
+
+    speed_mps: FloatArray
+    decel_mps2: FloatArray
+    turn_rate_rad_s: FloatArray
+    reach_m: FloatArray  # before the end of its grant at which a robot asks for more, first come first served
+
+
+class Rules(NamedTuple):
+    """Figures of an execution that do not change but for the policy's."""
+
+    cell_m: float  # progress by less is none
+    window_s: float  # without progress in it a robot is blocked
+    goal_tolerance_m: float
+    wait_least_s: float  # shorter waits are booked, but are no events
+    look_ahead: int  # how many visits ahead of its position a robot may claim at most
+    paced: bool  # whether a robot that is early drives slower
+
+
+class Conditions(NamedTuple):
+    """What the world lets robots do."""
+
+    factor: FloatArray  # [R] on their speed
+    hold_until_s: FloatArray  # [R] before which they stand still
+    told_m: FloatArray  # [R] how far they know they may drive
+    closed: BoolArray  # [L] lanes nobody may set out on
+    prompt: bool  # whether robots know at once what they are granted
+
+
+class Log(NamedTuple):
+    """What happened in one step."""
+
+    kind: IntArray
+    robot: IntArray
+    cause: IntArray
+    visit: IntArray
+    other: IntArray
+    begin_s: FloatArray
+    end_s: FloatArray
+
+
+class News(NamedTuple):
+    """Robots the engine has to hear of, [R] each, filled up to the counts that `advance` returns."""
+
+    changed: IntArray  # whose speed is another
+    due: IntArray  # whose route ends soon
+
+
+def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: IntArray) -> State:
+    """Robots that stand on their first visits [R] and hold nothing yet."""
+
+    def of(value: float) -> FloatArray:
+        return np.full(num_robots, value)
+
+    def index(value: int) -> IntArray:
+        return np.full(num_robots, value, np.int64)
+
+    def flags() -> BoolArray:
+        return np.zeros(num_robots, np.bool_)
+
+    return State(
+        motion=Motion(of(0.0), of(0.0), of(0.0), of(0.0), flags()),
+        grants=Grants(
+            allowed_m=of(0.0),
+            on_lane=flags(),
+            turned_back=flags(),
+            oldest=first.copy(),
+            cause=index(0),
+            other=index(-1),
+            wanted=first.copy(),
+            asked_s=of(np.inf),
+            command_mps=of(0.0),
+            holder=np.full(num_resources, -1, np.int64),
+            held=np.zeros(num_resources, np.int64),
+            turn=np.zeros(num_resources, np.int64),
+            claims=np.zeros(num_lanes, np.int64),
+            claimer=np.full(num_lanes, -1, np.int64),
+        ),
+        waits=Waits(
+            category=index(0),
+            waiting=flags(),
+            booked_s=np.zeros((num_robots, len(BOOKINGS))),
+            mark_m=of(0.0),
+            mark_s=of(0.0),
+            stuck=flags(),
+            since_s=of(np.inf),
+            cause=index(0),
+            other=index(-1),
+            where=index(-1),
+            goal_s=of(np.nan),
+        ),
+        yielding=Yielding(index(NEVER), index(-1), flags()),
+        home=flags(),
+    )
+
+
+def empty_log(num_robots: int) -> Log:
+    """Room for what can happen in a step: at most a blocking, a wait, a departure and an arrival a robot."""
+    room = 4 * num_robots
+    whole = [np.zeros(room, np.int64) for _ in range(5)]
+    return Log(*whole, np.zeros(room), np.zeros(room))
+
+
+def empty_news(num_robots: int) -> News:
+    """Room for all robots."""
+    return News(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))

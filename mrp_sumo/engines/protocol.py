@@ -1,0 +1,35 @@
+"""What moves bodies: the face of an engine, as the drive's loop uses it."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.visits import Visits
+
+
+class Engine(Protocol):
+    """R robots in a running simulation. Nothing but its steps makes time pass."""
+
+    driven_m: FloatArray  # [R] how far each robot has driven since its start
+    routed: IntArray  # [R] rank of the last visit that the engine knows the way to; above all ranks where it knows the whole way
+
+    def place(self, visits: Visits) -> None:
+        """Put robots on their first vertices."""
+
+    def command(self, robots: Sequence[int], speed_mps: FloatArray) -> None:
+        """Have some robots drive at these speeds [R] from the next step on."""
+
+    def lengthen(self, robots: Sequence[int], visits: Visits) -> None:
+        """Tell the engine more of the way of robots that may soon be at the end of what it knows."""
+
+    def divert(self, robots: Sequence[int], visits: Visits) -> None:
+        """Robots go on another way from the last visit that they have been granted."""
+
+    def turn_back(self, robot: int, visits: Visits) -> None:
+        """A robot that stands on a lane turns round and drives on the opposite one to the next visit of its way."""
+
+    def step(self, moving: BoolArray) -> list[str]:
+        """Let one step pass; robots that are not moving [R] stand still in it. Returns what the engine itself finds wrong."""
+
+    def positions(self) -> FloatArray:
+        """[R, 2] where the engine has the robots, m."""

@@ -1,0 +1,155 @@
+"""SUMO as an engine: robots on routes of a few edges ahead, renewed as they advance.
+
+SUMO looks along the whole remaining route in every step, so long routes are its largest cost. A route
+reaches one edge beyond the last vertex the robot may enter, since SUMO removes a vehicle at its route's end.
+Where no lane leads on from a robot's last vertex, the route ends in an endless stop.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
+from mrp_sumo.core.visits import Visits
+from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, lane_ends
+from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
+from mrp_sumo.errors import ExecutionError
+
+AHEAD = 5  # edges in a renewed route
+WHOLE_WAY = 2**62
+
+
+class SumoEngine:
+    """See `engines.protocol.Engine`. Made by `sumo_engine`."""
+
+    def __init__(self, graph: PlanGraph, fleet: Fleet, sumo: Sumo) -> None:
+        self.driven_m = np.zeros(fleet.num_robots)
+        self.routed = np.zeros(fleet.num_robots, np.int64)
+        self._graph, self._fleet, self._sumo = graph, fleet, sumo
+        self._edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]  # [L]
+
+    def place(self, visits: Visits) -> None:
+        """Check the network, put robots on it, and let SUMO take the step in which they appear."""
+        self._check_network(visits)
+        self._raise_limits(float(self._fleet.max_speed_mps.max()))
+        self._insert_all(visits, type_of(self._fleet))
+        self._sumo.begin()
+
+    def command(self, robots: Sequence[int], speed_mps: FloatArray) -> None:
+        """See Engine."""
+        set_speed, names = self._sumo.set_speed, self._sumo.names
+        for r in robots:
+            set_speed(names[r], speed_mps[r])
+
+    def lengthen(self, robots: Sequence[int], visits: Visits) -> None:
+        """See Engine."""
+        for robot in robots:
+            here = self._sumo.edge(robot)
+            visit = int(visits.next[visits.reached[robot]])
+            if visit < 0 or self._edge[visits.lane[visit]] != here:
+                visit = int(visits.reached[robot])  # it has not left the edge to the vertex behind it, or the one it was inserted on
+            ahead, stops = self._ahead(robot, visit, visits)
+            if not ahead:  # it stays where it is
+                ahead = self._exit(self._graph.lane_between(*lane_ends(here)))
+                stops = not ahead
+            self._sumo.set_route(robot, [here, *ahead], stops)
+
+    def divert(self, robots: Sequence[int], visits: Visits) -> None:
+        """Routes are made anew when the next step is due."""
+        for robot in robots:
+            self.routed[robot] = visits.rank[visits.granted[robot]]
+
+    def turn_back(self, robot: int, visits: Visits) -> None:
+        """See Engine."""
+        visit = int(visits.next[visits.reached[robot]])
+        ahead, stops = self._ahead(robot, visit, visits)
+        self._sumo.turn_back(robot, self._edge[visits.lane[visit]], ahead, stops, float(self.driven_m[robot]))
+
+    def step(self, moving: BoolArray) -> list[str]:
+        """See Engine."""
+        self._sumo.step()
+        self._sumo.read_driven(self.driven_m, moving)
+        return [f"SUMO reports a {kind} of {one} and {two}" for one, two, kind in self._sumo.collisions()]
+
+    def positions(self) -> FloatArray:
+        """See Engine."""
+        return self._sumo.positions()
+
+    def _check_network(self, visits: Visits) -> None:
+        """Refuse a network whose edges for the lanes of these visits are not those of the graph."""
+        for lane in np.unique(visits.lane[visits.lane >= 0]).tolist():
+            found, expected = self._sumo.lane_length_m(self._edge[lane]), max(float(self._graph.length_m[lane]), SHORTEST_M)
+            if abs(found - expected) > 1e-5:
+                raise ExecutionError(
+                    f"edge '{self._edge[lane]}' of the network is {found:g} m long, expected {expected:g} m: it was not made of this graph"
+                )
+
+    def _raise_limits(self, speed_mps: float) -> None:
+        """The network's stand-in for no limit must not cap fast robots."""
+        if speed_mps > NO_LIMIT_MPS:
+            for lane in np.flatnonzero(~np.isfinite(self._graph.speed_mps)).tolist():
+                self._sumo.raise_limit(self._edge[lane], speed_mps)
+
+    def _insert_all(self, visits: Visits, kinds: Sequence[int]) -> None:
+        """Put every robot on its first vertex: at the end of the incoming edge most in line with its first move."""
+        graph = self._graph
+        by_head = np.argsort(graph.head, kind="stable")
+        into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
+        along = graph.xy[graph.head] - graph.xy[graph.tail]
+        heading = np.arctan2(along[:, 1], along[:, 0])
+        for robot, begin in enumerate(visits.first.tolist()):
+            vertex = int(visits.vertex[begin])
+            incoming = by_head[into[vertex] : into[vertex + 1]]
+            ahead, stops = self._ahead(robot, begin, visits)
+            if len(incoming):
+                away = np.abs((heading[incoming] - visits.heading_rad[begin] + np.pi) % (2 * np.pi) - np.pi)
+                lane = int(incoming[np.argmin(np.round(away, 6))])
+                if not ahead:  # it stays: the route leads on to anywhere
+                    ahead = self._exit(lane)
+                    stops = not ahead
+                self._sumo.insert(robot, kinds[robot], [self._edge[lane], *ahead], True, stops)
+            else:
+                if not ahead:
+                    lane = int(graph.first[vertex])
+                    ahead = [self._edge[lane], *self._exit(lane)]
+                self._sumo.insert(robot, kinds[robot], ahead, False, stops)
+
+    def _ahead(self, robot: int, visit: int, visits: Visits) -> tuple[list[str], bool]:
+        """The edges after a visit's, and whether the route has to end in a stop."""
+        edges: list[str] = []
+        while len(edges) < AHEAD and visits.next[visit] >= 0:
+            visit = int(visits.next[visit])
+            edges.append(self._edge[visits.lane[visit]])
+        if visits.next[visit] >= 0:
+            self.routed[robot] = visits.rank[visit]
+            return edges, False
+        self.routed[robot] = WHOLE_WAY
+        if visits.lane[visit] < 0:
+            return edges, False
+        beyond = self._exit(int(visits.lane[visit]))
+        return edges + beyond, not beyond
+
+    def _exit(self, lane: int) -> list[str]:
+        """An edge that leads on from a lane's end, back if possible."""
+        graph = self._graph
+        if graph.reverse[lane] >= 0:
+            return [self._edge[int(graph.reverse[lane])]]
+        head = int(graph.head[lane])
+        onward = range(int(graph.first[head]), int(graph.first[head + 1]))
+        return [self._edge[onward[0]]] if onward else []
+
+
+@contextmanager
+def sumo_engine(graph: PlanGraph, fleet: Fleet, network: Path, step_length_s: float, seed: int, gui: bool = False) -> Iterator[SumoEngine]:
+    """Start SUMO (sumo-gui with `gui`) on the network of a graph, and close it whatever happens.
+
+    Raises
+    ------
+    ExecutionError
+        For a network that SUMO does not load or that is another graph's, and for every error of SUMO inside the block.
+    """
+    with running_sumo(network, fleet, fleet.separation_m, step_length_s, seed, gui) as sumo:
+        yield SumoEngine(graph, fleet, sumo)
