@@ -10,7 +10,7 @@ from mrp_sumo.core.execution import Outcome
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
-from mrp_sumo.errors import ExecutionError, PlanError
+from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
 
 pytestmark = pytest.mark.kernel
 
@@ -153,7 +153,7 @@ def test_step_lengths_change_the_outcome_little(tmp_path, dt):
 
 def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path):
     def refused(message, graph, paths, **settings):
-        with pytest.raises(ExecutionError, match=message) as caught:
+        with pytest.raises(MrpSumoError, match=message) as caught:
             drive(tmp_path, graph, paths, **settings)
         assert "\n" not in str(caught.value)
 
