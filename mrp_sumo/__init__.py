@@ -1,15 +1,98 @@
-"""Benchmark and co-simulation of AGV fleets: maps, planners, SUMO execution, metrics, rosbags."""
+"""Benchmark and co-simulation of AGV fleets: maps, planners, SUMO execution, metrics, rosbags.
+
+    import mrp_sumo as ms
+
+    scenario = ms.Scenario(map="office", robots=9, planner="eecbs", seed=3)
+    problem = ms.problem(scenario)
+    plan = ms.plan(problem)
+    run = ms.simulate(problem, plan, policy="adg")
+    run.metrics["execution_time_s"]
+
+The names below are loaded when they are first used: the import itself loads nothing heavy.
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mrp_sumo.core.graph import NavGraph
+    from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
+    from mrp_sumo.door.batches import Batch, run_suite
+    from mrp_sumo.door.maps import Site, load_map
+    from mrp_sumo.door.planning import Judgement, Problem, judge, plan, problem
+    from mrp_sumo.door.running import Replay, Run, load_run, run, simulate
+    from mrp_sumo.door.scenario import Scenario
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.experiments.run import Solution
+    from mrp_sumo.io.results import load_results
 
 __version__ = "0.1.0"
 
-# name -> module: `import mrp_sumo` loads nothing heavy
-LAZY = {"load_results": "mrp_sumo.io.results", "load_run": "mrp_sumo.io.run_reader"}
+_HOMES = {
+    "Batch": "door.batches",
+    "Judgement": "door.planning",
+    "MrpSumoError": "errors",
+    "NavGraph": "core.graph",
+    "Plan": "core.plan",
+    "PlanResult": "core.plan",
+    "Problem": "door.planning",
+    "Replay": "door.running",
+    "Run": "door.running",
+    "Scenario": "door.scenario",
+    "Site": "door.maps",
+    "Solution": "experiments.run",
+    "Status": "core.plan",
+    "judge": "door.planning",
+    "load_map": "door.maps",
+    "load_results": "io.results",
+    "load_run": "door.running",
+    "plan": "door.planning",
+    "plan_of_paths": "core.plan",
+    "problem": "door.planning",
+    "run": "door.running",
+    "run_suite": "door.batches",
+    "simulate": "door.running",
+}
+
+__all__ = [
+    "Batch",
+    "Judgement",
+    "MrpSumoError",
+    "NavGraph",
+    "Plan",
+    "PlanResult",
+    "Problem",
+    "Replay",
+    "Run",
+    "Scenario",
+    "Site",
+    "Solution",
+    "Status",
+    "__version__",
+    "judge",
+    "load_map",
+    "load_results",
+    "load_run",
+    "plan",
+    "plan_of_paths",
+    "problem",
+    "run",
+    "run_suite",
+    "simulate",
+]
 
 
 def __getattr__(name: str) -> object:
-    """The names of LAZY, loaded when first asked for."""
-    if name not in LAZY:
-        raise AttributeError(f"module 'mrp_sumo' has no attribute '{name}'")
+    """A name of the front door, loaded from its home when it is first used."""
+    if name not in _HOMES:
+        from mrp_sumo.errors import nearest
+
+        raise AttributeError(f"module 'mrp_sumo' has no attribute '{name}'{nearest(name, _HOMES) if name[0] != '_' else ''}")
     from importlib import import_module
 
-    return getattr(import_module(LAZY[name]), name)
+    value = getattr(import_module(f"mrp_sumo.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

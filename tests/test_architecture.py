@@ -21,6 +21,7 @@ FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"bags"},
     {"experiments"},
     {"reports"},
+    {"door"},
     {"cli"},
 )
 BELOW = {room: set().union(*FLOORS[:k]) for k, floor in enumerate(FLOORS) for room in floor}

@@ -7,13 +7,16 @@ length, two lanes from one vertex to the same other, coordinates that are not fi
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.errors import MapError
+
+if TYPE_CHECKING:
+    import networkx
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -104,6 +107,37 @@ class NavGraph:
     @property
     def num_components(self) -> int:
         return int(self.component.max()) + 1 if self.num_vertices else 0
+
+    def to_networkx(self) -> "networkx.DiGraph":
+        """The graph for networkx: a node per vertex, an edge per lane.
+
+        Nodes are vertex indices with `name`, `x_m`, `y_m`, `level` and the vertex's options. Edges have `length_m`, `speed_mps` where
+        there is a limit, and the lane's options; `nx.shortest_path(graph, a, b, weight="length_m")` is a shortest route.
+        """
+        from mrp_sumo.core.interchange import digraph_of
+
+        return digraph_of(self)
+
+    @staticmethod
+    def from_networkx(graph: "networkx.Graph", name: str = "") -> "NavGraph":
+        """A NavGraph of a graph of networkx; the edges of an undirected one are lanes in both directions.
+
+        Parameters
+        ----------
+        graph
+            Nodes with `x_m` and `y_m` (or `pos`) in m, `name`, `level` and options; edges with `length_m`, straight by default, `speed_mps`
+            and options. Vertices are numbered in the order of the nodes.
+        name
+            Of the map; the graph's own by default.
+
+        Raises
+        ------
+        MapError
+            For nodes without coordinates, and as `nav_graph` refuses.
+        """
+        from mrp_sumo.core.interchange import parts_of
+
+        return nav_graph(**parts_of(graph, name))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

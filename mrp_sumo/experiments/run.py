@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.plan import Plan, PlanResult, Status
@@ -27,6 +27,7 @@ from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import check_replaceable, plain, result_document, write_run
 from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.summary import Summary, count, seconds, summary
 from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.outside import Outside, failed
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     import pandas
 
     from mrp_sumo.io.outline import Outline
+    from mrp_sumo.io.trajectory import Trajectory
     from mrp_sumo.maps.costmap import Costmap
 
 POLICY_FAILED = "policy_failed"  # the status of a run whose policy, a plug-in, broke its contract
@@ -46,14 +48,83 @@ ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
 Progress = Callable[[str, float, float], None]  # (stage, done, of)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """What assignment and planning came to, judged."""
 
+    setup: SetUp  # with the planner
     problem: Problem  # with the assignment the plan is for
     result: PlanResult
     verdict: Verdict | None  # of the plan, if there is one
     assignment_time_s: float
+
+    @property
+    def plan(self) -> Plan | None:
+        """Timed visits as arrays; None when there is no plan."""
+        return self.result.plan
+
+    @property
+    def status(self) -> Status:
+        """How planning ended."""
+        return self.result.status
+
+    @property
+    def message(self) -> str:
+        """Why there is no plan."""
+        return self.result.message
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether there is a plan, and the referee has nothing against it."""
+        return self.verdict is not None and self.verdict.valid
+
+    @property
+    def cost_steps(self) -> float | None:
+        """Sum of costs: the steps until each robot arrives to stay, over all robots."""
+        return None if self.plan is None else round(float(self.plan.end_s.sum() / self.problem.step_s), 6)
+
+    @property
+    def lower_bound_steps(self) -> float:
+        """What the planner proved about the sum of costs of any plan; 0 where it proved nothing."""
+        return self.result.lower_bound_steps
+
+    @property
+    def makespan_s(self) -> float | None:
+        """When the last robot arrives, as planned."""
+        return None if self.plan is None else float(self.plan.end_s.max(initial=0.0))
+
+    @property
+    def planning_time_s(self) -> float:
+        """Wall time of the planner, without compiling."""
+        return self.result.planning_time_s
+
+    @property
+    def _summary(self) -> Summary:
+        found = "" if self.verdict is None else self.verdict.summary(self.problem)
+        cost = None if self.cost_steps is None else f"{self.cost_steps:g} steps (sum of costs)"
+        rows = [
+            ("planner", self.setup.scenario.planner.name),
+            ("status", str(self.status).replace("_", " ")),
+            ("why", self.message),
+            ("referee", found),
+            ("cost", cost),
+            ("lower bound", f"{self.lower_bound_steps:g} steps" if self.lower_bound_steps > 0 else None),
+            ("makespan", seconds(self.makespan_s)),
+            ("planning time", seconds(self.planning_time_s)),
+        ]
+        return summary(f"Plan for {count(self.problem.num_robots, 'robot')} on {self.problem.graph.name}", rows)
+
+    def __repr__(self) -> str:
+        rows = dict(self._summary.rows)
+        parts = [rows[key] for key in ("planner", "status", "cost", "makespan") if key in rows]
+        doubt = "" if self.is_valid or self.plan is None else ", not valid"
+        return f"<Plan for {count(self.problem.num_robots, 'robot')}: {', '.join(parts)}{doubt}>"
+
+    def __str__(self) -> str:
+        return self._summary.text
+
+    def _repr_html_(self) -> str:
+        return self._summary.html
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +173,21 @@ class RunResult:
     def record(self) -> RunRecord:
         """Everything logs are made of. Raises MrpSumoError when nothing was driven."""
         return record_of(self.setup.scenario, self.solution.problem, self.plan, self._driven, self.nav, self.costmap)
+
+    @property
+    def samples(self) -> "Trajectory":
+        """The trajectory as arrays [T, R]."""
+        from mrp_sumo.io.trajectory import trajectory_of
+
+        return trajectory_of(self._driven, self.fleet.robot_name)
+
+    @property
+    def believed(self) -> "Trajectory | None":
+        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        from mrp_sumo.io.trajectory import trajectory_of
+
+        execution = self._driven
+        return None if execution.believed is None else trajectory_of(as_believed(execution), self.fleet.robot_name)
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
@@ -219,17 +305,17 @@ def _solve(setup: SetUp) -> Solution:
             with _located(setup.file, "assignment", "parameters"):
                 setup.assigner.prepare()
     except PlugInError as error:
-        return Solution(problem, failed(error), None, 0.0)
+        return Solution(setup, problem, failed(error), None, 0.0)
     prepare_time_s = time.perf_counter() - began
     began = time.perf_counter()
     try:
         if not assigns:
             problem = problem.assigned(_assignment(setup))
     except PlugInError as error:
-        return Solution(problem, replace(failed(error), prepare_time_s=prepare_time_s), None, time.perf_counter() - began)
+        return Solution(setup, problem, replace(failed(error), prepare_time_s=prepare_time_s), None, time.perf_counter() - began)
     except PlanError as error:
         result = PlanResult(Status.INFEASIBLE, prepare_time_s=prepare_time_s, message=str(error))
-        return Solution(problem, result, None, time.perf_counter() - began)
+        return Solution(setup, problem, result, None, time.perf_counter() - began)
     assignment_time_s = time.perf_counter() - began
     result = answer_of(setup.planner, problem, scenario.planner.time_limit_s)
     result = replace(result, prepare_time_s=prepare_time_s)
@@ -238,7 +324,7 @@ def _solve(setup: SetUp) -> Solution:
         problem = problem.assigned(result.goal_of)
     if result.plan is not None:
         verdict = judge(problem, result.plan)
-    return Solution(problem, result, verdict, assignment_time_s)
+    return Solution(setup, problem, result, verdict, assignment_time_s)
 
 
 def run_scenario(file: ScenarioFile, out: Path, *, progress: Progress | None = None, gui: bool = False) -> RunResult:

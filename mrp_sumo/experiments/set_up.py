@@ -82,9 +82,17 @@ def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
     )
     if scenario.robots.starts is not None:
         _require_reachable(file, problem)
-    if closures := _closures(file, map_.nav, graph):
-        settings = replace(settings, disturbances=replace(settings.disturbances, closures=closures))
-    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings))
+
+
+def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
+    """The same problem, for the planner of another scenario."""
+    return replace(setup, file=file, planner=choices(file)[1])
+
+
+def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
+    """The same problem, driven as another scenario says."""
+    return replace(setup, file=file, settings=_with_closures(file, setup.map.nav, setup.problem.graph, _settings(file)))
 
 
 def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
@@ -164,6 +172,12 @@ def _disturbances(choice: DisturbanceChoice) -> Disturbances:
 
     scalars = choice.model_dump(exclude={"breakdowns", "obstacles", "closures"})
     return Disturbances(**scalars, breakdowns=parts(choice.breakdowns, Breakdown), obstacles=parts(choice.obstacles, Obstacle))
+
+
+def _with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:
+    """The settings with the stretches that are closed, which only the map can tell."""
+    closures = _closures(file, nav, graph)
+    return replace(settings, disturbances=replace(settings.disturbances, closures=closures)) if closures else settings
 
 
 def _closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Closure, ...]:

@@ -342,14 +342,14 @@ def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioF
     folder
         Where relative paths begin.
     name
-        Of a scenario that has none; messages begin with it.
+        Of a scenario that has none.
 
     Raises
     ------
     ScenarioError
         One line a fault.
     """
-    document = Document(folder / name, dict(values), {})
+    document = Document(folder / "scenario", dict(values), {})
     scenario = validated(document, Scenario)
     return ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
 

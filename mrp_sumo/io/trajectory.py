@@ -77,6 +77,11 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
             writer.write_table(table.replace_schema_metadata(schema.metadata), ROWS_PER_GROUP * 2)
 
 
+def trajectory_of(execution: Execution, robot_name: tuple[str, ...]) -> Trajectory:
+    """The trajectory as arrays, without metadata."""
+    return Trajectory(_ticks(execution), robot_name, **{name: getattr(execution, name) for name in COLUMNS}, metadata={})
+
+
 def trajectory_table(execution: Execution, robot_name: tuple[str, ...]) -> pa.Table:
     """The table in memory, without metadata."""
     return pa.concat_tables([_schema(len(robot_name)).empty_table(), *_tables(execution, robot_name, _ticks(execution))])

@@ -43,7 +43,7 @@ def test_number_of_robots_alone_stands_for_their_count(tmp_path):
 def test_scenario_needs_no_file(tmp_path):
     file = scenario_of({"map": "office", "robots": 3}, tmp_path, "mine")
     assert (file.scenario.name, file.folder) == ("mine", tmp_path)
-    with pytest.raises(ScenarioError, match=r"^mine: planer: unknown key \(did you mean 'planner'\?\)$"):
+    with pytest.raises(ScenarioError, match=r"^scenario: planer: unknown key \(did you mean 'planner'\?\)$"):
         scenario_of({"map": "office", "robots": 3, "planer": "cbs"}, tmp_path, "mine")
 
 

@@ -109,11 +109,13 @@ def write_replay(folder: Path, out: Path | None = None) -> Path:
     MrpSumoError
         For a folder without a run, a run without a plan and a trajectory, and a page that cannot be written.
     """
-    run = load_run(folder)
-    if out is not None and out.is_dir():
+    return write_page(page_of(load_run(folder)), out or folder / "replay.html")
+
+
+def write_page(page: str, out: Path) -> Path:
+    """Write a page, whole or not at all. Raises MrpSumoError where it cannot be written."""
+    if out.is_dir():
         raise MrpSumoError(f"{out}: is a folder, expected a file such as {out / 'replay.html'}")
-    page = page_of(run)
-    out = out or folder / "replay.html"
     part = out.with_name(f".{out.name}.part")
     try:
         part.write_text(page, encoding="utf-8")

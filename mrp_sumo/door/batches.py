@@ -1,0 +1,150 @@
+"""Suites of runs: made in parallel, resumed where they were, read as a DataFrame."""
+
+import os
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.errors import BatchError
+from mrp_sumo.experiments.batch import Batch as Started
+from mrp_sumo.experiments.batch import run_batch
+from mrp_sumo.experiments.batch import summary as standing
+from mrp_sumo.experiments.suite import find_suite, read_suite
+from mrp_sumo.io.results import load_results
+from mrp_sumo.io.summary import Summary, summary
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch:
+    """The results of a suite's runs, and the folder that keeps them."""
+
+    name: str  # of the suite
+    folder: Path
+    num_runs: int
+    counts: dict[str, int]  # how many runs ended how
+    standing: str  # in a line
+
+    @cached_property
+    def results(self) -> "pandas.DataFrame":
+        """One row per run, in the order of the suite: status, parameters, metrics; see `load_results`."""
+        return load_results(self.folder)
+
+    def query(self, sql: str) -> "pandas.DataFrame":
+        """What SQL says of the table `results`.
+
+        Raises
+        ------
+        MrpSumoError
+            When the query is refused.
+        """
+        from mrp_sumo.io.results import query
+
+        return query(self.folder, sql)
+
+    def report(self, out: str | Path | None = None) -> Path:
+        """Write the page of tables and charts about the batch.
+
+        Parameters
+        ----------
+        out
+            Folder of the page; `report` in the batch's folder by default.
+
+        Returns
+        -------
+        Path
+            The page.
+        """
+        from mrp_sumo.reports.report import write_report
+
+        return write_report(self.folder, None if out is None else Path(out))
+
+    @property
+    def _summary(self) -> Summary:
+        rows: list[tuple[str, object]] = [("folder", self.folder), ("runs", self.standing)]
+        rows += [(status.replace("_", " "), number) for status, number in sorted(self.counts.items())]
+        return summary(f"Batch {self.name}", rows)
+
+    def __repr__(self) -> str:
+        return f"<Batch {self.name}: {self.standing}, in {self.folder}>"
+
+    def __str__(self) -> str:
+        return self._summary.text
+
+    def _repr_html_(self) -> str:
+        return self._summary.html
+
+
+def run_suite(
+    suite: str | Path,
+    out: str | Path | None = None,
+    *,
+    workers: int | None = None,
+    retries: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Batch:
+    """Make the runs of a suite that have no result yet, in parallel.
+
+    Parameters
+    ----------
+    suite
+        A suite file, or the name of a bundled suite such as "paper_comparison".
+    out
+        Folder of the results; `runs/<suite>` by default. Called again with the same folder, it goes on where it was.
+    workers
+        Processes; one per core by default.
+    retries
+        How often a run that crashed is tried again.
+    progress
+        Called with the number of runs that are done and of all runs.
+
+    Returns
+    -------
+    Batch
+        With `results` as a DataFrame.
+
+    Raises
+    ------
+    MrpSumoError
+        For faults of the suite, and for a folder that holds something else.
+
+    Examples
+    --------
+    >>> batch = ms.run_suite("paper_comparison", workers=2)
+    >>> batch.results.groupby("planner")["success"].mean()
+    """
+    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    for name, value, least in (("workers", workers, 1), ("retries", retries, 0)):
+        if value < least:
+            raise BatchError(f"{name}: found {value}, expected {least} or more")
+    file = read_suite(find_suite(str(suite)))
+    folder = Path("runs") / file.name if out is None else Path(out)
+    made: Started = run_batch(file, folder, _Watcher(progress), workers=workers, retries=retries)
+    return Batch(file.name, folder, len(made.runs), dict(made.counts()), standing(made))
+
+
+class _Watcher:
+    """Hands on how a batch goes, and warns of what a person should know."""
+
+    def __init__(self, progress: Callable[[int, int], None] | None) -> None:
+        self.progress, self.num_runs, self.num_done = progress, 0, 0
+
+    def begin(self, num_runs: int, num_done: int) -> None:
+        self.num_runs, self.num_done = num_runs, num_done
+        self._report()
+
+    def ended(self, record: dict[str, Any]) -> None:
+        self.num_done += 1
+        self._report()
+
+    def told(self, line: str) -> None:
+        warnings.warn(line, stacklevel=2)
+
+    def _report(self) -> None:
+        if self.progress:
+            self.progress(self.num_done, self.num_runs)

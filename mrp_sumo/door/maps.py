@@ -1,0 +1,184 @@
+"""Maps for people: loaded by name or file, drawn, and turned into networkx graphs."""
+
+import atexit
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.io.documents import Document, validated
+from mrp_sumo.io.scenario import Discretisation, MapChoice
+from mrp_sumo.io.summary import Summary, count, summary
+from mrp_sumo.maps.map import Map
+
+if TYPE_CHECKING:
+    import networkx
+
+    from mrp_sumo.reports.picture import Picture
+
+DEFAULT_CELL_M: float = Discretisation.model_fields["cell_m"].default
+
+
+@cache
+def shared_maps() -> MapCache:
+    """The maps and networks of this process; their files go with it."""
+    maps = MapCache()
+    atexit.register(maps.__exit__, None, None, None)
+    return maps
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Site(Map):
+    """A map, with a face for people."""
+
+    choice: MapChoice  # how it was loaded: what a scenario says under `map`
+
+    @property
+    def num_components(self) -> int:
+        """Connected pieces that have lanes, levels joined by lifts."""
+        return len(np.unique(self.nav.component[self._driven]))
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height of lanes and walls; of several levels, as they are laid side by side."""
+        points = [self.nav.xy[self._driven]]
+        if self.building is not None:
+            points += [level.wall_xy.reshape(-1, 2) for level in self.building.levels.values()]
+        width, height = np.ptp(np.concatenate(points), axis=0)
+        return float(width), float(height)
+
+    def plot(self, *, findings: bool = True) -> "Picture":
+        """Draw the map: walls, lanes with their directions, stations, and findings where they are.
+
+        Parameters
+        ----------
+        findings
+            Whether to mark the findings that have a place.
+
+        Returns
+        -------
+        Picture
+            A matplotlib figure that notebooks show by themselves; `write` saves it as PNG or SVG.
+        """
+        from mrp_sumo.reports.map_picture import map_picture
+
+        return map_picture(self, findings=findings)
+
+    def to_networkx(self) -> "networkx.DiGraph":
+        """The nav graph as a directed graph of networkx; see `NavGraph.to_networkx`."""
+        return self.nav.to_networkx()
+
+    @property
+    def _driven(self) -> Any:
+        return np.unique(np.concatenate([self.nav.tail, self.nav.head]))
+
+    @property
+    def _summary(self) -> Summary:
+        nav = self.nav
+        rows: list[tuple[str, object]] = [
+            ("file", self.path),
+            ("levels", ", ".join(nav.level_names) if len(nav.level_names) > 1 else None),
+            ("size", "{:.1f} x {:.1f} m".format(*self.size_m)),
+            ("graph", f"{count(nav.num_vertices, 'vertex', 'vertices')}, {count(nav.num_edges, 'edge')}"),
+            ("components", self.num_components),
+        ]
+        rows += [("repair", change) for change in self.changes]
+        rows += [("warning" if finding.severity == "warn" else "note", finding.line) for finding in self.findings]
+        return summary(f"Map {self.name}", rows)
+
+    def __repr__(self) -> str:
+        nav = self.nav
+        parts = [
+            count(nav.num_vertices, "vertex", "vertices"),
+            count(nav.num_edges, "edge"),
+            count(self.num_components, "component"),
+            "{:.1f} x {:.1f} m".format(*self.size_m),
+            count(len(self.findings), "finding"),
+        ]
+        return f"<Map {self.name}: {', '.join(parts)}>"
+
+    def __str__(self) -> str:
+        return self._summary.text
+
+    def _repr_html_(self) -> str:
+        return self._summary.html
+
+
+def load_map(
+    name_or_path: str | Path,
+    *,
+    graph: int | tuple[int, ...] | Literal["all"] | None = None,
+    level: str | None = None,
+    meters_per_pixel: float | None = None,
+    cell_m: float = DEFAULT_CELL_M,
+    robot_radius_m: float | None = None,
+    snap_m: float | None = None,
+    split_crossings: bool = False,
+    largest_component: bool = False,
+) -> Site:
+    """Load a map.
+
+    Parameters
+    ----------
+    name_or_path
+        A map file of any format, or the name of a bundled map such as "office".
+    graph
+        Which nav graph of a building; several, or "all", are united. The lowest with lanes by default.
+    level
+        Only this level; all levels that the graph is on by default.
+    meters_per_pixel
+        Scale of a building's drawing without measurements.
+    cell_m
+        Side of the cells of a MovingAI or ROS map.
+    robot_radius_m
+        The room that a robot needs on a ROS map; a TurtleBot3's by default.
+    snap_m
+        Repair: join lane ends that lie this close to a vertex or lane they are not on.
+    split_crossings
+        Repair: put a vertex where lanes cross without one.
+    largest_component
+        Repair: keep the largest connected piece only.
+
+    Returns
+    -------
+    Site
+        The map; give it to `Scenario(map=...)` as it is.
+
+    Raises
+    ------
+    MrpSumoError
+        For an unknown name, with the nearest right one, and for a map that is refused.
+
+    Examples
+    --------
+    >>> site = ms.load_map("office")
+    >>> site.plot().write(Path("office.png"))
+    """
+    values = {
+        "file": str(name_or_path),
+        "graph": graph,
+        "level": level,
+        "meters_per_pixel": meters_per_pixel,
+        "snap_m": snap_m,
+        "split_crossings": split_crossings,
+        "largest_component": largest_component,
+    }
+    return load_choice(validated(Document(Path("load_map"), values, {}), MapChoice), cell_m, robot_radius_m)
+
+
+def load_choice(choice: MapChoice, cell_m: float, robot_radius_m: float | None) -> Site:
+    """The map of a choice, as `load_map`."""
+    from mrp_sumo.maps.readers.ros_map import ROBOT_RADIUS_M
+
+    radius_m = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
+    return site_of(shared_maps().map(choice, Path(), cell_m, radius_m), choice)
+
+
+def site_of(map_: Map, choice: MapChoice) -> Site:
+    """A loaded map with its face for people."""
+    values: Mapping[str, Any] = {field.name: getattr(map_, field.name) for field in fields(map_)}
+    return Site(**values, choice=choice)

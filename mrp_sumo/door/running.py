@@ -1,0 +1,360 @@
+"""Runs: plans driven in SUMO, looked at, kept and replayed."""
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import NavGraph, PlanGraph
+from mrp_sumo.core.plan import Plan, Status
+from mrp_sumo.door.maps import shared_maps
+from mrp_sumo.door.planning import Problem, solution_of
+from mrp_sumo.door.scenario import Scenario, required
+from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.experiments.run import Progress, RunResult, Solution, carry_out, finish
+from mrp_sumo.experiments.set_up import driven_as
+from mrp_sumo.io import run_reader
+from mrp_sumo.io.documents import Place
+from mrp_sumo.io.record import RunRecord
+from mrp_sumo.io.scenario import changed
+from mrp_sumo.io.summary import Summary, count, seconds, summary
+
+if TYPE_CHECKING:
+    import pandas
+
+    from mrp_sumo.io.outline import Outline
+    from mrp_sumo.io.trajectory import Trajectory
+    from mrp_sumo.maps.costmap import Costmap
+    from mrp_sumo.reports.picture import Picture
+
+SHAPES_PROBLEM = ("mutex_groups", "step_length_s")  # keys of `execution` that decide what there is to plan
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A run that has ended: just now, or long ago in the folder it was read from."""
+
+    kept: RunResult | run_reader.Run
+
+    @property
+    def status(self) -> str:
+        """How it ended, in one word: 'completed', 'time_limit', 'refused', 'planning_timed_out', ..."""
+        return str(self.result["status"])
+
+    @property
+    def note(self) -> str:
+        """Why, or what was done otherwise than the scenario says."""
+        return str(self.result.get("note", ""))
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """Every metric by name; None where one does not exist."""
+        return self.kept.metrics
+
+    @property
+    def audit(self) -> dict[str, Any] | None:
+        """What the audit of the trajectory found; None where nothing was driven."""
+        return self.kept.audit
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """As in `result.json`."""
+        return self.kept.result
+
+    @property
+    def folder(self) -> Path | None:
+        """The run folder it was read from; None for a run in memory."""
+        return self.kept.folder if isinstance(self.kept, run_reader.Run) else None
+
+    @property
+    def source(self) -> str:
+        """Where it is from: the folder, or the scenario's name."""
+        return self.kept.source
+
+    @property
+    def executed(self) -> bool:
+        """Whether there is a trajectory."""
+        return self.kept.executed
+
+    @property
+    def plan(self) -> Plan | None:
+        """Visits as arrays; None when there is no plan."""
+        return self.kept.plan
+
+    @property
+    def graph(self) -> PlanGraph:
+        """The graph that was planned on."""
+        return self.kept.graph
+
+    @property
+    def fleet(self) -> Fleet:
+        return self.kept.fleet
+
+    @property
+    def nav(self) -> NavGraph | None:
+        """The map as drawn."""
+        return self.kept.nav
+
+    @property
+    def costmap(self) -> "Costmap | None":
+        """The walls as sensors see them."""
+        return self.kept.costmap
+
+    @property
+    def outline(self) -> "Outline | None":
+        """The building as drawn."""
+        return self.kept.outline
+
+    @property
+    def trajectory(self) -> "pandas.DataFrame":
+        """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
+        return self.kept.trajectory
+
+    @property
+    def visits(self) -> "pandas.DataFrame":
+        """One row per planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
+        return self.kept.visits
+
+    @property
+    def events(self) -> "pandas.DataFrame":
+        """One row per event: t_s, kind, robot, vertex, x_m, y_m, other, duration_s, text."""
+        return self.kept.events
+
+    @property
+    def samples(self) -> "Trajectory":
+        """The trajectory as arrays [T, R]."""
+        return self.kept.samples
+
+    @property
+    def believed(self) -> "Trajectory | None":
+        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        return self.kept.believed
+
+    @property
+    def execution(self) -> Execution | None:
+        """Trajectory, arrivals and events as arrays."""
+        return self.kept.execution
+
+    @property
+    def record(self) -> RunRecord:
+        """Everything that logs are made of. Raises MrpSumoError where nothing was driven."""
+        return self.kept.record
+
+    def plot(self, at_s: float | None = None) -> "Picture":
+        """Draw the run at a moment: robots with heading and state, where they came from, where the plan has them.
+
+        Parameters
+        ----------
+        at_s
+            Simulated time; halfway by default.
+
+        Returns
+        -------
+        Picture
+            A matplotlib figure that notebooks show by themselves; `write` saves it as PNG or SVG.
+
+        Raises
+        ------
+        MrpSumoError
+            For a time outside the run, and for a run without plan and trajectory.
+        """
+        from mrp_sumo.reports.still import still
+        from mrp_sumo.reports.view import view_record
+
+        if at_s is None:
+            at_s = round(float(view_record(self).execution.t_s[-1]) / 2, 1)
+        return still(self, at_s)
+
+    def replay(self) -> "Replay":
+        """The page that replays the run; notebooks show it, `write` makes a file of it for any browser.
+
+        Raises
+        ------
+        MrpSumoError
+            For a run without plan and trajectory.
+        """
+        from mrp_sumo.reports.replay.page import page_of
+
+        return Replay(self.source, page_of(self))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the run folder, as `mrp-sumo run` does: everything above, and the rosbag.
+
+        Parameters
+        ----------
+        folder
+            A run folder that is there already is replaced.
+
+        Raises
+        ------
+        MrpSumoError
+            When the folder holds something else, or the run is in a folder already.
+        """
+        if isinstance(self.kept, run_reader.Run):
+            raise MrpSumoError(f"{self.source}: is a run folder already; copy it")
+        self.kept.write(Path(folder), shared_maps())
+        return Path(folder)
+
+    @property
+    def _summary(self) -> Summary:
+        m, scenario = self.metrics, self.result["scenario"]
+        goals = None if m.get("goals_reached") is None else f"{m['goals_reached']} of {m['num_robots']}"
+        distance = None if m.get("min_distance_m") is None else f"{m['min_distance_m']:.3f} m"
+        rows = [
+            ("status", self.status.replace("_", " ")),
+            ("note", self.note),
+            ("map", scenario["map"]["file"]),
+            ("planner", scenario["planner"]["name"]),
+            ("policy", self.result["policy"]),
+            ("seed", self.result["seed"]),
+            ("planning time", seconds(m.get("planning_time_s"))),
+            ("makespan", seconds(m.get("makespan_s"))),
+            ("goals reached", goals),
+            ("execution time", seconds(m.get("execution_time_s"))),
+            ("minimum distance", distance),
+            ("blocked time", seconds(m.get("time_blocked_total_s"))),
+            ("folder", self.folder),
+        ]
+        return summary(f"Run {scenario['name']}", rows)
+
+    def __repr__(self) -> str:
+        rows = dict(self._summary.rows)
+        parts = [rows["status"], count(self.metrics["num_robots"], "robot"), rows["planner"]]
+        parts += [rows[key] for key in ("policy", "execution time") if key in rows]
+        return f"<{self._summary.title}: {', '.join(parts)}>"
+
+    def __str__(self) -> str:
+        return self._summary.text
+
+    def _repr_html_(self) -> str:
+        return self._summary.html
+
+
+@dataclass(frozen=True, repr=False)
+class Replay:
+    """A page that replays a run, without a network."""
+
+    name: str
+    page: str  # HTML
+
+    def write(self, path: str | Path) -> Path:
+        """Write the page for any browser.
+
+        Raises
+        ------
+        MrpSumoError
+            When it cannot be written.
+        """
+        from mrp_sumo.reports.replay.page import write_page
+
+        return write_page(self.page, Path(path))
+
+    def __repr__(self) -> str:
+        return f"<Replay {self.name}: {len(self.page.encode()) / 1e6:.1f} MB of HTML; write(path) makes a file of it>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{html.escape(self.page)}" style="width: 100%; height: 640px; border: 0"></iframe>'
+
+
+def simulate(
+    problem: Problem,
+    plan: Solution | Plan,
+    policy: str | Mapping[str, Any] | None = None,
+    *,
+    progress: Progress | None = None,
+    **execution: Any,
+) -> Run:
+    """Drive a plan in SUMO, and measure it.
+
+    Parameters
+    ----------
+    problem
+        What the plan is for.
+    plan
+        From `plan`, or a Plan of your own.
+    policy
+        Who may enter which vertex when: "adg", "timed", "open_loop", "mine.py:Mine", or name and parameters; the scenario's by default.
+    progress
+        Called with the stage, the simulated time in s and its limit.
+    execution
+        Other keys of a scenario's section `execution`: `time_limit_s=600`, `disturbances={"stops_per_s": 0.01}`.
+
+    Returns
+    -------
+    Run
+        With `metrics`, `trajectory`, `plot()`, `replay()`, `save(folder)`.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is no plan to drive, for an unknown policy or key, and when it cannot be driven.
+
+    Examples
+    --------
+    >>> run = ms.simulate(problem, plan, policy="adg")
+    >>> run.metrics["execution_time_s"]
+    """
+    solution = solution_of(problem, plan, "simulate")
+    if solution.plan is None:
+        why = f": {solution.message}" if solution.message else ""
+        raise PlanError(f"simulate: there is no plan to drive, {solution.setup.scenario.planner.name} {_ended(solution)}{why}")
+    for key in SHAPES_PROBLEM:
+        if key in execution:
+            raise PlanError(f"simulate: {key} decides what there is to plan; give it to the scenario")
+    given: Mapping[str, Any] = execution if policy is None else {"policy": policy, **execution}
+    places: dict[Place, tuple[str, Any]] = {("execution", key): (f"simulate: {key}", value) for key, value in given.items()}
+    setup = driven_as(solution.setup, changed(solution.setup.file, places))
+    return Run(finish(setup, solution, shared_maps(), progress=progress))
+
+
+def run(scenario: Scenario, *, progress: Progress | None = None) -> Run:
+    """Plan, drive and measure a scenario.
+
+    Parameters
+    ----------
+    scenario
+        From `Scenario(...)` or `Scenario.read(...)`.
+    progress
+        Called with the stage, and how far it is of how much.
+
+    Returns
+    -------
+    Run
+        Also when no plan was found: see its `status`.
+
+    Raises
+    ------
+    MrpSumoError
+        When the scenario cannot be run at all.
+
+    Examples
+    --------
+    >>> ms.run(ms.Scenario(map="office", robots=9)).save("runs/office")
+    """
+    required(scenario, Scenario, "run", "a Scenario; ms.Scenario.read(...) reads a file")
+    return Run(carry_out(scenario.file, shared_maps(), progress=progress))
+
+
+def load_run(folder: str | Path) -> Run:
+    """Read a run folder.
+
+    Parameters
+    ----------
+    folder
+        As `mrp-sumo run --out` or `Run.save` made it.
+
+    Raises
+    ------
+    MrpSumoError
+        When there is no complete run.
+    """
+    return Run(run_reader.load_run(folder))
+
+
+def _ended(solution: Solution) -> str:
+    """How planning ended, after the planner's name."""
+    ends = {Status.TIMED_OUT: "ran out of time", Status.INFEASIBLE: "found it infeasible", Status.GAVE_UP: "gave up"}
+    return ends.get(solution.status, "failed")

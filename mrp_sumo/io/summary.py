@@ -1,0 +1,46 @@
+"""Objects in a few lines, for people: as text, and as a table in notebooks."""
+
+import html
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A title and named lines; lines without text are left out."""
+
+    title: str
+    rows: tuple[tuple[str, str], ...]
+
+    @property
+    def text(self) -> str:
+        """The title, and a line per row."""
+        width = max((len(name) for name, _ in self.rows), default=0)
+        return "\n".join([self.title, *(f"  {name:<{width}}  {value}" for name, value in self.rows)])
+
+    @property
+    def html(self) -> str:
+        """A table; names and values cannot bring markup with them."""
+        style = "text-align: left; vertical-align: top"
+        rows = "".join(
+            f'<tr><th style="{style}">{html.escape(name)}</th><td style="{style}">{html.escape(value)}</td></tr>'
+            for name, value in self.rows
+        )
+        return f"<div><b>{html.escape(self.title)}</b><table>{rows}</table></div>"
+
+
+def summary(title: str, rows: Iterable[tuple[str, object]]) -> Summary:
+    """A summary of the rows that have a value."""
+    return Summary(title, tuple((name, str(value)) for name, value in rows if value not in (None, "")))
+
+
+def count(number: int, one: str, more: str = "") -> str:
+    """`1 robot`, `9 robots`."""
+    return f"{number:,} {one if number == 1 else more or one + 's'}"
+
+
+def seconds(value: float | None) -> str:
+    """A duration, in ms below half a second; '' for None."""
+    if value is None:
+        return ""
+    return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"

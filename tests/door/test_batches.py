@@ -1,0 +1,48 @@
+"""Suites from the front door."""
+
+import pytest
+
+import mrp_sumo as ms
+
+SUITE = "base: office_5\nuntil: plan\ngrid_search: {robots.count: [2, 3], planner: [cbs, pibt]}\n"
+
+
+@pytest.fixture
+def suite(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(SUITE)
+    return path
+
+
+def test_suite_is_made_once_and_read_as_a_table(suite, tmp_path, capsys):
+    heard = []
+    batch = ms.run_suite(suite, tmp_path / "out", workers=1, progress=lambda done, of: heard.append((done, of)))
+    assert heard == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
+    assert batch.results["planner"].tolist() == ["cbs", "pibt", "cbs", "pibt"] and batch.results["success"].all()
+    assert ms.load_results(batch.folder).equals(batch.results)
+    assert batch.query("select count(*) as runs from results")["runs"].tolist() == [4]
+    assert repr(batch) == f"<Batch small: 4 of 4 runs done, in {tmp_path / 'out'}>"
+    assert batch.counts == {"planned": 4} and "planned" in str(batch) and "<table>" in batch._repr_html_()
+    again = ms.run_suite(suite, tmp_path / "out", workers=1, progress=lambda done, of: heard.append((done, of)))
+    assert heard[5:] == [(4, 4)] and again.counts == batch.counts
+    assert capsys.readouterr() == ("", "")
+
+
+def test_folder_is_that_of_the_command_line(suite, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert ms.run_suite("small.yaml", workers=1).folder.as_posix() == "runs/small"
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [({"workers": 0}, "workers: found 0, expected 1 or more"), ({"retries": -1}, "retries: found -1, expected 0 or more")],
+)
+def test_bad_numbers_are_refused(suite, more, line):
+    with pytest.raises(ms.MrpSumoError) as caught:
+        ms.run_suite(suite, **more)
+    assert str(caught.value) == line
+
+
+def test_unknown_suite_is_refused_with_the_nearest():
+    with pytest.raises(ms.MrpSumoError, match="did you mean 'paper_comparison'"):
+        ms.run_suite("paper_comparisn")

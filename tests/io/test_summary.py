@@ -1,0 +1,18 @@
+"""Objects in a few lines."""
+
+from mrp_sumo.io.summary import count, seconds, summary
+
+
+def test_lines_without_a_value_are_left_out_and_names_aligned():
+    told = summary("Run", [("a", 1), ("longer", "x"), ("none", None), ("empty", ""), ("zero", 0)])
+    assert told.text == "Run\n  a       1\n  longer  x\n  zero    0"
+
+
+def test_names_cannot_bring_markup_with_them():
+    told = summary("<b>", [("<i>", "a & <script>")]).html
+    assert "<script>" not in told and "&lt;script&gt;" in told and "&lt;b&gt;" in told and "&lt;i&gt;" in told
+
+
+def test_counts_and_durations_read_well():
+    assert [count(1, "robot"), count(1234, "robot"), count(2, "vertex", "vertices")] == ["1 robot", "1,234 robots", "2 vertices"]
+    assert [seconds(None), seconds(0.0123), seconds(80.5)] == ["", "12.3 ms", "80.5 s"]
