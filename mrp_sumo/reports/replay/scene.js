@@ -404,7 +404,7 @@ export class Scene {
     const { map } = this, k = this.camera.scale;
     context.font = STATION_FONT;
     const list = this.labelOrder.map((i) => map.stations[i]).filter((s) => s.name).map((station) => ({ station, width: context.measureText(station.name).width }));
-    const lines = [...map.walls, ...map.inner, ...map.doors.flat()].map((v, i) => (i % 2 ? -v : v) * k);
+    const lines = [...map.walls, ...map.doors.flat()].map((v, i) => (i % 2 ? -v : v) * k);
     const sides = list.length <= MAX_LABELS ? chooseSides(list.map(({ station, width }) => ({ x: station.x * k, y: -station.y * k, width })), lines, 14, this.stationRadius) : [];
     list.forEach((name, i) => (name.side = sides[i] ?? 0));
     this.names = { step, list };
