@@ -1,0 +1,91 @@
+"""What the documents say is so: commands and options exist, links lead somewhere, pictures of the house match its tests."""
+
+import argparse
+import re
+import shlex
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from test_architecture import FLOORS
+
+from mrp_sumo.cli.main import COMMANDS
+
+PROJECT = Path(__file__).resolve().parents[1]
+DOCUMENTS = [*(PROJECT / name for name in ("README.md", "CONTRIBUTING.md")), *sorted((PROJECT / "docs").glob("*.md"))]
+
+
+def commands_in(text):
+    """Every `mrp-sumo ...` of code blocks, indented blocks and inline code."""
+    lines = re.findall(r"^(?: {4})?(?:\$ )?(?:\.venv/bin/)?(mrp-sumo .+)$", text, re.M)
+    lines += re.findall(r"`(mrp-sumo [^`\n]+)`", text)
+    return list(dict.fromkeys(line for line in lines))
+
+
+def parser_of(name):
+    parser = argparse.ArgumentParser()
+    import_module(COMMANDS[name][0]).arguments(parser)
+    return parser
+
+
+def options_of(parser):
+    for action in parser._actions:
+        yield from action.option_strings
+        if isinstance(action, argparse._SubParsersAction):
+            for inner in action.choices.values():
+                yield from options_of(inner)
+
+
+def ask(line):
+    """Name and options of a command line as it stands in a document: without a comment, brackets of what is optional, alternatives."""
+    words = shlex.split(re.sub(r"\s#.*", "", line).replace("[", " ").replace("]", " "))
+    return words[1], [word.split("=")[0] for word in words[2:] if re.match(r"--?[a-zA-Z]", word)]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_every_documented_command_and_option_exists(path):
+    wrong = []
+    for line in commands_in(path.read_text(encoding="utf-8")):
+        name, options = ask(line)
+        if name.startswith("-") or name == "COMMAND":
+            continue
+        if name not in COMMANDS:
+            wrong.append(f"{line}: no command '{name}'")
+            continue
+        known = set(options_of(parser_of(name)))
+        wrong += [f"{line}: no option '{option}'" for option in options if option not in known]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_options_are_looked_for_in_every_way_that_documents_write_them():
+    text = "    mrp-sumo analyze BAG [--json]\n`mrp-sumo run X --gui`\n```\nmrp-sumo export RUN --csv | --fcd   # --not-this\n```\n"
+    assert [ask(line) for line in commands_in(text)] == [("analyze", ["--json"]), ("export", ["--csv", "--fcd"]), ("run", ["--gui"])]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_to_files_and_headings(path):
+    text = path.read_text(encoding="utf-8")
+    wrong = []
+    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", text):
+        name, _, heading = target.partition("#")
+        file = (path.parent / name).resolve() if name else path
+        if not file.exists():
+            wrong.append(target)
+        elif heading:
+            titles = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.M)
+            if heading not in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}:
+                wrong.append(target)
+    assert not wrong, wrong
+
+
+def test_every_document_is_listed_in_the_readme():
+    readme = (PROJECT / "README.md").read_text(encoding="utf-8")
+    missing = [path.name for path in DOCUMENTS[1:] if f"({path.relative_to(PROJECT).as_posix()})" not in readme]
+    assert not missing
+
+
+def test_the_page_on_architecture_draws_the_floors_of_the_test():
+    text = (PROJECT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = re.findall(r"^\| (\d+) \| (.+?) \|", text, re.M)
+    drawn = [set(re.findall(r"`(\w+)`", rooms)) - {"planners"} for _, rooms in sorted(table, key=lambda row: int(row[0]))]
+    assert tuple(drawn) == FLOORS
