@@ -38,6 +38,7 @@ from mrp_sumo.io.results import (
 
 BROKEN = (CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT)  # runs that say nothing about planner or policy
 OWN = ("batch.", "runs", "quarantine", "results.", "kept", "report", ".")  # what a batch without its plan may have left
+LONG_DRIVE_S = 1800.0  # wall time for a drive whose limit follows from its plan: hours, simulated
 GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
 
 
@@ -234,7 +235,8 @@ def _make(
 def job_of(batch: Batch, run: PlannedRun, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
     """A run as it is handed out, with what it may take: `wall_s` and `memory_mb` instead of the suite's limits."""
     scenario, limits = json.loads(run.scenario), batch.file.suite.limits
-    generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * scenario["execution"]["time_limit_s"]
+    driving_s = scenario["execution"]["time_limit_s"] or LONG_DRIVE_S
+    generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * driving_s
     return {
         "key": run.key,
         "scenario": run.scenario,

@@ -22,8 +22,9 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
+from mrp_sumo.experiments.arrivals import with_goals_within
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import SetUp, set_up
+from mrp_sumo.experiments.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import check_replaceable, plain, result_document, write_run
 from mrp_sumo.io.scenario import ScenarioFile
@@ -399,9 +400,10 @@ def finish(
     from mrp_sumo.metrics.audit import audit
     from mrp_sumo.metrics.evaluate import evaluate
 
-    report, scenario = progress or _silent, setup.scenario
+    report = progress or _silent
     execution, note, details, broken = None, solution.result.message, solution.result.details, ""
     if execute and solution.result.plan is not None:
+        setup = with_time_limit(setup, solution.result.plan)
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         try:
@@ -409,7 +411,7 @@ def finish(
         except PlugInError as error:
             note, details, broken = str(error), error.details, POLICY_FAILED
     report("measuring", 0.0, 0.0)
-    problem = solution.problem
+    problem, choice = solution.problem, setup.scenario.execution
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start]) if execution else None
     metrics = evaluate(
         solution.problem,
@@ -418,8 +420,8 @@ def finish(
         execution,
         audited,
         assignment_time_s=solution.assignment_time_s,
-        time_limit_s=scenario.execution.time_limit_s,
-        tolerance_m=scenario.execution.goal_tolerance_m,
+        time_limit_s=setup.settings.time_limit_s,
+        tolerance_m=choice.goal_tolerance_m,
     )
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
     return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details)
@@ -456,6 +458,7 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, 
             report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
         run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
+        run = with_goals_within(run, solution.problem, setup.scenario.execution.goal_tolerance_m)
         return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
+from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.policy import policy_of
@@ -30,6 +31,8 @@ from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.source import resolved
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
+
+TIMES_MAKESPAN, LEAST_TIME_LIMIT_S = 1.5, 300.0  # of an execution without a stated limit
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,17 @@ def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     return replace(setup, file=file, settings=_with_closures(file, setup.map.nav, setup.problem.graph, _settings(file)))
 
 
+def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
+    """The set-up with the time limit that follows from the plan, where the scenario states none."""
+    scenario = setup.scenario
+    if scenario.execution.time_limit_s is not None:
+        return setup
+    limit_s = max(LEAST_TIME_LIMIT_S, math.ceil(TIMES_MAKESPAN * float(plan.end_s.max(initial=0.0))))
+    execution = scenario.execution.model_copy(update={"time_limit_s": float(limit_s)})
+    file = replace(setup.file, scenario=scenario.model_copy(update={"execution": execution}))
+    return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
+
+
 def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
     """What a scenario chooses by name, apart from its map.
 
@@ -151,7 +165,8 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             policy=resolved(execution.policy.name, file.folder),
             policy_parameters=execution.policy.parameters,
             step_length_s=execution.step_length_s,
-            time_limit_s=execution.time_limit_s,
+            time_limit_s=execution.time_limit_s or LEAST_TIME_LIMIT_S,
+            blocking_window_s=execution.blocking_window_s,
             record_period_s=file.scenario.record.period_s,
             seed=file.scenario.seed,
             on_deadlock=execution.on_deadlock,

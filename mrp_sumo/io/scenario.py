@@ -205,8 +205,13 @@ class ExecutionChoice(_Strict):
         "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
     )
     step_length_s: Annotated[float, Field(gt=0, le=1)] = 0.1
-    time_limit_s: Positive = Field(300.0, description="Simulated time.")
-    goal_tolerance_m: Positive = Field(0.7, description="MRP-Bench's locationTolerance: a robot this near its goal has reached it.")
+    time_limit_s: Positive | None = Field(
+        None, description="Simulated time; by default 1.5 times the planned makespan, at least 300 s. What was used is in result.json."
+    )
+    goal_tolerance_m: Positive = Field(
+        0.7, description="MRP-Bench's locationTolerance: a robot this near its goal has reached it. Nobody stops short for it."
+    )
+    blocking_window_s: Positive = Field(10.0, description="A robot without a cell of progress along its path for so long is blocked.")
     on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': see recovery.")
     recovery: RecoveryChoice = RecoveryChoice()
     mutex_groups: dict[str, list[str]] = Field(

@@ -11,7 +11,7 @@ def num_robots(run: Evidence) -> int:
     return run.problem.num_robots
 
 
-@metric("", "more", "robots that stood at their goal vertex at the end; ours, stricter than `goals_reached`")
+@metric("", "more", "robots that stand at their goals at the end: arrived there, or at rest within `tol`; stricter than `goals_reached`")
 def robots_at_goal(run: Evidence) -> int | None:
     return None if run.execution is None else int(np.isfinite(run.execution.goal_s).sum())
 

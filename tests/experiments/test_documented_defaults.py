@@ -43,3 +43,31 @@ def test_scenario_with_all_defaults_written_out_is_the_scenario_without_them(tmp
         assert main(["run", str(tmp_path / f"{name}.yaml"), "--out", str(tmp_path / name)]) == 0
     for file in ("plan.json", "trajectory.parquet", "events.jsonl"):
         assert (tmp_path / "small" / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
+
+
+def test_time_limit_follows_the_plan_where_none_is_stated(tmp_path):
+    robots = {"starts": ["v0"], "goals": ["v5"]}
+    for name, planned_s, limit_s in (("short", None, 300.0), ("long", 40.0, None)):
+        path = written(tmp_path, name, robots=robots, planner={"name": "pibt", "step_s": planned_s})
+        assert main(["run", str(path), "--out", str(tmp_path / name)]) == 0
+        result = json.loads((tmp_path / name / "result.json").read_text())
+        used_s = result["metrics"]["execution_time_limit_s"]
+        assert used_s == result["scenario"]["execution"]["time_limit_s"]
+        assert used_s == limit_s if limit_s else used_s >= 1.5 * result["metrics"]["makespan_s"] > 300
+
+
+def test_stated_time_limit_is_kept(tmp_path):
+    path = written(tmp_path, execution={"time_limit_s": 5})
+    assert main(["run", str(path), "--out", str(tmp_path / "run")]) == 1
+    metrics = json.loads((tmp_path / "run" / "result.json").read_text())["metrics"]
+    assert metrics["execution_time_limit_s"] == metrics["execution_time_s"] == metrics["sim_time_s"] == 5
+
+
+def test_blocking_window_of_the_scenario_decides_who_is_blocked(tmp_path):
+    disturbances, found = {"breakdowns": [{"robot": 1, "begin_s": 5}]}, {}
+    for window_s in (5, 40):
+        execution = {"time_limit_s": 60, "blocking_window_s": window_s, "disturbances": disturbances}
+        path = written(tmp_path, f"window_{window_s}", robots={"count": 4}, seed=3, execution=execution)
+        main(["run", str(path), "--out", str(tmp_path / path.stem)])
+        found[window_s] = load_run(tmp_path / path.stem).metrics["blocked_s"]
+    assert found[5] > found[40]

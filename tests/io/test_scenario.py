@@ -30,7 +30,7 @@ def test_short_forms_and_defaults(tmp_path):
     scenario = read_scenario(written(tmp_path, GOOD)).scenario
     assert scenario.map.file == "office"
     assert scenario.name == "case"
-    assert (scenario.planner.time_limit_s, scenario.execution.time_limit_s) == (60.0, 300.0)
+    assert (scenario.planner.time_limit_s, scenario.execution.time_limit_s) == (60.0, None)
     assert (scenario.discretisation.kind, scenario.discretisation.cell_m) == ("grid", 0.4)
 
 

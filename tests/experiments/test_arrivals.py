@@ -1,0 +1,39 @@
+"""Robots at rest within the tolerance of their goals at the end have reached them."""
+
+import numpy as np
+import pytest
+from worlds import BURGER, line
+
+from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.experiments.arrivals import with_goals_within
+
+T = np.arange(0.0, 5.0)
+
+
+def ended(x, speed=0.0, goal_s=np.nan):
+    """One robot on a corridor from x = 0 to x = 4, and where it is second by second."""
+    graph = line(5, 1.0)
+    problem = Problem(graph, fleet_of(BURGER, 1), np.array([0]), np.array([4]), np.array([0]), 3.0)
+    along = np.array(x, np.float64)[:, None]
+    still = np.zeros_like(along)
+    moving = np.full_like(along, speed)
+    run = Execution(T, along, still, still, moving, np.zeros(0), np.array([goal_s]), Outcome.TIME_LIMIT, "adg", 4.0, 0.0, 0.0)
+    return with_goals_within(run, problem, 0.7)
+
+
+def test_robot_that_comes_to_rest_within_the_tolerance_has_reached_its_goal_since_then():
+    found = ended([0, 2, 3.5, 3.5, 3.5])
+    assert found.goal_s.tolist() == [2.0]
+    assert [(event.t_s, event.kind, event.vertex) for event in found.events] == [(2.0, "goal", 4)]
+
+
+@pytest.mark.parametrize(("x", "speed"), [([0, 1, 2, 3, 3], 0.0), ([3.5] * 5, 0.2), ([3.5, 3.5, 3.5, 2, 2], 0.0)])
+def test_robot_that_is_farther_or_moves_or_left_again_has_not(x, speed):
+    found = ended(x, speed)
+    assert np.isnan(found.goal_s).all() and not found.events
+
+
+def test_robot_that_arrived_keeps_its_time():
+    assert ended([0, 2, 4, 4, 4], goal_s=1.5).goal_s.tolist() == [1.5]
