@@ -58,12 +58,13 @@ def record_of(
 
 
 def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:
-    """MRP-Bench's constants in a complete scenario."""
-    return {
-        "cellSize": float(scenario["discretisation"]["cell_m"]),
-        "locationTolerance": float(scenario["execution"]["goal_tolerance_m"]),
-        "recordingTimeout": float(scenario["execution"]["time_limit_s"]),
+    """MRP-Bench's constants in a complete scenario; one that was not driven may have no time limit."""
+    found = {
+        "cellSize": scenario["discretisation"]["cell_m"],
+        "locationTolerance": scenario["execution"]["goal_tolerance_m"],
+        "recordingTimeout": scenario["execution"]["time_limit_s"],
     }
+    return {name: float(value) for name, value in found.items() if value is not None}
 
 
 def robot_states(execution: Execution, t_s: FloatArray) -> NDArray[np.int8]:
