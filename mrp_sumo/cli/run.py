@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.failure import print_failure
@@ -72,72 +72,25 @@ def _print(result: "RunResult", out: Path, verbose: bool) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    m, scenario, execution = result.metrics, result.setup.scenario, result.execution
+    from mrp_sumo.io.run_summary import CONFLICTS, NO_PLAN, run_summary
+
+    summary, status = run_summary(result.result), result.status.replace("_", " ")
+    colour = "red" if result.status != "completed" else "green" if result.metrics["plan_valid"] else "yellow"
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(scenario.name), title_style="bold", title_justify="left")
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(summary.title), title_style="bold", title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
-
-    def row(name: str, *parts: str) -> None:
-        if told := ", ".join(p for p in parts if p):
-            table.add_row(name, told)
-
-    colour = "red" if result.status != "completed" else "green" if m["plan_valid"] else "yellow"
-    row("status", f"[{colour}]{result.status.replace('_', ' ')}[/]", escape(result.note))
-    row("map", f"{scenario.map.file}, {m['num_robots']} robots, seed {scenario.seed}")
-    row("planner", scenario.planner.name, _validity(m))
-    row("planning time", _seconds(m["planning_time_s"]), _given("assignment", _seconds(m["assignment_time_s"])))
-    row("makespan", _seconds(m["makespan_s"]), _count(m["makespan_steps"], "cells (paper's count)"))
-    row(
-        "cost",
-        _count(m["soc_steps"], "steps (sum of costs)"),
-        _count(m["cost_steps"], "cells (paper's count)"),
-        _count(m["lower_bound_steps"] or None, "steps lower bound"),  # 0: the planner proves nothing
-    )
-    if execution is not None:
-        row("goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {execution.policy}")
-        row("execution time", _seconds(m["execution_time_s"]), "timed out" if m["execution_timed_out"] else "")
-        row(
-            "minimum distance",
-            _metres(m["min_distance_m"]),
-            _given("clearance", _metres(m["min_clearance_m"])),
-            f"{m['num_overlaps']} overlaps",
-        )
-        row("blocked time", _seconds(m["blocked_s"]), _given("MRP-Bench's count", _seconds(m["time_blocked_total_s"])))
-        row("lateness", _given("mean", _lateness(m["lateness_mean_s"])), _given("maximum", _lateness(m["lateness_max_s"])))
-        row("real-time factor", f"{m['real_time_factor']:.0f}", f"{m['robot_seconds_per_cpu_second']:.0f} robot-seconds a CPU-second")
-    row("files", str(out))
+    for name, text in summary.rows:
+        shown = escape(text)
+        if name == "status":
+            shown = f"[{colour}]{status}[/]{escape(text.removeprefix(status))}"
+        if name == "planner":
+            shown = shown.replace(NO_PLAN, f"[red]{NO_PLAN}[/]").replace(CONFLICTS, f"[yellow]{CONFLICTS}[/]")
+        table.add_row(name, shown)
+    table.add_row("files", escape(str(out)))
     console.print(table)
     if verbose:
         detail = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-        for name, value in m.items():
+        for name, value in result.metrics.items():
             detail.add_row(name, str(value))
         console.print(detail)
-
-
-def _validity(m: dict[str, Any]) -> str:
-    if not m["plan_success"]:
-        return "[red]no plan[/]"
-    return "plan valid" if m["plan_valid"] else "[yellow]plan has conflicts[/]"
-
-
-def _given(name: str, value: str) -> str:
-    return f"{name} {value}".strip() if value else ""
-
-
-def _seconds(value: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
-
-
-def _lateness(value: float | None) -> str:
-    return "" if value is None else f"{_seconds(abs(value))} {'early' if value < 0 else 'late'}"
-
-
-def _metres(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f} m"
-
-
-def _count(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:.0f} {unit}"

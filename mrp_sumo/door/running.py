@@ -19,6 +19,7 @@ from mrp_sumo.experiments.set_up import driven_as
 from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.record import RunRecord
+from mrp_sumo.io.run_summary import run_summary
 from mrp_sumo.io.scenario import changed
 from mrp_sumo.io.summary import Summary, count, seconds, summary
 
@@ -200,31 +201,14 @@ class Run:
 
     @property
     def _summary(self) -> Summary:
-        m, scenario = self.metrics, self.result["scenario"]
-        goals = None if m.get("goals_reached") is None else f"{m['goals_reached']} of {m['num_robots']}"
-        distance = None if m.get("min_distance_m") is None else f"{m['min_distance_m']:.3f} m"
-        rows = [
-            ("status", self.status.replace("_", " ")),
-            ("note", self.note),
-            ("map", scenario["map"]["file"]),
-            ("planner", scenario["planner"]["name"]),
-            ("policy", self.result["policy"]),
-            ("seed", self.result["seed"]),
-            ("planning time", seconds(m.get("planning_time_s"))),
-            ("makespan", seconds(m.get("makespan_s"))),
-            ("goals reached", goals),
-            ("execution time", seconds(m.get("execution_time_s"))),
-            ("minimum distance", distance),
-            ("blocked time", seconds(m.get("time_blocked_total_s"))),
-            ("folder", self.folder),
-        ]
-        return summary(f"Run {scenario['name']}", rows)
+        told = run_summary(self.result)
+        return summary(f"Run {told.title}", [*told.rows, ("folder", self.folder)])
 
     def __repr__(self) -> str:
-        rows = dict(self._summary.rows)
-        parts = [rows["status"], count(self.metrics["num_robots"], "robot"), rows["planner"]]
-        parts += [rows[key] for key in ("policy", "execution time") if key in rows]
-        return f"<{self._summary.title}: {', '.join(parts)}>"
+        m, result = self.metrics, self.result
+        parts = [self.status.replace("_", " "), count(m["num_robots"], "robot"), result["scenario"]["planner"]["name"], result["policy"]]
+        parts.append(seconds(m.get("execution_time_s")))
+        return f"<Run {result['scenario']['name']}: {', '.join(part for part in parts if part)}>"
 
     def __str__(self) -> str:
         return self._summary.text

@@ -33,7 +33,7 @@ def test_run_has_metrics_and_says_how_it_ended(run):
     assert run.status == "completed" and run.executed and run.folder is None
     assert run.metrics["goals_reached"] == 3 and run.metrics["execution_time_s"] > 0
     assert repr(run) == f"<Run office_3: completed, 3 robots, cbs, adg, {run.metrics['execution_time_s']:.1f} s>"
-    assert "goals reached     3 of 3" in str(run) and "<table>" in run._repr_html_()
+    assert "3 of 3, policy adg" in str(run) and "<table>" in run._repr_html_()
 
 
 def test_run_in_memory_is_the_run_in_its_folder(run, tmp_path):

@@ -1,0 +1,63 @@
+"""A run in a few lines, of what its `result.json` says: for the command line and for notebooks."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from mrp_sumo.io.summary import Summary, seconds, summary
+
+NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
+
+
+def run_summary(result: Mapping[str, Any]) -> Summary:
+    """How a run ended, what was planned and what was driven.
+
+    Parameters
+    ----------
+    result
+        As in `result.json`; metrics that it does not have are left out.
+    """
+    return summary(result["scenario"]["name"], ((name, ", ".join(part for part in parts if part)) for name, *parts in _rows(result)))
+
+
+def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    scenario, m = result["scenario"], defaultdict[str, Any](lambda: None, result["metrics"])
+    yield "status", result["status"].replace("_", " "), result.get("note", "")
+    yield "map", f"{scenario['map']['file']}, {m['num_robots']} robots, seed {result['seed']}"
+    yield "planner", scenario["planner"]["name"], NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
+    yield "planning time", seconds(m["planning_time_s"]), _given("assignment", seconds(m["assignment_time_s"]))
+    yield "makespan", seconds(m["makespan_s"]), _count(m["makespan_steps"], "cells (paper's count)")
+    yield (
+        "cost",
+        _count(m["soc_steps"], "steps (sum of costs)"),
+        _count(m["cost_steps"], "cells (paper's count)"),
+        _count(m["lower_bound_steps"] or None, "steps lower bound"),  # 0: the planner proves nothing
+    )
+    if result.get("policy"):
+        yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}"
+        yield "execution time", seconds(m["execution_time_s"]), "timed out" if m["execution_timed_out"] else ""
+        yield (
+            "minimum distance",
+            _metres(m["min_distance_m"]),
+            _given("clearance", _metres(m["min_clearance_m"])),
+            _count(m["num_overlaps"], "overlaps"),
+        )
+        yield "blocked time", seconds(m["blocked_s"]), _given("MRP-Bench's count", seconds(m["time_blocked_total_s"]))
+        yield "lateness", _given("mean", _lateness(m["lateness_mean_s"])), _given("maximum", _lateness(m["lateness_max_s"]))
+        yield "real-time factor", _count(m["real_time_factor"]), _count(m["robot_seconds_per_cpu_second"], "robot-seconds a CPU-second")
+
+
+def _given(name: str, value: str) -> str:
+    return f"{name} {value}" if value else ""
+
+
+def _lateness(value: float | None) -> str:
+    return "" if value is None else f"{seconds(abs(value))} {'early' if value < 0 else 'late'}"
+
+
+def _metres(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f} m"
+
+
+def _count(value: float | None, unit: str = "") -> str:
+    return "" if value is None else f"{value:.0f} {unit}".rstrip()

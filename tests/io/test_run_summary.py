@@ -1,0 +1,36 @@
+"""A run in a few lines."""
+
+from mrp_sumo.io.run_summary import run_summary
+
+RESULT = {
+    "status": "time_limit",
+    "note": "",
+    "policy": "adg",
+    "seed": 7,
+    "scenario": {"name": "lane", "map": {"file": "lane.map"}, "planner": {"name": "pibt"}},
+    "metrics": {
+        **{"num_robots": 2, "plan_success": True, "plan_valid": False, "planning_time_s": 0.0125, "lower_bound_steps": 0},
+        **{"soc_steps": 14, "goals_reached": 1, "execution_time_s": 30.0, "execution_timed_out": True, "lateness_mean_s": -0.6},
+    },
+}
+
+
+def test_run_is_told_in_order_without_what_is_not_known():
+    assert run_summary(RESULT).rows == (
+        ("status", "time limit"),
+        ("map", "lane.map, 2 robots, seed 7"),
+        ("planner", "pibt, plan has conflicts"),
+        ("planning time", "12.5 ms"),
+        ("cost", "14 steps (sum of costs)"),
+        ("goals reached", "1 of 2, policy adg"),
+        ("execution time", "30.0 s, timed out"),
+        ("lateness", "mean 0.6 s early"),
+    )
+
+
+def test_run_without_a_plan_says_so():
+    metrics = {"num_robots": 2, "plan_success": False}
+    told = run_summary({**RESULT, "status": "planning_timed_out", "note": "no time", "policy": None, "metrics": metrics})
+    assert (
+        told.rows[0] == ("status", "planning timed out, no time") and told.rows[2] == ("planner", "pibt, no plan") and len(told.rows) == 3
+    )
