@@ -241,6 +241,7 @@ def job_of(batch: Batch, run: PlannedRun, wall_s: float | None = None, memory_mb
         "key": run.key,
         "scenario": run.scenario,
         "repeat": run.repeat,
+        "plug_ins": run.plug_ins,
         "until": batch.file.suite.until,
         "folder": str(batch.file.folder),
         "wall_s": wall_s or limits.wall_s or generous,

@@ -1,16 +1,19 @@
-"""What makes a run the same run: its scenario, the files it reads, and the code that runs it.
+"""What makes a run the same run: its scenario, the files it reads, the plug-ins it names, and the code that runs it.
 
-Keys are the same on every machine: paths are told as the suite tells them, files by their content.
+Keys are the same on every machine: paths are as the suite has them, files count by their content.
 """
 
 import hashlib
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import PackageNotFoundError, entry_points, version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
 import mrp_sumo
+from mrp_sumo.io.scenario import Scenario, plug_ins_of
+from mrp_sumo.plugins.registry import find
+from mrp_sumo.plugins.source import digest
 
 _ROOT = Path(mrp_sumo.__file__).resolve().parent
 # what decides about results; the command line and reports do not
@@ -45,9 +48,9 @@ def scenario_key(canonical: str, until: str, repeat: int) -> str:
     return _digest(f"{until} {repeat} {canonical}".encode())
 
 
-def run_key(scenario: str, inputs: str, code: str) -> str:
-    """Name of a run: of its scenario key, the hash of its input files, and the version of the code."""
-    return _digest(f"{scenario} {inputs} {code}".encode())
+def run_key(scenario: str, inputs: str, plug_ins: str, code: str) -> str:
+    """Name of a run: of its scenario key, the hashes of its input files and plug-ins, and the version of the code."""
+    return _digest(f"{scenario} {inputs} {plug_ins} {code}".encode())
 
 
 def input_hash(paths: Iterable[Path]) -> str:
@@ -55,12 +58,35 @@ def input_hash(paths: Iterable[Path]) -> str:
     return _digest(b"".join(hashlib.sha256(path.read_bytes()).digest() for path in paths))
 
 
+def plug_in_hash(scenario: Scenario, folder: Path) -> str:
+    """Hash of the sources of the plug-ins from outside that a scenario names, '' where it names none.
+
+    Parameters
+    ----------
+    scenario
+        Whose plug-ins.
+    folder
+        Where relative paths begin.
+
+    Raises
+    ------
+    ScenarioError
+        For a plug-in that is not there.
+    """
+    found = []
+    for place, kind, name in plug_ins_of(scenario):
+        source = find(kind, name, folder)
+        if not source.ours:
+            found.append(f"{'.'.join(map(str, place))} {digest(source)}")
+    return _digest("\n".join(found).encode()) if found else ""
+
+
 @cache
 def code_version() -> str:
     """Version of the code that decides about results: `0.1.0+1a2b3c4d`.
 
-    The second part hashes the sources, the bundled planners, and the versions of SUMO, OR-Tools and of
-    the packages that bring planners.
+    The second part hashes the sources, the bundled planners, and the versions of SUMO and OR-Tools. Plug-ins from outside
+    are not part of it but of the runs that use them.
     """
     sources = [_ROOT / name for name in _FILES]
     sources += [path for floor in _FLOORS for path in (_ROOT / floor).rglob("*.py")]
@@ -69,8 +95,6 @@ def code_version() -> str:
         sources += Path(folder).rglob("*.py")
     parts = [f"{path.parent.name}/{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in sources]
     parts += [f"{name} {library_versions()[name]}" for name in _LIBRARIES]
-    plug_ins = (*entry_points(group="mrp_sumo.planners"), *entry_points(group="mrp_sumo.policies"))
-    parts += [f"{e.dist.name} {e.dist.version}" for e in plug_ins if e.dist]
     return f"{mrp_sumo.__version__}+{_digest(chr(10).join(sorted(parts)).encode())[:8]}"
 
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
-from mrp_sumo.experiments.identity import input_hash, run_key, scenario_key
+from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, plug_ins_of, read_scenario, rename, unknown_key
@@ -86,10 +86,11 @@ class SuiteFile:
 class PlannedRun:
     """A run of a suite. Its scenario stays JSON: there may be many."""
 
-    key: str  # of scenario, inputs and code
+    key: str  # of scenario, inputs, plug-ins and code
     scenario_key: str  # of the scenario alone: equal in other versions of the code
     scenario: str  # JSON, the same for the same scenario
     repeat: int
+    plug_ins: str  # hash of the sources of its plug-ins from outside
 
 
 def find_suite(name_or_path: str) -> Path:
@@ -172,7 +173,7 @@ def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
             canonical = scenario.model_dump_json()
             if excluded(canonical):
                 continue
-            read = inputs(scenario, canonical)
+            read, plug_ins = inputs(scenario, canonical)
         except MrpSumoError as error:
             raise ScenarioError(*_faults_of_axes(file) or str(error).splitlines()) from None
         for repeat in range(file.suite.repeat):
@@ -180,7 +181,7 @@ def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
             if shared in seen:  # two values that mean the same
                 continue
             seen.add(shared)
-            runs.append(PlannedRun(run_key(shared, read, code), shared, canonical, repeat))
+            runs.append(PlannedRun(run_key(shared, read, plug_ins, code), shared, canonical, repeat, plug_ins))
     excluded.require_used()
     if not runs:
         raise ScenarioError(f"{file.document.at(('exclude',))}: nothing is left to run")
@@ -314,14 +315,17 @@ class _Exclusions:
 
 
 class _Inputs:
-    """Hash of the files that a scenario reads. What a scenario names is checked on the way, once for all with the same names."""
+    """Hashes of the files that a scenario reads, and of its plug-ins.
+
+    What a scenario names is checked on the way, once for all with the same names.
+    """
 
     def __init__(self, file: SuiteFile) -> None:
         self._file = file
-        self._of_scenario: dict[str, str] = {}  # by JSON from the map on: what comes before is the seed
-        self._of_names: dict[tuple[str, ...], str] = {}
+        self._of_scenario: dict[str, tuple[str, str]] = {}  # by JSON from the map on: what comes before is the seed
+        self._of_names: dict[tuple[str, ...], tuple[str, str]] = {}
 
-    def __call__(self, scenario: Scenario, canonical: str) -> str:
+    def __call__(self, scenario: Scenario, canonical: str) -> tuple[str, str]:
         rest = canonical[canonical.index('"map":') :]
         if rest not in self._of_scenario:
             names = _names(scenario)
@@ -330,7 +334,7 @@ class _Inputs:
             self._of_scenario[rest] = self._of_names[names]
         return self._of_scenario[rest]
 
-    def _read(self, scenario: Scenario) -> str:
+    def _read(self, scenario: Scenario) -> tuple[str, str]:
         from mrp_sumo.experiments.set_up import choices
         from mrp_sumo.maps.load import files_of
 
@@ -344,7 +348,7 @@ class _Inputs:
             bundled = bundled_folder("robots") / f"{name}.yaml"
             paths.append(bundled if bundled.is_file() else self._file.folder / name)
         try:
-            return input_hash(paths)
+            return input_hash(paths), plug_in_hash(scenario, self._file.folder)
         except OSError as error:
             raise ScenarioError(f"{error.filename}: cannot be read: {error.strerror}") from None
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError
+from mrp_sumo.experiments.identity import plug_in_hash
 from mrp_sumo.experiments.map_cache import MapCache
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ def measure(job: Job, maps: MapCache) -> Answer:
         if job["until"] == "map":
             return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, maps)}
         outcome = carry_out(file, maps, execute=job["until"] == "execution")
+        if plug_in_hash(file.scenario, file.folder) != job["plug_ins"]:  # its result would stand under the key of the source before
+            return failure(BAD_INPUT, "a plug-in was edited while the batch ran; start the batch again")
     except MrpSumoError as error:
         lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
         return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines))

@@ -136,10 +136,15 @@ def _registered(kind: str) -> Mapping[str, Source]:
     tables = [entry for group in TABLES for entry in entry_points(group=group)]
     for entry in sorted(tables, key=lambda e: (e.name != BUNDLED, e.name)):
         for name, place in _table(entry).get(kind, {}).items():
-            found.setdefault(name, source_in_module(name, place, ours=entry.name == BUNDLED and entry.value.startswith("planners:")))
+            ours = entry.name == BUNDLED and entry.value.startswith("planners:")
+            found.setdefault(name, source_in_module(name, place, ours=ours, package=_package(entry)))
     for entry in sorted(entry_points(group=SINGLE.get(kind, "")), key=lambda e: e.name):
-        found.setdefault(entry.name, source_in_module(entry.name, entry.value, ours=False))
+        found.setdefault(entry.name, source_in_module(entry.name, entry.value, ours=False, package=_package(entry)))
     return found
+
+
+def _package(entry: EntryPoint) -> str:
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else ""
 
 
 @cache

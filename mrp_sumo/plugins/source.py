@@ -34,11 +34,7 @@ class Source:
     attribute: str
     path: Path | None  # of the module or file; None where the module cannot be found
     ours: bool
-
-    @property
-    def folder(self) -> Path | None:
-        """The folder of its file, or of its top-level package: what is there is its own."""
-        return self.path and _top(self.path)
+    package: str = ""  # name and version of the installed package that brings it
 
 
 def definition(source: Source) -> str:
@@ -90,10 +86,10 @@ def source_in_file(name: str, beside: Path) -> Source:
     return Source(name, "", place[1], path, ours=False)
 
 
-def source_in_module(name: str, place: str, *, ours: bool) -> Source:
+def source_in_module(name: str, place: str, *, ours: bool, package: str = "") -> Source:
     """The source of 'module:attribute' of an installed package."""
     module, _, attribute = place.partition(":")
-    return Source(name, module, attribute, _module_path(module), ours)
+    return Source(name, module, attribute, _module_path(module), ours, package)
 
 
 def load(source: Source) -> Any:
@@ -153,12 +149,12 @@ def digest(source: Source) -> str:
     The same on every machine. Nothing is executed: imports are read from the text, wherever they stand in it.
     """
     if source.path is None:
-        return ""
+        return hashlib.sha256(f"{source.package} {source.module}:{source.attribute}".encode()).hexdigest()
     root = _top(source.path)
     parts = [
         f"{path.relative_to(root).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in sorted(_closure(source.path))
     ]
-    return hashlib.sha256("\n".join([source.attribute, *parts]).encode()).hexdigest()
+    return hashlib.sha256("\n".join([source.package, source.attribute, *parts]).encode()).hexdigest()
 
 
 def _file_module(source: Source) -> ModuleType:
