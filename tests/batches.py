@@ -1,5 +1,6 @@
 """Batches of fake runs, for tests of what makes and keeps them."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ DRIVER = Path(__file__).with_name("drive_batch.py")
 
 @pytest.fixture(autouse=True)
 def workers_find_fake_runs(monkeypatch, tmp_path):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
     monkeypatch.setenv("FAKE_NOTES", str(tmp_path))
     monkeypatch.setattr(batches, "code_version", lambda: "1")  # whatever is edited meanwhile
 
