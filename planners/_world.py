@@ -4,14 +4,14 @@ Refuses time limits that are not positive numbers.
 """
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from time import perf_counter
 
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -209,9 +209,7 @@ def small_problem() -> Problem:
     """Two robots that change places beside a siding: enough to compile every kernel."""
     lanes = [(0, 1), (1, 0), (1, 2), (2, 1), (1, 3), (3, 1)]
     nav = nav_graph(name="siding", xy=[[0, 0], [1, 0], [2, 0], [1, 1]], lanes=lanes)
-    graph = PlanGraph(
-        **{f.name: getattr(nav, f.name) for f in fields(nav)}, kind="roadmap", cell_m=1.0, vertex_of_station=frozen(np.arange(4))
-    )
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
     fleet = fleet_of(RobotType("any", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2)
     return Problem(graph, fleet, np.array([0, 2]), np.array([2, 0]), np.array([0, 1]), 1.0)
 

@@ -8,7 +8,7 @@ from scipy.spatial.distance import pdist
 from mrp_sumo.bags.writer import write_recorded_bag
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.loop import simulate
@@ -33,7 +33,7 @@ def graph_of(xy, pairs, cell_m=CELL_M, one_way=()):
     """Two-way lanes between pairs, and one-way lanes."""
     lanes = [lane for a, b in pairs for lane in ((a, b), (b, a))] + list(one_way)
     nav = nav_graph(name="world", xy=xy, lanes=lanes)
-    return PlanGraph(**vars(nav), kind="roadmap", cell_m=cell_m, vertex_of_station=np.arange(nav.num_vertices))
+    return plan_graph(nav, kind="roadmap", cell_m=cell_m)
 
 
 def line(n, cell_m=CELL_M):
@@ -92,7 +92,7 @@ def record_of_four(seconds=12.0, costmap=True, absent=False):
     pairs = [(LENGTH * row + i, LENGTH * row + i + 1) for row in range(4) for i in range(LENGTH - 1)]
     names = ["dock <1>", *[""] * (len(xy) - 2), "Tür 9"]
     nav = nav_graph(name="four", xy=xy, lanes=pairs + [(b, a) for a, b in pairs], vertex_name=names)
-    graph = PlanGraph(**vars(nav), kind="grid", cell_m=1.0, vertex_of_station=np.arange(len(xy)))
+    graph = plan_graph(nav, kind="grid", cell_m=1.0)
     starts = [0, LENGTH, 2 * LENGTH, 3 * LENGTH]
     ends = [LENGTH - 1, 2 * LENGTH - 1, 3 * LENGTH - 1, 3 * LENGTH]
     plan = plan_of_paths([list(range(a, b + 1)) for a, b in zip(starts, ends)], 1.0)

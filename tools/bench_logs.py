@@ -19,7 +19,7 @@ import numpy as np
 from mrp_sumo.bags.writer import BagOptions, write_bag
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
@@ -38,7 +38,7 @@ def invented(num_robots: int, seconds: float) -> RunRecord:
     xy = (corner[:, None] + np.column_stack((np.arange(CELLS), np.zeros(CELLS)))).reshape(-1, 2) @ TURN
     tail = (np.arange(num_robots)[:, None] * CELLS + np.arange(CELLS - 1)).ravel()
     nav = nav_graph(name="corridors", xy=xy, lanes=np.concatenate((np.column_stack((tail, tail + 1)), np.column_stack((tail + 1, tail)))))
-    graph = PlanGraph(**vars(nav), kind="grid", cell_m=1.0, vertex_of_station=np.arange(len(xy)))
+    graph = plan_graph(nav, kind="grid", cell_m=1.0)
     steps = int(seconds)
     there = np.abs((np.arange(steps) + CELLS - 1) % (2 * CELLS - 2) - (CELLS - 1))
     plan = plan_of_paths([r * CELLS + there for r in range(num_robots)], 1.0)

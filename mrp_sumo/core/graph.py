@@ -5,7 +5,7 @@ length, two lanes from one vertex to the same other, coordinates that are not fi
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -144,14 +144,14 @@ class NavGraph:
 class PlanGraph(NavGraph):
     """A NavGraph whose lanes are one time step each: what planners plan on and SUMO drives on.
 
-    Made from a NavGraph by `maps.discretise` (cut lanes, or the paper's grid); a grid map is one as it is.
+    Made by `plan_graph`: of a nav graph whose lanes were cut, of the paper's grid, of a grid map as it is.
     """
 
     kind: str  # 'roadmap' or 'grid'
     cell_m: float  # length of a step, about (roadmap) or exactly (grid)
     vertex_of_station: IntArray  # [Vnav] the vertex here for each vertex of the nav graph
-    nav_lane: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [V] lane of the nav graph a cut lies on, -1 elsewhere
-    offset_m: FloatArray = field(default_factory=lambda: np.zeros(0))  # [V] distance from that lane's tail
+    nav_lane: IntArray  # [V] lane of the nav graph a cut lies on, -1 elsewhere
+    offset_m: FloatArray  # [V] distance from that lane's tail
 
 
 def nav_graph(
@@ -232,6 +232,39 @@ def nav_graph(
         lane_options=tuple(lane_options[i] for i in order) if lane_options else (NO_OPTIONS,) * num_lanes,
         source_lane=frozen(order.astype(np.int64)),
         source=source,
+    )
+
+
+def plan_graph(
+    graph: NavGraph,
+    *,
+    kind: str,
+    cell_m: float,
+    vertex_of_station: Any = None,
+    nav_lane: Any = None,
+    offset_m: Any = None,
+) -> PlanGraph:
+    """A graph whose lanes are single steps, as a PlanGraph.
+
+    Parameters
+    ----------
+    graph
+        V vertices, lanes of one step each.
+    kind, cell_m
+        See `PlanGraph`.
+    vertex_of_station
+        [Vnav] the vertex for each vertex of the nav graph; by default the nav graph's vertices are the first, in order.
+    nav_lane, offset_m
+        [V] where cuts lie on the nav graph's lanes; by default there are none.
+    """
+    num_vertices = graph.num_vertices
+    return PlanGraph(
+        **{field.name: getattr(graph, field.name) for field in fields(NavGraph)},
+        kind=kind,
+        cell_m=cell_m,
+        vertex_of_station=frozen(np.asarray(np.arange(num_vertices) if vertex_of_station is None else vertex_of_station, np.int64)),
+        nav_lane=frozen(np.asarray(np.full(num_vertices, -1) if nav_lane is None else nav_lane, np.int64)),
+        offset_m=frozen(np.asarray(np.zeros(num_vertices) if offset_m is None else offset_m, np.float64)),
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrp_sumo.core.fleet import some_of
-from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.errors import PlanError
@@ -78,6 +78,11 @@ def _with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
         lane_options=[graph.lane_options[lane] for lane in lanes.tolist()],
         source=graph.source,
     )
-    fields = {name: getattr(nav, name) for name in NavGraph.__dataclass_fields__}
-    own = {name: getattr(graph, name) for name in PlanGraph.__dataclass_fields__ if name not in fields}
-    return PlanGraph(**fields, **own)
+    return plan_graph(
+        nav,
+        kind=graph.kind,
+        cell_m=graph.cell_m,
+        vertex_of_station=graph.vertex_of_station,
+        nav_lane=graph.nav_lane,
+        offset_m=graph.offset_m,
+    )

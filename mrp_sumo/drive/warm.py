@@ -3,7 +3,7 @@
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.controller import Controller
@@ -27,7 +27,7 @@ class Standstill:
 def prepare() -> None:
     """Let the controller look at one robot on one lane, twice."""
     nav = nav_graph(name="lane", xy=[(0, 0), (1, 0)], lanes=[(0, 1), (1, 0)])
-    graph = PlanGraph(**vars(nav), kind="roadmap", cell_m=1.0, vertex_of_station=frozen(np.arange(2)))
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
     fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 1)
     problem = Problem(graph, fleet, np.array([0]), np.array([1]), np.array([0]), 1.0)
     plan, policy, settings = plan_of_paths([[0, 1]], 1.0), policy_of("adg"), ExecutionSettings()

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph
+from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MapError, PlanError, nearest
 from mrp_sumo.formats.peers import Cells, cells_of
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.readers.movingai import is_grid, occupancy, read_problem_set
-from mrp_sumo.maps.roadmap import plan_graph
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 from mrp_sumo.traffic.draw import uniform_draw
 

@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -53,12 +53,7 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
     if found != SCHEMA_VERSION:
         raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
-    graph = PlanGraph(
-        **vars(_graph(plan)),
-        kind=plan["kind"],
-        cell_m=plan["cell_m"],
-        vertex_of_station=frozen(np.array(plan["vertex_of_station"], np.int64)),
-    )
+    graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
     arrays = {key: frozen(np.array(fleet[key], np.float64)) for key in FLEET_ARRAYS}
     return graph, Fleet(tuple(fleet["robot_name"]), **arrays), _graph(nav) if nav else None
 

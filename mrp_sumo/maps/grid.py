@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph
+from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.roadmap import check_cell, plan_graph
+from mrp_sumo.maps.roadmap import check_cell
 
 MAX_CELLS = 20_000_000
 MAX_FREE = 2_000_000  # vertices of a grid; cells along the lanes of a nav graph, both ways counted

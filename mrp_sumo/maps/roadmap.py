@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
 
 MAX_VERTICES = 2_000_000
@@ -96,27 +96,6 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
         vertex_of_station=_stations(nav),
         nav_lane=np.concatenate([np.full(num_vertices, -1), cut_lane]),
         offset_m=np.concatenate([np.zeros(num_vertices), share * nav.length_m[cut_lane]]),
-    )
-
-
-def plan_graph(
-    graph: NavGraph,
-    *,
-    kind: str,
-    cell_m: float,
-    vertex_of_station: np.ndarray,
-    nav_lane: np.ndarray | None = None,
-    offset_m: np.ndarray | None = None,
-) -> PlanGraph:
-    """A graph whose lanes are single steps, as a PlanGraph."""
-    fields = {name: getattr(graph, name) for name in NavGraph.__dataclass_fields__}
-    return PlanGraph(
-        **fields,
-        kind=kind,
-        cell_m=cell_m,
-        vertex_of_station=frozen(np.asarray(vertex_of_station, np.int64)),
-        nav_lane=frozen(np.full(graph.num_vertices, -1, np.int64) if nav_lane is None else nav_lane.astype(np.int64)),
-        offset_m=frozen(np.zeros(graph.num_vertices) if offset_m is None else offset_m),
     )
 
 

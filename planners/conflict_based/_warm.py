@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, frozen, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.solvable import unsolvable
@@ -31,7 +31,6 @@ def _swap_at_a_bay() -> Problem:
     edges = [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)]
     xy = np.array([(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (2, 1)], np.float64)
     nav = nav_graph(name="bay", xy=xy, lanes=[*edges, *((b, a) for a, b in edges)])
-    fields = {name: getattr(nav, name) for name in nav.__dataclass_fields__}
-    graph = PlanGraph(**fields, kind="grid", cell_m=1.0, vertex_of_station=frozen(np.arange(6)))
+    graph = plan_graph(nav, kind="grid", cell_m=1.0)
     fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2)
     return Problem(graph=graph, fleet=fleet, start=np.array([0, 4]), goal=np.array([4, 0]), goal_of=np.arange(2), step_s=1.0)

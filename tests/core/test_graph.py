@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.errors import MapError
 
 SQUARE = [(0, 0), (2, 0), (2, 1), (0, 1)]
@@ -66,3 +66,10 @@ def test_arrays_cannot_be_written():
 def test_flawed_graph_is_refused(xy, lanes, words):
     with pytest.raises(MapError, match=words):
         nav_graph(name="t", xy=xy, lanes=lanes)
+
+
+def test_plan_graph_is_made_of_a_graph_whose_lanes_were_looked_up():
+    nav = nav_graph(name="lane", xy=[(0, 0), (1, 0)], lanes=[(0, 1), (1, 0)])
+    assert nav.first.tolist() == [0, 1, 2]
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
+    assert (graph.head is nav.head, graph.vertex_of_station.tolist(), graph.nav_lane.tolist()) == (True, [0, 1], [-1, -1])

@@ -5,7 +5,7 @@ import pytest
 
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError, PlanError
@@ -50,7 +50,7 @@ def test_plan_of_no_robots_is_empty():
 )
 def test_impossible_problem_is_refused(start, goal, goal_of, words):
     nav = nav_graph(name="t", xy=[(i, 0) for i in range(3)], lanes=[(0, 1), (1, 2)], vertex_name=["dock", "", ""])
-    graph = PlanGraph(**vars(nav), kind="roadmap", cell_m=1.0, vertex_of_station=np.arange(3))
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
     with pytest.raises(PlanError, match=words):
         Problem(graph, fleet_of(ROBOT, 2), np.array(start), np.array(goal), np.array(goal_of), 1.0)
 

@@ -5,7 +5,7 @@ import pytest
 
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.metrics.audit import audit
@@ -51,7 +51,7 @@ def corridors():
     xy = [(x, y) for y in (0.0, 1.0) for x in range(6)]
     pairs = [(6 * row + i, 6 * row + i + 1) for row in range(2) for i in range(5)]
     nav = nav_graph(name="two", xy=xy, lanes=pairs + [(b, a) for a, b in pairs])
-    graph = PlanGraph(**vars(nav), kind="grid", cell_m=1.0, vertex_of_station=np.arange(12))
+    graph = plan_graph(nav, kind="grid", cell_m=1.0)
     start, goal = np.array([0, 6]), np.array([5, 11])
     return Problem(graph=graph, fleet=fleet_of(CART, 2), start=start, goal=goal, goal_of=np.array([0, 1]), step_s=1.0)
 

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.roadmap import plan_graph
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge

@@ -1,21 +1,19 @@
 """Draws: MRP-Bench's own is repeated to the vertex; ours only pairs places that reach each other."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 import yaml
 from golden import INSTANCES, MRP_BENCH
 
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
 
 
-def plan_graph(lanes, num_vertices, stations=None):
+def drawn_graph(lanes, num_vertices, stations=None):
     nav = nav_graph(name="t", xy=np.column_stack((np.arange(num_vertices), np.zeros(num_vertices))), lanes=lanes)
     station = np.arange(num_vertices) if stations is None else np.array(stations)
-    return PlanGraph(**{f.name: getattr(nav, f.name) for f in fields(nav)}, kind="roadmap", cell_m=1.0, vertex_of_station=station)
+    return plan_graph(nav, kind="roadmap", cell_m=1.0, vertex_of_station=station)
 
 
 @pytest.mark.parametrize("name", ["office", "warehouse"])
@@ -34,7 +32,7 @@ def test_mrp_bench_draw_repeats_its_instances(name):
 
 def test_uniform_draw_is_distinct_and_repeats_itself():
     ring = [(i, (i + 1) % 10) for i in range(10)]
-    graph = plan_graph(ring, 10)
+    graph = drawn_graph(ring, 10)
     start, goal = uniform_draw(graph, 10, seed=4)
     assert sorted(start) == sorted(goal) == list(range(10))
     assert (start != goal).any()
@@ -44,14 +42,14 @@ def test_uniform_draw_is_distinct_and_repeats_itself():
 
 def test_uniform_draw_stays_where_one_way_lanes_lead_back():
     # 0 <-> 1 <-> 2 and then a one-way street 2 -> 3 -> 4 from which nobody returns
-    graph = plan_graph([(0, 1), (1, 0), (1, 2), (2, 1), (2, 3), (3, 4)], 5)
+    graph = drawn_graph([(0, 1), (1, 0), (1, 2), (2, 1), (2, 3), (3, 4)], 5)
     for seed in range(10):
         start, goal = uniform_draw(graph, 3, seed)
         assert set(start) | set(goal) <= {0, 1, 2}
 
 
 def test_uniform_draw_uses_stations_only():
-    graph = plan_graph([(i, j) for i in range(5) for j in (i - 1, i + 1) if 0 <= j < 5], 5, stations=[0, 4, 4])
+    graph = drawn_graph([(i, j) for i in range(5) for j in (i - 1, i + 1) if 0 <= j < 5], 5, stations=[0, 4, 4])
     start, goal = uniform_draw(graph, 2, 0)
     assert set(start) == set(goal) == {0, 4}
 
@@ -60,4 +58,4 @@ def test_too_many_robots_are_refused():
     with pytest.raises(PlanError, match="cannot draw 6 robots: there are 5 vertices"):
         mrp_bench_draw(5, 6, 0)
     with pytest.raises(PlanError, match="cannot draw 3 robots: there are 2 stations"):
-        uniform_draw(plan_graph([(0, 1), (1, 0)], 2), 3, 0)
+        uniform_draw(drawn_graph([(0, 1), (1, 0)], 2), 3, 0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.referee import describe, judge
@@ -18,7 +18,7 @@ def world(starts, goals, width=4, height=3):
     xy = [(x, y) for y in range(height) for x in range(width)]
     lanes = [(i, j) for i, (x, y) in enumerate(xy) for j, (u, v) in enumerate(xy) if abs(x - u) + abs(y - v) == 1]
     nav = nav_graph(name="grid", xy=xy, lanes=lanes)
-    graph = PlanGraph(**vars(nav), kind="grid", cell_m=1.0, vertex_of_station=np.arange(len(xy)))
+    graph = plan_graph(nav, kind="grid", cell_m=1.0)
     return Problem(graph, fleet_of(ROBOT, len(starts)), np.array(starts), np.array(goals), np.arange(len(starts)), STEP_S)
 
 

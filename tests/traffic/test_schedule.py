@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -18,7 +18,7 @@ def world(xy, pairs, paths):
     """A problem on two-way lanes and the plan of these paths, a second a step."""
     lanes = [lane for a, b in pairs for lane in ((a, b), (b, a))]
     nav = nav_graph(name="world", xy=xy, lanes=lanes)
-    graph = PlanGraph(**vars(nav), kind="roadmap", cell_m=1.0, vertex_of_station=np.arange(nav.num_vertices))
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
     start, goal = (np.array([p[k] for p in paths]) for k in (0, -1))
     problem = Problem(graph, fleet_of(ROBOT, len(paths)), start, goal, np.arange(len(paths)), 1.0)
     return problem, plan_of_paths(paths, 1.0)
