@@ -1,10 +1,11 @@
 """Kernel of independent planning: down the distance table, lowest lane first."""
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 
-@njit(cache=True)
+@kernel
 def shortest_path(first, head, distance, start):
     """Vertices of a shortest path by a [V] table of steps to its end."""
     path = np.empty(distance[start] + 1, np.int64)

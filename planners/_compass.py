@@ -8,19 +8,20 @@ shortest path from such a vertex leaves the region. A robot that comes to the re
 """
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 UNKNOWN = 3
 SLACK_STEPS = 10
 
 
-@njit(cache=True)
+@kernel
 def read_code(code, robot, v):
     """Distance modulo 3, or UNKNOWN."""
     return np.int64((code[robot, v >> 2] >> (2 * (v & 3))) & 3)
 
 
-@njit(cache=True)
+@kernel
 def extend(first, head, goal, robot, at, code, queue, bound):
     """Search again for a robot at vertex `at`, with four times the room each time until it and its neighbours are known.
 
@@ -56,7 +57,7 @@ def extend(first, head, goal, robot, at, code, queue, bound):
         slack = slack * 4 if slack < num_vertices else 4 * num_vertices
 
 
-@njit(cache=True)
+@kernel
 def _search(first, head, goal, robot, at, code, queue, bound, slack):
     """One breadth-first search in the region of `slack`; (steps from `at` or -1, whether the region was everything)."""
     row = code[robot]
@@ -92,7 +93,7 @@ def _search(first, head, goal, robot, at, code, queue, bound, slack):
     return found, whole
 
 
-@njit(cache=True)
+@kernel
 def extend_all(first, head, goal, at, begin, end, code, queue, bound, steps):
     """`extend` for robots begin to end - 1, with their steps to the goal in `steps`."""
     for robot in range(begin, end):

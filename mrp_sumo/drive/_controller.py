@@ -5,15 +5,15 @@ needs no more than its deceleration.
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.drive._causes import DISTURBED, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
 from mrp_sumo.drive._observe import observe
+from mrp_sumo.search._kernel import kernel
 
 SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
 
-@njit(cache=True)
+@kernel
 def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditions, routed, log, news):
     """All between two steps of the engine: observe, grant, command.
 
@@ -46,7 +46,7 @@ def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditi
     return num_logged, num_changed, num_due
 
 
-@njit(cache=True)
+@kernel
 def grant(now, kinematics, rules, visits, needs, state, closed):
     """Let robots claim their next visits, as many as they can and may."""
     # arrays are taken out of their tuples once: numba counts references each time
@@ -123,7 +123,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
             allowed[r] = at[k]
 
 
-@njit(cache=True)
+@kernel
 def order_of_asking(ordered, asked_s):
     """Robots in the order in which they may claim: any, or those first who have asked longest."""
     if ordered:
@@ -133,7 +133,7 @@ def order_of_asking(ordered, asked_s):
     return np.concatenate((asking[np.argsort(asked_s[asking], kind="mergesort")], others))
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def who_is_before(robot, begin, end, ordered, resource, turn, passage, passing, holder):
     """The robot that holds one of the needs `begin` to `end`, or is to pass there first; -1: none."""
     missing = -1
@@ -148,7 +148,7 @@ def who_is_before(robot, begin, end, ordered, resource, turn, passage, passing, 
     return missing
 
 
-@njit(cache=True)
+@kernel
 def command(now, dt, kinematics, rules, visits, state, conditions, changed):
     """The robots' speeds for the next step. Returns how many changed; `changed` tells which."""
     s_m, decel, top = state.motion.s_m, kinematics.decel_mps2, kinematics.speed_mps
@@ -175,7 +175,7 @@ def command(now, dt, kinematics, rules, visits, state, conditions, changed):
     return count
 
 
-@njit(cache=True)
+@kernel
 def stop_speed(free_m, decel_mps2, dt):
     """The highest speed for the next step that still allows a stop within `free_m` at `decel_mps2`.
 
@@ -188,7 +188,7 @@ def stop_speed(free_m, decel_mps2, dt):
     return n * b + (free_m - b * dt * n * (n + 1.0) / 2.0) / ((n + 1.0) * dt)
 
 
-@njit(cache=True)
+@kernel
 def waiting_cycles(other, since_s):
     """[R] number of the wait-for cycle each robot is in, 0: none. One cause a robot, so a walk suffices."""
     num_robots = len(other)

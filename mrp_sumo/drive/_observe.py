@@ -4,7 +4,6 @@ Each stage is a pass over all robots and writes arrays of one owner.
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.drive._causes import (
     ARRIVED_AT_GOAL,
@@ -25,11 +24,12 @@ from mrp_sumo.drive._causes import (
     WAITED,
     YIELDING,
 )
+from mrp_sumo.search._kernel import kernel
 
 AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 
 
-@njit(cache=True)
+@kernel
 def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
     """Book the step that ended at `now`; robots have driven `s_m` [R] in all. Returns the number of entries in the log."""
     move(dt, s_m, kinematics, visits, state.motion)
@@ -42,7 +42,7 @@ def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
     return count
 
 
-@njit(cache=True)
+@kernel
 def move(dt, s_m, kinematics, visits, motion):
     """Speeds, and turns in place towards the lane that comes next."""
     was, moved, speed, yaw, turning = motion.s_m, motion.moved_m, motion.speed_mps, motion.yaw_rad, motion.turning
@@ -62,7 +62,7 @@ def move(dt, s_m, kinematics, visits, motion):
                 yaw[r] += most if away > 0 else -most
 
 
-@njit(cache=True)
+@kernel
 def book(dt, visits, state):
     """What each robot's step was spent on."""
     moved, turning, cause, commanded = state.motion.moved_m, state.motion.turning, state.grants.cause, state.grants.command_mps
@@ -91,7 +91,7 @@ def book(dt, visits, state):
         category[r] = kind
 
 
-@njit(cache=True)
+@kernel
 def watch_progress(now, dt, s_m, rules, visits, waits, log, count):
     """Blocked is who made no progress by a cell within the window, but for waits that the plan or a disturbance asks for."""
     category, mark_m, mark_s, stuck = waits.category, waits.mark_m, waits.mark_s, waits.stuck
@@ -111,7 +111,7 @@ def watch_progress(now, dt, s_m, rules, visits, waits, log, count):
     return count
 
 
-@njit(cache=True)
+@kernel
 def watch_waits(now, dt, rules, grants, waits, log, count):
     """Waits begin and end where their cause, the robot waited for or the place changes."""
     waiting, since, cause, other, where = waits.waiting, waits.since_s, waits.cause, waits.other, waits.where
@@ -131,7 +131,7 @@ def watch_waits(now, dt, rules, grants, waits, log, count):
     return count
 
 
-@njit(cache=True)
+@kernel
 def arrive(now, dt, s_m, rules, visits, state, log, count):
     """Departures, arrivals, and who has come to stand where its tasks end."""
     was, moved, turned_back, claims = state.motion.s_m, state.motion.moved_m, state.grants.turned_back, state.grants.claims
@@ -159,7 +159,7 @@ def arrive(now, dt, s_m, rules, visits, state, log, count):
     return count
 
 
-@njit(cache=True)
+@kernel
 def release(s_m, visits, needs, grants):
     """Free what robots have left; the turn at a resource passes on when a passage ends."""
     following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank
@@ -188,7 +188,7 @@ def release(s_m, visits, needs, grants):
                 oldest[r] = k
 
 
-@njit(cache=True)
+@kernel
 def note(log, count, kind, robot, cause, visit, other, begin_s, end_s):
     """Add an entry to the log; returns how many there are."""
     log.kind[count] = kind

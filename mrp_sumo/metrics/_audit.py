@@ -6,7 +6,8 @@ aside, or halved, until nothing in it can matter.
 """
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 TOUCH_M = 1e-6  # rectangles that share less than this are not called overlapping
 CLOSE_ENOUGH_M = 1e-4  # the least clearance between samples is found to this
@@ -18,7 +19,7 @@ JUMP_SLACK_M = 1e-3
 TURN_SLACK_RAD = 1e-6
 
 
-@njit(cache=True)
+@kernel
 def rectangle_distance(dx, dy, yaw_a, yaw_b, long_a, wide_a, long_b, wide_b):
     """Distance of two rectangles, b's centre at (dx, dy) of a's; where they overlap, minus the depth they share.
 
@@ -45,13 +46,13 @@ def rectangle_distance(dx, dy, yaw_a, yaw_b, long_a, wide_a, long_b, wide_b):
     return np.sqrt(least)
 
 
-@njit(cache=True)
+@kernel
 def short_way(turn):
     """The angle between -pi and pi."""
     return (turn + np.pi) % (2.0 * np.pi) - np.pi
 
 
-@njit(cache=True)
+@kernel
 def closeness(x, y, yaw, level, radius, half_length, half_width):
     """How near footprints come in T samples of R robots.
 
@@ -140,7 +141,7 @@ def closeness(x, y, yaw, level, radius, half_length, half_width):
     return best, where, hits[:num_hits]
 
 
-@njit(cache=True)
+@kernel
 def _bound(x, y, yaw, level, radius, half_length, half_width, where):
     """The least distance at the first sample with two robots on a floor, which bounds that of the whole run. Sets `where`."""
     num_samples, num_robots = x.shape
@@ -162,7 +163,7 @@ def _bound(x, y, yaw, level, radius, half_length, half_width, where):
     return best
 
 
-@njit(cache=True)
+@kernel
 def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, known, stack, found):
     """Two robots in one interval: `found` becomes the least distance (as far as it is below `best`), when, and when
     an overlap is seen first (-1: not, or it is known).
@@ -225,7 +226,7 @@ def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, know
         depth += 2
 
 
-@njit(cache=True)
+@kernel
 def over_limits(t, x, y, yaw, speed, max_speed, accel, decel, turn_rate, first):
     """[6] how many samples of each kind are over the limits; the first of each go to `first` [6, F, 4]: sample, robot,
     value, limit.
@@ -258,7 +259,7 @@ def over_limits(t, x, y, yaw, speed, max_speed, accel, decel, turn_rate, first):
     return count
 
 
-@njit(cache=True)
+@kernel
 def _note(count, first, kind, k, r, value, limit):
     if count[kind] < first.shape[1]:
         row = first[kind, count[kind]]

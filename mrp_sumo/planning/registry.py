@@ -11,7 +11,6 @@ from mrp_sumo.planning.outside import OutsideAssigner, OutsidePlanner
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins import registry
 from mrp_sumo.plugins.parameters import parameters_of
-from mrp_sumo.search.kernel_cache import drop_stale_kernels
 
 
 def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Planner:
@@ -35,7 +34,6 @@ def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None
     source = registry.find("planners", name, beside)
     if not source.ours:
         return OutsidePlanner(source, parameters)
-    drop_stale_kernels()
     return cast(Planner, registry.make("planners", name, parameters))
 
 

@@ -5,8 +5,8 @@ choose between conflicts, its priority and the constraints to split on: rows A0.
 """
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import steps_known, visitor
 from mrp_sumo.search._records import COST, PATH0, place
 
@@ -19,7 +19,7 @@ FOLLOW = 3  # ONE is at AT at STEP, OTHER is there one step later
 UNKNOWN = -1  # a priority not yet looked at
 
 
-@njit(cache=True)
+@kernel
 def _add(found, count, i, j, kind, tail, at, step):
     if count == len(found):
         longer = np.empty((2 * count, WIDTH), np.int32)
@@ -31,7 +31,7 @@ def _add(found, count, i, j, kind, tail, at, step):
     return found
 
 
-@njit(cache=True)
+@kernel
 def conflicts_of(world, store, occupancy, robot, record, old):
     """The conflicts of a robot on a new record with all installed others, after those of `old` that are not its own.
 

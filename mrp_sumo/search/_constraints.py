@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import (
     EDGE,
     FOREVER,
@@ -51,7 +51,7 @@ class Scratch(NamedTuple):
     limit: np.ndarray  # [4] int64
 
 
-@njit(cache=True)
+@kernel
 def load(world, store, scratch, record):
     """Lay out the constraints of a record's chain.
 
@@ -111,13 +111,13 @@ def load(world, store, scratch, record):
     return OK if earliest <= latest else NO_PATH
 
 
-@njit(cache=True)
+@kernel
 def elsewhere(must, stamp, step, vertex):
     """Whether the robot must be at another vertex at this step."""
     return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != vertex
 
 
-@njit(cache=True)
+@kernel
 def barred(rule, rule_at, u, v, step):
     """Whether a rule of a touched vertex v forbids to come from u at this step."""
     k = rule_at[v]
@@ -128,7 +128,7 @@ def barred(rule, rule_at, u, v, step):
     return False
 
 
-@njit(cache=True)
+@kernel
 def forbidden(scratch, u, v, step):
     """Whether the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
     stamp = scratch.number[STAMP]

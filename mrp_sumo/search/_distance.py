@@ -1,12 +1,13 @@
 """Kernels that planners share: the graph as arrays, lanes into a vertex, breadth-first distance tables."""
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 UNREACHABLE = 1 << 30  # distance of a vertex the goal cannot be reached from: larger than any, and two of them still fit int32
 
 
-@njit(cache=True)
+@kernel
 def reversed_lanes(first, head):
     """The lanes that enter each vertex.
 
@@ -36,7 +37,7 @@ def reversed_lanes(first, head):
     return first_in, tail_in
 
 
-@njit(cache=True)
+@kernel
 def steps_to(goal, first_in, tail_in, distance, queue):
     """Fill `distance` [V] int32 with the steps from each vertex to `goal`; `queue` [V] is scratch."""
     distance[:] = UNREACHABLE
@@ -55,7 +56,7 @@ def steps_to(goal, first_in, tail_in, distance, queue):
                 end += 1
 
 
-@njit(cache=True)
+@kernel
 def steps_to_all(goals, first_in, tail_in):
     """[G, V] int32 steps from each vertex to each goal."""
     num_vertices = len(first_in) - 1

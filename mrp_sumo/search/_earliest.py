@@ -5,7 +5,6 @@ constraints cut a vertex's time into intervals; of two arrivals in one interval 
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._constraints import (
     ALIKE,
@@ -28,10 +27,11 @@ from mrp_sumo.search._constraints import (
     forbidden,
 )
 from mrp_sumo.search._distance import UNREACHABLE
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATCH_FULL
 
 
-@njit(cache=True)
+@kernel
 def _free_until(rule, k, must, stamp, last_must, v, step):
     """The last step until which a robot that is at v, whose first rule is k, can stay there."""
     until = np.int64(FOREVER)
@@ -45,7 +45,7 @@ def _free_until(rule, k, must, stamp, last_must, v, step):
     return until
 
 
-@njit(cache=True)
+@kernel
 def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
     """(when v, whose first rule is given, can be entered from u, not before `step`; the first step of its interval then)."""
     begin = np.int64(0)
@@ -71,7 +71,7 @@ def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
     return step, begin
 
 
-@njit(cache=True)
+@kernel
 def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
     """The least cost under the constraints laid out.
 

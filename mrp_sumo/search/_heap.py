@@ -1,9 +1,9 @@
 """A binary heap of int64 keys in a flat array: the smallest key on top. The caller keeps the count."""
 
-from numba import njit
+from mrp_sumo.search._kernel import kernel
 
 
-@njit(cache=True)
+@kernel
 def push(heap, count, key):
     """Add a key to the first `count`; the array has room for one more."""
     k = count
@@ -16,7 +16,7 @@ def push(heap, count, key):
     heap[k] = key
 
 
-@njit(cache=True)
+@kernel
 def pop(heap, count):
     """Take the smallest of `count` keys away and return it."""
     top = heap[0]

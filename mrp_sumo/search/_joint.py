@@ -1,10 +1,11 @@
 """Kernel of the search of all joint states: whether a few robots on a small graph can reach their goals at all."""
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 
-@njit(cache=True)
+@kernel
 def can_reach(first, head, start, goal, following):
     """Whether robots can go from their starts to their goals without a conflict.
 

@@ -4,9 +4,9 @@ Source: Sharon, Stern, Goldenberg, Felner, "The increasing cost tree search", AI
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._constraints import EARLIEST, LAST_MUST, MARK, STAMP, forbidden, load
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import (
     BOUND,
     COST,
@@ -29,7 +29,7 @@ TOO_LARGE = -2  # in MDD0: more members than are worth building
 MOST_MEMBERS = 20_000
 
 
-@njit(cache=True)
+@kernel
 def _levels(world, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
@@ -100,7 +100,7 @@ def _levels(world, scratch, start, goal, distance, cost):
     return total
 
 
-@njit(cache=True)
+@kernel
 def mdd_of(world, store, scratch, record):
     """See that a record has its MDD: `MDD0` is where its levels begin, or TOO_LARGE.
 
@@ -148,13 +148,13 @@ def mdd_of(world, store, scratch, record):
     return OK
 
 
-@njit(cache=True)
+@kernel
 def mdd_cost(store, record):
     """The cost of the record's MDD."""
     return store.meta[store.meta[record, ORIGIN], BOUND]
 
 
-@njit(cache=True)
+@kernel
 def only(store, record, step):
     """The vertex of a level with one member, else -1; the last level's after the end."""
     mdd = store.meta[record, MDD0]
@@ -166,7 +166,7 @@ def only(store, record, step):
     return np.int64(-1)
 
 
-@njit(cache=True)
+@kernel
 def contains(store, record, step, vertex):
     """Whether a vertex is in a level."""
     k = store.meta[record, MDD0] + step
@@ -176,7 +176,7 @@ def contains(store, record, step, vertex):
     return found
 
 
-@njit(cache=True)
+@kernel
 def raises_cost(world, store, scratch, record, row0, row1):
     """Whether these constraints cut through all paths of the record's MDD. Unknown, told as False, when it is too large."""
     mdd = store.meta[record, MDD0]

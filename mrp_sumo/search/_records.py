@@ -7,7 +7,8 @@ its parent. Room is fixed; who appends is told when it does not suffice.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 FOREVER = 1 << 30
 OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what kernels return
@@ -47,13 +48,13 @@ class Store(NamedTuple):
     used: np.ndarray  # [5] int64
 
 
-@njit(cache=True)
+@kernel
 def place(store, record, step):
     """The vertex of a record's robot at a step."""
     return np.int64(store.path[store.meta[record, PATH0] + min(step, store.meta[record, COST])])
 
 
-@njit(cache=True)
+@kernel
 def add_row(store, kind, vertex, tail, from_step, to_step):
     """Append a constraint; False when there is no room."""
     k = store.used[ROWS]
@@ -68,7 +69,7 @@ def add_row(store, kind, vertex, tail, from_step, to_step):
     return True
 
 
-@njit(cache=True)
+@kernel
 def add_record(store, parent, robot, row0, row1):
     """Append a record without path; -1 when there is no room."""
     k = store.used[RECORDS]

@@ -8,10 +8,10 @@ earlier is as good as the later, so the search has a state an interval, not a st
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._heap import pop, push
+from mrp_sumo.search._kernel import kernel
 
 FOREVER = 1 << 40
 FOUND, NO_PATH, FULL = 0, 1, 2
@@ -57,7 +57,7 @@ def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, Search]:
     return intervals, scratch
 
 
-@njit(cache=True)
+@kernel
 def reset(num_vertices, intervals):
     """Free every vertex for ever."""
     for v in range(num_vertices):
@@ -69,7 +69,7 @@ def reset(num_vertices, intervals):
     intervals.count[0] = num_vertices
 
 
-@njit(cache=True)
+@kernel
 def _occupy(intervals, v, begin, end, went_to):
     """Take steps begin..end of v away; the robot then goes to `went_to`. Empty intervals stay in the list, begin > end."""
     k = v
@@ -88,7 +88,7 @@ def _occupy(intervals, v, begin, end, went_to):
     intervals.span[k, 1] = begin - 1
 
 
-@njit(cache=True)
+@kernel
 def reserve(intervals, path, length):
     """Take the vertices of a path away, the last one for ever; False when there is no room."""
     if intervals.count[0] + length > len(intervals.after):
@@ -102,7 +102,7 @@ def reserve(intervals, path, length):
     return True
 
 
-@njit(cache=True)
+@kernel
 def find_path(first, head, distance, start, goal, following, intervals, scratch, path):
     """The earliest way to the goal, to stay.
 

@@ -8,7 +8,6 @@ breaks ties by conflicts. Constraints forbid (hard), other robots' paths are dis
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._constraints import (
     BEFORE,
@@ -28,6 +27,7 @@ from mrp_sumo.search._constraints import (
     load,
 )
 from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, next_visit, uninstall
 from mrp_sumo.search._records import (
     BOUND,
@@ -51,7 +51,7 @@ MOST_DISTURBED = 255  # beyond, paths are not told apart by whom they disturb
 WAITING, EXPANDED, FINISH = 0, 1, 2
 
 
-@njit(cache=True)
+@kernel
 def _visits_at_goal(occupancy, goal, begin, later):
     """Fill `later` with the visits of others at the goal from each step on, from `begin`; the last step with one, -1 for none."""
     words, num_robots = len(occupancy.busy) // len(occupancy.since), len(occupancy.record)
@@ -74,7 +74,7 @@ def _visits_at_goal(occupancy, goal, begin, later):
     return last
 
 
-@njit(cache=True)
+@kernel
 def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
 
@@ -242,7 +242,7 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
     return code, end
 
 
-@njit(cache=True)
+@kernel
 def replan(world, store, occupancy, scratch, record, w, lower, patience, budget):
     """Find the path of a record under its constraints, and write it to the store.
 

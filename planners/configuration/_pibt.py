@@ -11,8 +11,8 @@ refused, a robot that wants an occupied vertex pushes who is on it, as ever, but
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN, extend, read_code
 
 
@@ -49,7 +49,7 @@ class Scratch(NamedTuple):
     key: np.ndarray  # [D + 1] what candidates are sorted by
 
 
-@njit(cache=True)
+@kernel
 def nearer(world, robot, u, v):
     """Steps to the goal of `robot` from u less those from v. u and v are neighbours or the same."""
     if not world.packed:
@@ -61,7 +61,7 @@ def nearer(world, robot, u, v):
     return np.int64(d if d < 2 else -1)
 
 
-@njit(cache=True)
+@kernel
 def _drawn(world, robot, u, v):
     """Whether a robot would rather be on u than on v. They are neighbours or the same."""
     if world.guided:
@@ -69,7 +69,7 @@ def _drawn(world, robot, u, v):
     return nearer(world, robot, u, v) < 0
 
 
-@njit(cache=True)
+@kernel
 def _refused(world, scratch, here, to, i, u):
     """Whether i may not go to u, given who has chosen already: taken, a swap, following or a ring."""
     if scratch.next[u] >= 0 and scratch.next[u] != i:
@@ -92,7 +92,7 @@ def _refused(world, scratch, here, to, i, u):
     return False
 
 
-@njit(cache=True)
+@kernel
 def step(world, scratch, here, to, order, hindrance, rng):
     """Choose every robot's next vertex.
 
@@ -147,7 +147,7 @@ def step(world, scratch, here, to, order, hindrance, rng):
     return fine
 
 
-@njit(cache=True)
+@kernel
 def _inherit(world, scratch, here, to, root, hindrance, rng):
     """Give `root`, and whoever it pushes, a next vertex. False when it cannot even stay."""
     depth = 0
@@ -200,7 +200,7 @@ def _inherit(world, scratch, here, to, root, hindrance, rng):
     return moved
 
 
-@njit(cache=True)
+@kernel
 def _prefer(world, scratch, here, to, i, hindrance, rng):
     """List the robot's candidates from the nearest to its goal down, or up when it has to make way for a swap."""
     v = here[i]
@@ -237,7 +237,7 @@ def _prefer(world, scratch, here, to, i, hindrance, rng):
                 scratch.candidate[i, num - 1 - k] = u
 
 
-@njit(cache=True)
+@kernel
 def _num_wanting(world, scratch, i, u):
     """How many other robots are drawn to u."""
     num = 0
@@ -249,7 +249,7 @@ def _num_wanting(world, scratch, i, u):
     return num
 
 
-@njit(cache=True)
+@kernel
 def _swap_partner(world, scratch, here, to, i):
     """The robot with which i has to change places, and can, in a corridor; -1 if there is none."""
     v, best = here[i], scratch.candidate[i, 0]
@@ -268,7 +268,7 @@ def _swap_partner(world, scratch, here, to, i):
     return -1
 
 
-@njit(cache=True)
+@kernel
 def _must_swap(world, scratch, pusher, puller, at, ahead):
     """Walk the corridor that the pusher wants to push the puller through: do both want the other's side?"""
     steps = 0
@@ -286,7 +286,7 @@ def _must_swap(world, scratch, pusher, puller, at, ahead):
     return _drawn(world, puller, at, ahead) and (pusher_there or _drawn(world, pusher, ahead, at))
 
 
-@njit(cache=True)
+@kernel
 def _can_swap(world, scratch, begin, at):
     """Walk the other way: is there a fork at which one of the two can step aside?"""
     before, here = begin, at
@@ -302,7 +302,7 @@ def _can_swap(world, scratch, begin, at):
     return False
 
 
-@njit(cache=True)
+@kernel
 def _ways_on(world, scratch, before, at):
     """How many ways lead on from `at` but back to `before` and into a dead end whose robot is at home, and the last of them."""
     num, onward = 0, np.int64(-1)
@@ -318,7 +318,7 @@ def _ways_on(world, scratch, before, at):
     return num, onward
 
 
-@njit(cache=True)
+@kernel
 def run(world, scratch, path, begin, end, order, base_order, hindrance, rng):
     """PIBT over time: fill rows begin + 1 to end of `path` [T, R], or up to where all are at their goals.
 
@@ -337,7 +337,7 @@ def run(world, scratch, path, begin, end, order, base_order, hindrance, rng):
     return end, False
 
 
-@njit(cache=True)
+@kernel
 def reorder(world, here, order, base_order, out):
     """Priorities after a step: elapsed time since a robot was last at its goal. `out` may be `order`."""
     k = 0

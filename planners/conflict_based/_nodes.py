@@ -1,15 +1,15 @@
 """Kernel of a constraint tree's step: one robot replanned under more constraints, and whom it is in conflict with then."""
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._conflicts import conflicts_of
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import install_all
 from mrp_sumo.search._records import MDD0, OK, ORIGIN, RECORDS, STORE_FULL, add_record
 from mrp_sumo.search._space_time import replan
 
 
-@njit(cache=True)
+@kernel
 def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, patience, budget):
     """Replan a robot of a node with constraints on top of those it has.
 
@@ -41,7 +41,7 @@ def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, ro
     return OK, record, conflicts_of(world, store, occupancy, robot, record, conflicts)
 
 
-@njit(cache=True)
+@kernel
 def same_path(store, record, robot, path_of, like, row0, row1):
     """A record on the path of another one; -1 when there is no room.
 

@@ -5,10 +5,10 @@ search", IJCAI 2019 (WDG). The cost of a pair is found by a small conflict-based
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._conflicts import A0, A1, B0, B1, WIDTH, conflicts_of
 from mrp_sumo.search._heap import pop, push
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_of
 from mrp_sumo.search._occupancy import install_all
 from mrp_sumo.search._records import COST, MDD0, NO_PATH, OK, ROBOT, STORE_FULL, add_record
@@ -20,7 +20,7 @@ IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its con
 MOST_COVER_STEPS = 20_000
 
 
-@njit(cache=True)
+@kernel
 def pair_weight(world, store, occupancy, scratch, one, other, most_nodes, budget):
     """The least sum of costs of two robots without conflicts, minus that of their paths.
 
@@ -48,7 +48,7 @@ def pair_weight(world, store, occupancy, scratch, one, other, most_nodes, budget
     return code, weight
 
 
-@njit(cache=True)
+@kernel
 def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget):
     num_robots = len(world.start)
     i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]
@@ -114,7 +114,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
     return code, weight
 
 
-@njit(cache=True)
+@kernel
 def cover(weight):
     """The least sum of x >= 0 with x[i] + x[j] >= weight[i, j]: exact for small components, a lower bound for large ones.
 
@@ -147,7 +147,7 @@ def cover(weight):
     return total
 
 
-@njit(cache=True)
+@kernel
 def _cover_component(weight, member):
     """Depth first over the values of each robot, in the order of `member`; each value at least what earlier ones leave open."""
     size = len(member)

@@ -11,12 +11,12 @@ entered the rectangle where the reasoning needs it to.
 """
 
 import numpy as np
-from numba import njit
 
 from mrp_sumo.search._conflicts import A0, A1, AT, B0, B1, FOLLOW, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, TAIL, TARGET, UNKNOWN
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_cost, mdd_of, only, raises_cost
 from mrp_sumo.search._records import (
     COST,
@@ -39,7 +39,7 @@ MOST_CORNERS = 5  # levels of one member looked at for each corner of a rectangl
 CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
 
 
-@njit(cache=True)
+@kernel
 def choose(world, store, scratch, records, conflicts, symmetries):
     """Fill in the priorities and splits that are unknown, and choose.
 
@@ -80,7 +80,7 @@ def choose(world, store, scratch, records, conflicts, symmetries):
     return OK, chosen
 
 
-@njit(cache=True)
+@kernel
 def _split(world, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
     kind, at, step = row[KIND], row[AT], row[STEP]
@@ -130,7 +130,7 @@ def _split(world, store, scratch, one, other, row, symmetries):
     return OK
 
 
-@njit(cache=True)
+@kernel
 def _rank(world, store, scratch, one, other, row):
     """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
     rank = 0
@@ -141,7 +141,7 @@ def _rank(world, store, scratch, one, other, row):
     return rank
 
 
-@njit(cache=True)
+@kernel
 def _between(world, v, ends):
     """Whether v has exactly two neighbours, both ways; they are written to `ends`."""
     if world.first[v + 1] - world.first[v] != 2 or world.first_in[v + 1] - world.first_in[v] != 2:
@@ -151,7 +151,7 @@ def _between(world, v, ends):
     return world.head[a] == world.tail_in[b] and world.head[a + 1] == world.tail_in[b + 1]
 
 
-@njit(cache=True)
+@kernel
 def _corridor_of(world, store, one, other, row, corridor):
     """Find the corridor around a conflict of robots that go through it in opposite directions.
 
@@ -202,7 +202,7 @@ def _corridor_of(world, store, one, other, row, corridor):
     return True
 
 
-@njit(cache=True)
+@kernel
 def _first_at(store, record, vertex, step):
     """When the path is at a vertex, from a step on; -1 for never."""
     path0, cost = store.meta[record, PATH0], store.meta[record, COST]
@@ -212,7 +212,7 @@ def _first_at(store, record, vertex, step):
     return -1
 
 
-@njit(cache=True)
+@kernel
 def _steps_without(world, scratch, end, ban_u, ban_v):
     """Fill `scratch.reach` with the steps to `end` that do not use an edge."""
     reach, queue = scratch.reach, scratch.queue
@@ -231,7 +231,7 @@ def _steps_without(world, scratch, end, ban_u, ban_v):
                 count += 1
 
 
-@njit(cache=True)
+@kernel
 def _arrival(world, scratch, start, end, ban_u, ban_v):
     """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(world, scratch, end, ban_u, ban_v)
@@ -239,7 +239,7 @@ def _arrival(world, scratch, start, end, ban_u, ban_v):
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
-@njit(cache=True)
+@kernel
 def _split_corridor(world, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length = corridor[0], corridor[1], corridor[2]
@@ -278,7 +278,7 @@ def _split_corridor(world, store, scratch, one, other, row, corridor):
     return OK
 
 
-@njit(cache=True)
+@kernel
 def _corners(world, store, record, at, step, direction, corner):
     """Steps of MDD levels with one member from which (direction -1) or to which (+1) all paths run straight to the conflict.
 
@@ -299,7 +299,7 @@ def _corners(world, store, record, at, step, direction, corner):
     return count
 
 
-@njit(cache=True)
+@kernel
 def _ways(world, store, record, at, direction, step, ways):
     """The signs in which a corner at `step` lies from the conflict, in the sense of travel: ways[0] for columns, ways[1] for lines."""
     v = only(store, record, step)
@@ -307,7 +307,7 @@ def _ways(world, store, record, at, direction, step, ways):
     ways[1] = direction * np.sign(world.line[v] - world.line[at])
 
 
-@njit(cache=True)
+@kernel
 def _split_rectangle(world, store, one, other, row):
     """Barrier constraints of a rectangle around a meeting; NO_PATH when there is none."""
     at, step = row[AT], row[STEP]
@@ -347,7 +347,7 @@ def _split_rectangle(world, store, one, other, row):
     return NO_PATH
 
 
-@njit(cache=True)
+@kernel
 def _barriers(world, store, one, other, row, from_one, from_other, to_one, to_other, ways):
     """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
     at, step = row[AT], row[STEP]

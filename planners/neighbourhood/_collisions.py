@@ -1,12 +1,12 @@
 """Which pairs of robots are in collision, kept up to date while their paths change."""
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._traffic import closes_ring, holds, lane_between
 
 
-@njit(cache=True)
+@kernel
 def find_collisions(task, traffic, hood):
     """Fill `hit`; the number of pairs."""
     hood.hit[:] = False
@@ -17,7 +17,7 @@ def find_collisions(task, traffic, hood):
     return pairs
 
 
-@njit(cache=True)
+@kernel
 def collide(task, traffic, hood, robot):
     """Enter the pairs of a robot whose path is in the traffic; how many were not known.
 
@@ -48,7 +48,7 @@ def collide(task, traffic, hood, robot):
     return new
 
 
-@njit(cache=True)
+@kernel
 def _hit_holders(traffic, hood, robot, v, t):
     """Enter the pairs of a robot and all others that hold a vertex at a step."""
     new = 0
@@ -58,7 +58,7 @@ def _hit_holders(traffic, hood, robot, v, t):
     return new
 
 
-@njit(cache=True)
+@kernel
 def _hit(hood, robot, other):
     hood.hit[robot, other] = True
     hood.hit[other, robot] = True
@@ -67,7 +67,7 @@ def _hit(hood, robot, other):
     return 1
 
 
-@njit(cache=True)
+@kernel
 def forget(hood, robot):
     """Drop the pairs of a robot; how many there were."""
     num = hood.num_hits[robot]

@@ -6,8 +6,8 @@ in collision). Both choose among three kinds of neighbourhoods by how much each 
 """
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._collisions import collide, find_collisions, forget
 from planners.neighbourhood._neighbourhoods import (
     DECAY,
@@ -23,7 +23,7 @@ from planners.neighbourhood._sipps import plan_one
 from planners.neighbourhood._traffic import add_path, remove_path
 
 
-@njit(cache=True)
+@kernel
 def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
     """Try to make paths without collisions shorter.
 
@@ -88,7 +88,7 @@ def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
     return gained
 
 
-@njit(cache=True)
+@kernel
 def plan_all(task, traffic, labels, order, begin, end):
     """Plan robots order[begin:end] one after another, crossing others where it has to be. False when one has no path or room."""
     for k in range(begin, end):
@@ -103,7 +103,7 @@ def plan_all(task, traffic, labels, order, begin, end):
     return True
 
 
-@njit(cache=True)
+@kernel
 def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
     """Try to bring down the number of pairs in collision, `pairs`; what is left of it."""
     horizon = traffic.at.shape[1]
@@ -153,7 +153,7 @@ def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
     return pairs
 
 
-@njit(cache=True)
+@kernel
 def _take_out(task, traffic, hood, num, rng):
     """Save and remove the chosen robots' paths, and shuffle the robots."""
     for k in range(num):
@@ -166,7 +166,7 @@ def _take_out(task, traffic, hood, num, rng):
         traffic.end[robot] = -1  # its row of `at` is out of date until it is planned
 
 
-@njit(cache=True)
+@kernel
 def _put_back(task, traffic, hood, num, planned):
     """Undo: the first `planned` robots have new paths in the traffic, the others none."""
     for k in range(planned):

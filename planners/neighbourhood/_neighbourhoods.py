@@ -8,8 +8,8 @@ collision and those in their way).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._traffic import Task, holds
 
 DECAY = 0.01  # of a neighbourhood kind's record
@@ -28,7 +28,7 @@ class Neighbourhood(NamedTuple):
     num_hits: np.ndarray  # [R] int64 of each robot
 
 
-@njit(cache=True)
+@kernel
 def pick_kind(hood, rng):
     x = rng.random() * (hood.record[0] + hood.record[1] + hood.record[2])
     if x < hood.record[0]:
@@ -36,7 +36,7 @@ def pick_kind(hood, rng):
     return 1 if x < hood.record[0] + hood.record[1] else 2
 
 
-@njit(cache=True)
+@kernel
 def _choose(hood, num, robot):
     """Add a robot to the neighbourhood unless it is in it."""
     if hood.chosen[robot]:
@@ -46,7 +46,7 @@ def _choose(hood, num, robot):
     return num + 1
 
 
-@njit(cache=True)
+@kernel
 def fill_any(hood, num, size, rng):
     """Fill up with any robots."""
     num_robots = len(hood.chosen)
@@ -56,7 +56,7 @@ def fill_any(hood, num, size, rng):
     return num
 
 
-@njit(cache=True)
+@kernel
 def fill_by_hits(hood, num, size, rng):
     """Fill up with robots by the number of their collisions."""
     num_robots = len(hood.chosen)
@@ -75,7 +75,7 @@ def fill_by_hits(hood, num, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@njit(cache=True)
+@kernel
 def around_late(task, traffic, hood, size, rng):
     """A robot that is late, and those met on random walks that would bring it home earlier."""
     num_robots = len(task.goal)
@@ -95,7 +95,7 @@ def around_late(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@njit(cache=True)
+@kernel
 def _walk(task, traffic, hood, num, size, robot, before, rng):
     """Walk from a random step of a robot's path, so that it could still arrive `before`; choose whom it meets."""
     if traffic.end[robot] <= 0:
@@ -129,7 +129,7 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
     return num
 
 
-@njit(cache=True)
+@kernel
 def _choose_on(traffic, hood, num, size, v, t):
     """Choose the robots that hold a vertex at a step."""
     if traffic.num_on[v, t] == 1 and num < size:
@@ -141,7 +141,7 @@ def _choose_on(traffic, hood, num, size, v, t):
     return num
 
 
-@njit(cache=True)
+@kernel
 def around_place(task, traffic, hood, size, rng):
     """Robots that are about a place at about one time: around a random robot's position at a random step."""
     num_robots = len(traffic.at)
@@ -166,7 +166,7 @@ def around_place(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@njit(cache=True)
+@kernel
 def around_collision(task, traffic, hood, size, rng):
     """Robots of one component of the graph of collisions: all, and whom they meet on walks, or some on a random walk in it."""
     num_robots = len(task.goal)
@@ -191,7 +191,7 @@ def around_collision(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@njit(cache=True)
+@kernel
 def around_failure(task, traffic, hood, size, rng):
     """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
     num_robots = len(task.goal)

@@ -9,8 +9,8 @@ and the swaps and rings it makes, then by its length; or, when crossing is forbi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._traffic import closes_ring, run_end
 
 
@@ -31,7 +31,7 @@ class Labels(NamedTuple):
     stamp: np.ndarray  # [2] int64 number of searches, number of labels in all of them
 
 
-@njit(cache=True)
+@kernel
 def _first_crossing(traffic, along, rings, back, v, u, t, until):
     """The first arrival at u from v, not before `t`, that swaps with nobody and closes no ring; beyond `until`: none."""
     while t <= until and ((back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1) or (rings and closes_ring(traffic, v, u, t))):
@@ -39,7 +39,7 @@ def _first_crossing(traffic, along, rings, back, v, u, t, until):
     return t
 
 
-@njit(cache=True)
+@kernel
 def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 
@@ -73,7 +73,7 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, l
     return end
 
 
-@njit(cache=True)
+@kernel
 def _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
     """`plan_one` where nobody may be crossed: only arrivals count, so that a queue of lengths does for a heap.
 
@@ -134,7 +134,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
                 t = end + 1
 
 
-@njit(cache=True)
+@kernel
 def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
     """`plan_one` where others may be crossed."""
     busy, along, following = traffic.busy, traffic.along, traffic.following
@@ -203,7 +203,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
     return np.int64(-1), num_labels
 
 
-@njit(cache=True)
+@kernel
 def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_go):
     """Put a label in the queue unless a better one of its run was there before."""
     mark = labels.pushed[v, high]
@@ -222,7 +222,7 @@ def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_g
     return num_labels + 1, num_heap
 
 
-@njit(cache=True)
+@kernel
 def _write(labels, traffic, robot, x):
     """The path that ends in label x, and the stay at its end."""
     at = traffic.at[robot]
@@ -234,7 +234,7 @@ def _write(labels, traffic, robot, x):
         x = labels.parent[x]
 
 
-@njit(cache=True)
+@kernel
 def _push(labels, num, key, label):
     keys, heap = labels.heap_key, labels.heap_label
     k = num
@@ -248,7 +248,7 @@ def _push(labels, num, key, label):
     return num + 1
 
 
-@njit(cache=True)
+@kernel
 def _pop(labels, num):
     keys, heap = labels.heap_key, labels.heap_label
     num -= 1

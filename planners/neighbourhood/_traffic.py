@@ -7,7 +7,8 @@ near then hold one vertex at one step, and swaps and rings need no rules of thei
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from mrp_sumo.search._kernel import kernel
 
 WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
 _LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
@@ -40,7 +41,7 @@ class Traffic(NamedTuple):
     rotations: bool  # rings of robots may move at once
 
 
-@njit(cache=True)
+@kernel
 def run_end(bits, t):
     """(whether the bit at t is set, the last step of the run of equal bits around t)."""
     word = t >> 5
@@ -57,7 +58,7 @@ def run_end(bits, t):
     return bit == 1, (len(bits) << 5) - 1
 
 
-@njit(cache=True)
+@kernel
 def lane_between(first, head, u, v):
     """The lane from u to v, -1 where there is none."""
     for lane in range(first[u], first[u + 1]):
@@ -66,7 +67,7 @@ def lane_between(first, head, u, v):
     return np.int64(-1)
 
 
-@njit(cache=True)
+@kernel
 def add_path(first, head, traffic, robot):
     """Enter the robot's row of `at` in the rest of the traffic."""
     at, num_on, who, busy, following = traffic.at[robot], traffic.num_on, traffic.who, traffic.busy, traffic.following
@@ -88,7 +89,7 @@ def add_path(first, head, traffic, robot):
         before = v
 
 
-@njit(cache=True)
+@kernel
 def remove_path(first, head, traffic, robot):
     """Take the robot's path out of the traffic; its row of `at` stays."""
     at, following = traffic.at[robot], traffic.following
@@ -106,7 +107,7 @@ def remove_path(first, head, traffic, robot):
         before = v
 
 
-@njit(cache=True)
+@kernel
 def _let_go(traffic, robot, v, t):
     """The robot holds v no longer at t."""
     traffic.num_on[v, t] -= 1
@@ -120,7 +121,7 @@ def _let_go(traffic, robot, v, t):
                 break
 
 
-@njit(cache=True)
+@kernel
 def holds(traffic, robot, v, t):
     """Whether a robot with a path holds a vertex at a step."""
     if traffic.end[robot] < 0:
@@ -128,7 +129,7 @@ def holds(traffic, robot, v, t):
     return traffic.at[robot, t] == v or (traffic.following and t > 0 and traffic.at[robot, t - 1] == v)
 
 
-@njit(cache=True)
+@kernel
 def closes_ring(traffic, v, u, t):
     """Whether a move from v that arrives on u at step t completes a ring of robots that move at once."""
     w = u
@@ -145,7 +146,7 @@ def closes_ring(traffic, v, u, t):
     return False
 
 
-@njit(cache=True)
+@kernel
 def enter_all(task, traffic):
     """Put all paths of `at` into the empty traffic."""
     for robot in range(len(task.goal)):

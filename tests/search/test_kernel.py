@@ -1,0 +1,101 @@
+"""Compiled kernels follow the sources of all that they call."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mrp_sumo.search import _kernel
+
+CALLEE = "from mrp_sumo.search._kernel import kernel\nfrom planners._constants import THREE\n\n@kernel\ndef steps():\n    return THREE\n"
+CALLER = "from mrp_sumo.search._kernel import kernel\nfrom planners._callee import steps\n\n@kernel\ndef twice():\n    return 2 * steps()\n"
+CALL = "from planners._caller import twice; print(twice(), sum(twice.stats.cache_hits.values()))"
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """Makes a copy of the package with two kernels, one of which calls the other."""
+
+    def copy(name):
+        root = tmp_path / name
+        for folder in ("mrp_sumo/search", "planners"):
+            (root / folder).mkdir(parents=True)
+        for package in ("mrp_sumo", "mrp_sumo/search", "planners"):
+            (root / package / "__init__.py").touch()
+        (root / "mrp_sumo/search/_kernel.py").write_bytes(Path(_kernel.__file__).read_bytes())
+        (root / "planners/_constants.py").write_text("THREE = 3\n")
+        (root / "planners/_callee.py").write_text(CALLEE)
+        (root / "planners/_caller.py").write_text(CALLER)
+        return root
+
+    return copy
+
+
+def answer(root, cache):
+    """What the caller returns, and how often it was loaded instead of compiled."""
+    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache)}
+    done = subprocess.run([sys.executable, "-c", CALL], env=environment, cwd=root, capture_output=True, text=True, check=True)
+    return tuple(map(int, done.stdout.split()))
+
+
+@pytest.mark.parametrize(("file", "old", "new"), [("_callee.py", "return THREE", "return 5"), ("_constants.py", "= 3", "= 5")])
+def test_caller_is_compiled_again_after_its_callee_changed(copied, tmp_path, file, old, new):
+    root = copied("one")
+    assert [answer(root, tmp_path / "cache") for _ in range(2)] == [(6, 0), (6, 1)]
+    edited = root / "planners" / file
+    modified = edited.stat().st_mtime_ns
+    edited.write_text(edited.read_text().replace(old, new))
+    os.utime(edited, ns=(modified, modified))
+    assert answer(root, tmp_path / "cache") == (10, 0)
+
+
+def test_copies_of_the_same_sources_share_their_kernels(copied, tmp_path):
+    assert answer(copied("one"), tmp_path / "cache") == (6, 0)
+    assert answer(copied("other"), tmp_path / "cache") == (6, 1)
+
+
+def test_kernel_works_where_nothing_can_be_written(copied, tmp_path):
+    (tmp_path / "cache").write_text("a file, not a folder")
+    assert answer(copied("one"), tmp_path / "cache") == (6, 0)
+
+
+def test_folders_used_least_recently_are_dropped(tmp_path):
+    for k in range(_kernel.MOST_FOLDERS + 2):
+        (tmp_path / f"{k}").mkdir()
+        os.utime(tmp_path / f"{k}", (k, k))
+    _kernel._drop_least_used(tmp_path)
+    assert sorted(int(f.name) for f in tmp_path.iterdir()) == list(range(2, _kernel.MOST_FOLDERS + 2))
+
+
+def test_kernels_import_nothing_of_ours_but_what_the_state_covers():
+    """Kernels, or constants without any function."""
+    for file in [f for package in _kernel.PACKAGES for f in (_kernel.ROOT / package).rglob("_*.py") if "@kernel" in f.read_text()]:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in _kernel.PACKAGES:
+                source = _kernel.ROOT / (node.module.replace(".", "/") + ".py")
+                assert source.name.startswith("_"), (file, source)
+                assert "@kernel" in source.read_text() or "def " not in source.read_text(), (file, source)
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+def test_constants_as_arguments_make_no_further_copies():
+    from mrp_sumo.search._kernel import kernel
+
+    inner = kernel(_inner)
+    outer = kernel(_outer_of(inner))
+    assert outer(2) == 3 + 4 + 2
+    assert len(inner.signatures) == 1
+
+
+def _inner(x):
+    return x + 1
+
+
+def _outer_of(inner):
+    def outer(n):
+        return inner(2) + inner(3) + inner(n - 1)
+
+    return outer
