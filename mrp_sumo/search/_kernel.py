@@ -1,16 +1,17 @@
 """Kernels: functions that numba compiles when they are first called, and that are stored for all later processes.
 
-A compiled kernel contains the kernels that it calls, so it is good as long as none of their sources change. Kernels
-are therefore stored in a folder named by the hash of all kernel sources, of Python and of the compiler; the processor
-is part of numba's own key. The folder is in `NUMBA_CACHE_DIR` where that is set, else in the user's cache folder, so
-that all copies of the same sources share it. It may be deleted at any time.
+A compiled kernel contains the kernels that it calls, so it is good as long as none of their sources change. The kernels
+of a room are therefore stored in a folder named by the hash of all kernel sources that they may import, those of the room
+and of `search`, and of Python and the compiler; the processor is part of numba's own key. The folder is in
+`NUMBA_CACHE_DIR` where that is set, else in the user's cache folder, so that all copies of the same sources share it. It
+may be deleted at any time.
 """
 
 import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, partial
 from pathlib import Path
 from shutil import rmtree
@@ -23,8 +24,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("mrp_sumo", "planners")
-MOST_FOLDERS = 8  # of different sources that are kept; the least recently used go first
+SHARED = "mrp_sumo/search"  # kernels of all rooms may import from here
+MOST_FOLDERS = 8  # of different sources that are kept for a room; the least recently used go first
 
 
 def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never") -> Any:
@@ -44,7 +45,7 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never")
     compiled = numba.njit(inline=inline)(function)
     if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
         return compiled
-    if folder():
+    if folder(room_of(function.__module__)):
         compiled._cache = _KernelCache(function)
     compiled.get_call_template = partial(_template_without_constants, compiled.get_call_template)
     return compiled
@@ -54,48 +55,54 @@ def _template_without_constants(template_of, args, kws):
     return template_of([unliteral(a) for a in args], {key: unliteral(a) for key, a in kws.items()})
 
 
+def room_of(module: str) -> str:
+    """The folder whose kernels are stored together: a room of mrp_sumo, or `planners`."""
+    parts = module.split(".")
+    return "/".join(parts[:2]) if parts[0] == "mrp_sumo" else parts[0]
+
+
 @cache
-def folder() -> Path | None:
-    """Where kernels of these sources are stored; None where there is no folder to write to."""
+def folder(room: str) -> Path | None:
+    """Where kernels of a room are stored; None where there is no folder to write to."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     cache_home = os.environ.get("XDG_CACHE_HOME")
     homes = [Path(cache_home) if cache_home else Path.home() / ".cache", Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"]
     for home in [Path(chosen)] if chosen else homes:
-        found = home / "mrp-sumo" / "kernels" / state_of_sources(ROOT)
+        found = home / "mrp-sumo" / "kernels" / f"{room.replace('/', '.')}-{state_of_sources(ROOT, room)}"
         try:
             found.mkdir(parents=True, exist_ok=True, mode=0o700)
             if found.stat().st_uid != os.getuid():  # a stored kernel of somebody else's is a program of somebody else's
                 continue
             os.utime(found)
             tempfile.TemporaryFile(dir=found).close()
-            _drop_least_used(found.parent)
+            _drop_least_used(found.parent.glob(found.name.rpartition("-")[0] + "-*"))
         except OSError:
             continue
         return found
     return None
 
 
-def state_of_sources(root: Path) -> str:
-    """A hash of all that decides what compiled kernels do: their sources' text, Python and the compiler.
+def state_of_sources(root: Path, room: str) -> str:
+    """A hash of all that decides what the compiled kernels of a room do: their sources' text, Python and the compiler.
 
     Their sources are the files whose name begins with `_` and that define kernels, or constants only.
 
     Parameters
     ----------
-    root
-        The folder that the packages are in.
+    root, room
+        The folder that the packages are in; the room in it.
     """
     state = hashlib.sha256(f"{sys.version} {numba.__version__} {llvmlite.__version__}".encode())
-    for package in PACKAGES:
-        for file in sorted((root / package).rglob("_*.py")):
+    for folder in sorted({room, SHARED}):
+        for file in sorted((root / folder).rglob("_*.py")):
             text = file.read_bytes()
             if b"@kernel" in text or b"def " not in text:
                 state.update(file.relative_to(root).as_posix().encode() + b"\0" + text + b"\0")
     return state.hexdigest()[:20]
 
 
-def _drop_least_used(folders: Path) -> None:
-    used = sorted(folders.iterdir(), key=lambda f: f.stat().st_mtime, reverse=True)
+def _drop_least_used(folders: Iterable[Path]) -> None:
+    used = sorted(folders, key=lambda f: f.stat().st_mtime, reverse=True)
     for old in used[MOST_FOLDERS:]:
         rmtree(old, ignore_errors=True)
 
@@ -111,7 +118,7 @@ class _Locator(_CacheLocator):
         return cls(py_func)
 
     def get_cache_path(self) -> str:
-        return str(folder())
+        return str(folder(room_of(self._function.__module__)))
 
     def get_source_stamp(self) -> str:
         return ""  # the folder's name is the stamp

@@ -66,16 +66,19 @@ def test_folders_used_least_recently_are_dropped(tmp_path):
     for k in range(_kernel.MOST_FOLDERS + 2):
         (tmp_path / f"{k}").mkdir()
         os.utime(tmp_path / f"{k}", (k, k))
-    _kernel._drop_least_used(tmp_path)
+    _kernel._drop_least_used(tmp_path.iterdir())
     assert sorted(int(f.name) for f in tmp_path.iterdir()) == list(range(2, _kernel.MOST_FOLDERS + 2))
 
 
 def test_kernels_import_nothing_of_ours_but_what_the_state_covers():
-    """Kernels, or constants without any function."""
-    for file in [f for package in _kernel.PACKAGES for f in (_kernel.ROOT / package).rglob("_*.py") if "@kernel" in f.read_text()]:
+    """Kernels, or constants without any function, of the same room or of search."""
+    packages = ("mrp_sumo", "planners")
+    for file in [f for package in packages for f in (_kernel.ROOT / package).rglob("_*.py") if "@kernel" in f.read_text()]:
+        room = _kernel.room_of(".".join(file.relative_to(_kernel.ROOT).parts))
         for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in _kernel.PACKAGES:
+            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in packages:
                 source = _kernel.ROOT / (node.module.replace(".", "/") + ".py")
+                assert _kernel.room_of(node.module) in (room, "mrp_sumo/search"), (file, source)
                 assert source.name.startswith("_"), (file, source)
                 assert "@kernel" in source.read_text() or "def " not in source.read_text(), (file, source)
 
