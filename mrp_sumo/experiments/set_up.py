@@ -24,6 +24,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
+from mrp_sumo.maps.roadmap import cell_that_fits
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
@@ -64,8 +65,8 @@ def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
     cell_m = scenario.discretisation.cell_m
     map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
     graph = _with_mutex_groups(file, map_.nav, maps.graph(map_, scenario.discretisation))
-    _require_fit(file, graph, model)
-    start, goal = _places(file, map_.nav, graph)
+    _require_fit(file, map_.nav, graph, model)
+    start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
     fleet = fleet_of(model, len(start))
     for i, name in enumerate(scenario.record.robots):
         if name not in fleet.robot_name:
@@ -239,17 +240,27 @@ def _steps_of(nav: NavGraph, graph: PlanGraph, lanes: list[int]) -> list[int]:
     return found
 
 
-def _require_fit(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
-    fleet = fleet_of(model, 1)
-    shortest = float(graph.length_m.min(initial=np.inf))
-    if fleet.separation_m > shortest + 1e-9:
+def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: RobotType) -> None:
+    """Every step is at least as long as two robots' centres are apart."""
+    needed_m = fleet_of(model, 1).separation_m
+    shortest_m = float(graph.length_m.min(initial=np.inf))
+    if needed_m <= shortest_m + 1e-9:
+        return
+    what = f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
+    length_m = nav.length_m if graph.kind == "roadmap" else np.full(1, np.inf)
+    if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
+        lane = int(short[np.argmin(length_m[short])])
+        count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})
         raise ScenarioError(
-            f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {fleet.separation_m:.3f} m between centres, "
-            f"the shortest step of '{graph.name}' is {shortest:.3f} m (raise discretisation.cell_m)"
+            f"{what}lane '{nav.label(int(nav.tail[lane]))}' - '{nav.label(int(nav.head[lane]))}' of '{nav.name}' is {length_m[lane]:.3f} m "
+            + (f"and {count - 1} more are too short" if count > 1 else "long")
+            + "; no cell length makes a step longer than its lane: join the lane's ends in the map, or choose smaller robots"
         )
+    cell_m = cell_that_fits(length_m, needed_m)
+    raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
 
 
-def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArray, IntArray]:
+def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
     """Plan vertices of starts and goals, not assigned yet."""
     robots = file.scenario.robots
     if robots.starts is not None and robots.goals is not None:
@@ -268,7 +279,7 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[IntArr
     assert robots.count is not None
     where = ("robots", "count")
     if robots.draw == "uniform":
-        start, goal = _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed))
+        start, goal = _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed, separation_m))
         return start, goal
     start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, NavGraph, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
 
 MAX_VERTICES = 2_000_000
@@ -97,6 +97,23 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
         nav_lane=np.concatenate([np.full(num_vertices, -1), cut_lane]),
         offset_m=np.concatenate([np.zeros(num_vertices), share * nav.length_m[cut_lane]]),
     )
+
+
+def cell_that_fits(length_m: FloatArray, step_m: float) -> float:
+    """A cell length, in whole centimetres, with which no step of these lanes is shorter than `step_m`.
+
+    Parameters
+    ----------
+    length_m
+        [L] of the lanes, each at least `step_m`; infinite for one that is cut into cells exactly, as on a grid.
+    step_m
+        The least step.
+    """
+    finite = length_m[np.isfinite(length_m)]
+    centimetres = math.ceil(100 * step_m - 1e-7)
+    while len(finite) and (finite / np.maximum(np.rint(finite / (centimetres / 100)), 1) < step_m - 1e-9).any():
+        centimetres += 1
+    return centimetres / 100
 
 
 def check_cell(cell_m: float) -> None:

@@ -1,6 +1,6 @@
 """Starts and goals drawn from a seed: as MRP-Bench draws them, and uniformly.
 
-Refuses to draw more robots than there are vertices to stand on.
+Refuses to draw more robots than there are vertices to stand on, or may stand at once.
 """
 
 import random
@@ -9,7 +9,9 @@ import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import IntArray, PlanGraph
+from mrp_sumo.core.near import pairs_within
 from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.resources import resources_of
 
 STARTS, GOALS = 1, 2  # purposes of the streams of chance
 
@@ -43,10 +45,11 @@ def mrp_bench_draw(num_vertices: int, num_robots: int, seed: int) -> tuple[IntAr
     return np.array(start, np.int64), np.array(goal, np.int64)
 
 
-def uniform_draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[IntArray, IntArray]:
+def uniform_draw(graph: PlanGraph, num_robots: int, seed: int, separation_m: float = 0.0) -> tuple[IntArray, IntArray]:
     """Starts and goals uniformly among the stations of the strongly connected component with most of them.
 
-    Every drawn start reaches every drawn goal, along one-way lanes too.
+    Every drawn start reaches every drawn goal, along one-way lanes too. No two starts, and no two goals, are in one mutex group or
+    nearer to each other than the separation: a station that is, to one drawn before, is passed over.
 
     Parameters
     ----------
@@ -57,6 +60,8 @@ def uniform_draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[IntArray
         How many to draw.
     seed
         Of both streams.
+    separation_m
+        The least distance of two robots' centres.
 
     Returns
     -------
@@ -66,15 +71,49 @@ def uniform_draw(graph: PlanGraph, num_robots: int, seed: int) -> tuple[IntArray
     Raises
     ------
     PlanError
-        When the component has fewer stations than robots.
+        When the component has fewer stations than robots, or fewer that robots may stand on at once.
     """
     station = np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
     if len(station):
         piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
         station = station[piece == np.bincount(piece).argmax()]
     _enough(len(station), num_robots, "stations that reach each other")
-    start, goal = (np.random.default_rng([seed, purpose]).permutation(station)[:num_robots] for purpose in (STARTS, GOALS))
+    orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
+    shared = _shared(graph, station, separation_m)
+    start, goal = (_apart(order, shared, num_robots) for order in orders)
     return start.astype(np.int64), goal.astype(np.int64)
+
+
+def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[tuple[str, int]]]:
+    """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
+    shared: dict[int, set[tuple[str, int]]] = {}
+    if any(options.get("mutex") for options in (*graph.vertex_options, *graph.lane_options)):
+        found = resources_of(graph, separation_m)
+        for v in station.tolist():
+            zones = found.zones_of[found.zones_first[v] : found.zones_first[v + 1]]
+            if groups := {("group", int(g)) for g in zones[zones >= len(found.zone)]}:
+                shared[v] = groups
+    near = pairs_within(graph.xy[station], separation_m - 1e-9) if separation_m > 0 else np.zeros((0, 2), np.int64)
+    for pair, (a, b) in enumerate(station[near].tolist()):
+        if graph.level[a] == graph.level[b]:
+            for v in (a, b):
+                shared.setdefault(v, set()).add(("near", pair))
+    return shared
+
+
+def _apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], num_robots: int) -> IntArray:
+    """[R] the first stations in an order that share nothing."""
+    if not shared:
+        return order[:num_robots]
+    taken: set[tuple[str, int]] = set()
+    chosen: list[int] = []
+    for v in order.tolist():
+        own = shared.get(v, set())
+        if len(chosen) < num_robots and taken.isdisjoint(own):
+            taken |= own
+            chosen.append(v)
+    _enough(len(chosen), num_robots, "stations on which robots may stand at once, one for each mutex group and none too near to another")
+    return np.array(chosen, np.int64)
 
 
 def _enough(available: int, num_robots: int, what: str) -> None:

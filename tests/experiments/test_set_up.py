@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.drive.disturbances import Closure
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.io.scenario import read_scenario
@@ -62,3 +62,31 @@ def test_robot_types_of_the_documentation_are_there(tmp_path, name):
     from mrp_sumo.experiments.set_up import choices
 
     assert choices(read_scenario(path))[0].name == name
+
+
+SHORT = """building_name: hall
+levels:
+  L1:
+    lanes: [[0, 1, {is_bidirectional: true}], [1, 2, {is_bidirectional: true}]]
+    vertices: [[0, 0, {name: a}], [0.2, 0, {name: b}], [1.5, 0, {name: c}]]
+"""
+
+
+@pytest.mark.parametrize(
+    ("first_m", "cell_m", "told"),
+    [
+        (0.2, 0.5, "lane 'a' - 'b' of 'hall' is 0.200 m long; no cell length makes a step longer than its lane: join the lane's ends"),
+        (1.0, 0.2, "the shortest step of 'hall' is 0.200 m (discretisation.cell_m: 0.34 would do)"),
+    ],
+)
+def test_robot_too_large_for_a_step_names_the_lane_or_the_cell_length_that_would_do(tmp_path, first_m, cell_m, told):
+    (tmp_path / "hall.nav.yaml").write_text(SHORT.replace("[0.2, 0,", f"[{first_m}, 0,"))
+    path = tmp_path / "scenario.yaml"
+    path.write_text(f"map: hall.nav.yaml\ndiscretisation: {{kind: roadmap, cell_m: {cell_m}}}\nrobots: {{count: 1}}\n")
+    with MapCache() as maps, pytest.raises(ScenarioError) as error:
+        set_up(read_scenario(path), maps)
+    assert told in str(error.value)
+    if "would do" in told:
+        path.write_text(path.read_text().replace(f"cell_m: {cell_m}", f"cell_m: {told.split('cell_m: ')[1].split(' ')[0]}"))
+        with MapCache() as maps:
+            assert set_up(read_scenario(path), maps).problem.num_robots == 1

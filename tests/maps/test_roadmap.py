@@ -5,7 +5,7 @@ import pytest
 
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.roadmap import cut_lanes
+from mrp_sumo.maps.roadmap import cell_that_fits, cut_lanes
 
 
 def test_a_lane_and_its_reverse_share_their_cuts():
@@ -65,3 +65,13 @@ def test_a_plan_graph_comes_through_unchanged():
 def test_cells_of_no_length_are_refused(cell_m):
     with pytest.raises(MapError, match="expected at least"):
         cut_lanes(nav_graph(name="line", xy=[[0, 0], [1, 0]], lanes=[[0, 1]]), cell_m)
+
+
+@pytest.mark.parametrize("length_m", [[1.0], [0.34, 5.0], [0.9, 1.3, 2.2], [0.33, 0.66, 0.99]])
+def test_cell_that_fits_leaves_no_step_shorter_than_asked(length_m):
+    lanes, cell_m = np.array(length_m), cell_that_fits(np.array(length_m), 0.33)
+    assert (lanes / np.maximum(np.rint(lanes / cell_m), 1) >= 0.33 - 1e-9).all()
+
+
+def test_cell_of_a_grid_that_fits_is_the_next_centimetre():
+    assert cell_that_fits(np.array([np.inf]), 0.331) == 0.34

@@ -1,5 +1,7 @@
 """Draws: MRP-Bench's own is repeated to the vertex; ours only pairs places that reach each other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -59,3 +61,40 @@ def test_too_many_robots_are_refused():
         mrp_bench_draw(5, 6, 0)
     with pytest.raises(PlanError, match="cannot draw 3 robots: there are 2 stations"):
         uniform_draw(drawn_graph([(0, 1), (1, 0)], 2), 3, 0)
+
+
+def grouped(members, separation_m, xy=None):
+    """A ring of ten stations, some in the mutex group 'dock'."""
+    ring = [(i, (i + 1) % 10) for i in range(10)]
+    graph = drawn_graph([*ring, *[(b, a) for a, b in ring]], 10)
+    options = tuple({"mutex": "dock"} if v in members else {} for v in range(10))
+    graph = replace(graph, vertex_options=options, xy=graph.xy if xy is None else np.array(xy, np.float64))
+    return lambda num_robots, seed: uniform_draw(graph, num_robots, seed, separation_m)
+
+
+def test_at_most_one_robot_starts_and_one_ends_in_a_mutex_group():
+    draw = grouped({2, 3, 4, 5}, 0.1)
+    for seed in range(20):
+        for chosen in draw(6, seed):
+            assert len(set(chosen.tolist()) & {2, 3, 4, 5}) <= 1 and len(set(chosen.tolist())) == 6
+
+
+def test_draw_without_violation_is_the_same_as_without_groups():
+    free, docked = grouped(set(), 0.1), grouped({2, 3}, 0.1)
+    same = [seed for seed in range(40) if all(len({2, 3} & set(ends.tolist())) < 2 for ends in free(3, seed))]
+    assert same
+    for seed in same:
+        assert all((a == b).all() for a, b in zip(free(3, seed), docked(3, seed)))
+
+
+def test_no_two_robots_start_nearer_to_each_other_than_they_may_stand():
+    xy = [(float(i // 2), 0.2 * (i % 2)) for i in range(10)]  # five pairs of stations 0.2 m apart
+    draw = grouped(set(), 0.3, xy)
+    for seed in range(10):
+        for chosen in draw(5, seed):
+            assert sorted(v // 2 for v in chosen.tolist()) == list(range(5))
+
+
+def test_draw_that_groups_make_impossible_is_refused():
+    with pytest.raises(PlanError, match="cannot draw 8 robots: there are 7 stations on which robots may stand at once"):
+        grouped({2, 3, 4, 5}, 0.1)(8, 0)
