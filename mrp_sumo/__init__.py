@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mrp_sumo.core.graph import NavGraph
     from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
     from mrp_sumo.door.batches import Batch, run_suite
-    from mrp_sumo.door.maps import Site, load_map
+    from mrp_sumo.door.maps import Site, load_map, save_map
     from mrp_sumo.door.planning import Judgement, Problem, judge, plan, problem
     from mrp_sumo.door.running import Replay, Run, load_run, run, simulate
     from mrp_sumo.door.scenario import Scenario
@@ -50,6 +50,7 @@ _HOMES = {
     "problem": "door.planning",
     "run": "door.running",
     "run_suite": "door.batches",
+    "save_map": "door.maps",
     "simulate": "door.running",
 }
 
@@ -77,6 +78,7 @@ __all__ = [
     "problem",
     "run",
     "run_suite",
+    "save_map",
     "simulate",
 ]
 

@@ -1,6 +1,7 @@
 """Maps for people: loaded by name or file, drawn, and turned into networkx graphs."""
 
 import atexit
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.errors import MapError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.scenario import Discretisation, MapChoice
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 
     from mrp_sumo.reports.picture import Picture
 
+READ_BACK = (".nav.yaml", ".map")
 DEFAULT_CELL_M: float = Discretisation.model_fields["cell_m"].default
 
 
@@ -167,15 +171,46 @@ def load_map(
         "split_crossings": split_crossings,
         "largest_component": largest_component,
     }
-    return load_choice(validated(Document(Path("load_map"), values, {}), MapChoice), cell_m, robot_radius_m)
-
-
-def load_choice(choice: MapChoice, cell_m: float, robot_radius_m: float | None) -> Site:
-    """The map of a choice, as `load_map`."""
     from mrp_sumo.maps.readers.ros_map import ROBOT_RADIUS_M
 
-    radius_m = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
-    return site_of(shared_maps().map(choice, Path(), cell_m, radius_m), choice)
+    choice = validated(Document(Path("load_map"), values, {}), MapChoice)
+    return site_of(shared_maps().map(choice, Path(), cell_m, ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m), choice)
+
+
+def save_map(map_or_graph: Map | NavGraph, path: str | Path) -> Site:
+    """Write a map, so that scenarios can use it.
+
+    Parameters
+    ----------
+    map_or_graph
+        From `load_map`, or a graph of your own: `NavGraph.from_networkx(graph)`.
+    path
+        Ends in .nav.yaml (Open-RMF nav graph) or .map (MovingAI). A warning names what the format cannot hold.
+
+    Returns
+    -------
+    Site
+        The map as it is read back.
+
+    Raises
+    ------
+    MrpSumoError
+        For another suffix, a place that cannot be written, and a map that cannot be read back.
+
+    Examples
+    --------
+    >>> ms.save_map(ms.NavGraph.from_networkx(nx.grid_2d_graph(5, 8)), "grid.nav.yaml")
+    """
+    from mrp_sumo.io.map_files import write_map
+
+    path = Path(path)
+    graph = map_or_graph
+    map_ = Map(name=graph.name, path=path, nav=graph) if isinstance(graph, NavGraph) else graph
+    if not path.name.endswith(READ_BACK):
+        raise MapError(f"{path.name}: expected a name that ends in {' or '.join(READ_BACK)}")
+    for loss in write_map(map_, path, DEFAULT_CELL_M):
+        warnings.warn(f"{path.name}: lost: {loss}", stacklevel=2)
+    return load_map(path)
 
 
 def site_of(map_: Map, choice: MapChoice) -> Site:

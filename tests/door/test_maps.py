@@ -67,3 +67,20 @@ def test_map_as_loaded_is_the_map_of_a_scenario(office):
     problem = ms.problem(ms.Scenario(map=whole, robots=2))
     assert problem.setup.scenario.map == whole.choice
     assert repr(problem.site) == repr(office)
+
+
+def test_graph_of_networkx_becomes_a_map_that_is_planned_on(tmp_path):
+    site = ms.save_map(ms.NavGraph.from_networkx(nx.grid_2d_graph(3, 4)), tmp_path / "grid.nav.yaml")
+    assert (site.nav.num_vertices, site.nav.num_edges, site.num_components) == (12, 17, 1)
+    problem = ms.problem(ms.Scenario(site, 3, "pibt", discretisation={"kind": "roadmap", "cell_m": 1.0}))
+    assert problem.graph.num_vertices == 12 and ms.judge(problem, ms.plan(problem))
+
+
+def test_losses_of_a_format_are_warnings(office, tmp_path):
+    with pytest.warns(UserWarning, match=r"office\.map: lost: "):
+        assert ms.save_map(office, tmp_path / "office.map").nav.kind == "grid"
+
+
+def test_format_that_is_not_read_back_is_refused(office, tmp_path):
+    with pytest.raises(ms.MrpSumoError, match=r"^office\.geojson: expected a name that ends in \.nav\.yaml or \.map$"):
+        ms.save_map(office, tmp_path / "office.geojson")
