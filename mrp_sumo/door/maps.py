@@ -8,14 +8,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.scenario import Discretisation, MapChoice
 from mrp_sumo.io.summary import Summary, count, summary
+from mrp_sumo.maps.facts import driven_levels, extent_m, num_driven_components, num_lift_lanes
 from mrp_sumo.maps.map import Map
 
 if TYPE_CHECKING:
@@ -44,16 +43,18 @@ class Site(Map):
     @property
     def num_components(self) -> int:
         """Connected pieces that have lanes, levels joined by lifts."""
-        return len(np.unique(self.nav.component[self._driven]))
+        return num_driven_components(self.nav)
+
+    @property
+    def num_edges(self) -> int:
+        """Lanes, opposite ones counted once, without those of lifts."""
+        return self.nav.num_edges - num_lift_lanes(self.nav) // 2
 
     @property
     def size_m(self) -> tuple[float, float]:
         """Width and height of lanes and walls; of several levels, as they are laid side by side."""
-        points = [self.nav.xy[self._driven]]
-        if self.building is not None:
-            points += [level.wall_xy.reshape(-1, 2) for level in self.building.levels.values()]
-        width, height = np.ptp(np.concatenate(points), axis=0)
-        return float(width), float(height)
+        width, height = extent_m(self)
+        return width, height
 
     def plot(self, *, findings: bool = True) -> "Picture":
         """Draw the map: walls, lanes with their directions, stations, and findings where they are.
@@ -77,17 +78,13 @@ class Site(Map):
         return self.nav.to_networkx()
 
     @property
-    def _driven(self) -> Any:
-        return np.unique(np.concatenate([self.nav.tail, self.nav.head]))
-
-    @property
     def _summary(self) -> Summary:
         nav = self.nav
         rows: list[tuple[str, object]] = [
             ("file", self.path),
-            ("levels", ", ".join(nav.level_names) if len(nav.level_names) > 1 else None),
+            ("levels", ", ".join(driven_levels(nav)) if len(nav.level_names) > 1 else None),
             ("size", "{:.1f} x {:.1f} m".format(*self.size_m)),
-            ("graph", f"{count(nav.num_vertices, 'vertex', 'vertices')}, {count(nav.num_edges, 'edge')}"),
+            ("graph", f"{count(nav.num_vertices, 'vertex', 'vertices')}, {count(self.num_edges, 'edge')}"),
             ("components", self.num_components),
         ]
         rows += [("repair", change) for change in self.changes]
@@ -98,7 +95,7 @@ class Site(Map):
         nav = self.nav
         parts = [
             count(nav.num_vertices, "vertex", "vertices"),
-            count(nav.num_edges, "edge"),
+            count(self.num_edges, "edge"),
             count(self.num_components, "component"),
             "{:.1f} x {:.1f} m".format(*self.size_m),
             count(len(self.findings), "finding"),

@@ -40,7 +40,7 @@ def count(number: int, one: str, more: str = "") -> str:
 
 
 def seconds(value: float | None) -> str:
-    """A duration, in ms below half a second; '' for None."""
+    """A duration, in ms below half a second; empty for None."""
     if value is None:
         return ""
-    return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
+    return "0 s" if value == 0 else f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"

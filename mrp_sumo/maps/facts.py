@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.maps.grid import grid_facts, too_large
 from mrp_sumo.maps.map import Map
 
@@ -26,21 +26,41 @@ def facts(map_: Map, cell_m: float = 0.4) -> dict[str, Any]:
     cell_m
         Side of a cell of the grid.
     """
-    nav = map_.nav
-    driven = np.unique(np.concatenate([nav.tail, nav.head]))
-    levels = [name for k, name in enumerate(nav.level_names) if (nav.level[driven] == k).any()]
-    walls = [map_.building.levels[name].wall_xy.reshape(-1, 2) for name in levels] if map_.building else []
+    nav, driven = map_.nav, driven_vertices(map_.nav)
     return {
-        "levels": levels,
+        "levels": driven_levels(nav),
         "graphs": list(map_.graphs),
         "vertices": nav.num_vertices,
         "edges": nav.num_edges - num_lift_lanes(nav) // 2,
-        "components": len(np.unique(nav.component[driven])),
-        "extent_m": _extent(np.concatenate([nav.xy[driven], *walls])),
+        "components": num_driven_components(nav),
+        "extent_m": extent_m(map_),
         "lane_extent_m": _extent(nav.xy[driven]),
         "warnings": [finding.document() for finding in map_.findings],
         "grid": _grid(map_, cell_m),
     }
+
+
+def driven_vertices(nav: NavGraph) -> IntArray:
+    """Vertices that have lanes, ascending."""
+    return np.unique(np.concatenate([nav.tail, nav.head]))
+
+
+def driven_levels(nav: NavGraph) -> list[str]:
+    """Levels with vertices that have lanes."""
+    driven = driven_vertices(nav)
+    return [name for k, name in enumerate(nav.level_names) if (nav.level[driven] == k).any()]
+
+
+def num_driven_components(nav: NavGraph) -> int:
+    """Connected pieces that have lanes, levels joined by lifts."""
+    return len(np.unique(nav.component[driven_vertices(nav)]))
+
+
+def extent_m(map_: Map) -> list[float]:
+    """Width and height of lanes with walls; of several levels, as they are laid side by side."""
+    nav = map_.nav
+    walls = [map_.building.levels[name].wall_xy.reshape(-1, 2) for name in driven_levels(nav)] if map_.building else []
+    return _extent(np.concatenate([nav.xy[driven_vertices(nav)], *walls]))
 
 
 def num_lift_lanes(nav: NavGraph) -> int:

@@ -15,4 +15,4 @@ def test_names_cannot_bring_markup_with_them():
 
 def test_counts_and_durations_read_well():
     assert [count(1, "robot"), count(1234, "robot"), count(2, "vertex", "vertices")] == ["1 robot", "1,234 robots", "2 vertices"]
-    assert [seconds(None), seconds(0.0123), seconds(80.5)] == ["", "12.3 ms", "80.5 s"]
+    assert [seconds(None), seconds(0.0), seconds(0.0123), seconds(80.5)] == ["", "0 s", "12.3 ms", "80.5 s"]
