@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from mrp_sumo.errors import BatchError
 
 if TYPE_CHECKING:
-    from mrp_sumo.experiments.batch import Batch, Watcher
+    from mrp_sumo.experiments.batch import BatchFolder, Watcher
     from mrp_sumo.experiments.suite import SuiteFile
 
 
@@ -102,7 +102,7 @@ def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse
     print(f"about {_duration(seconds)} on {workers} workers ({source}); into {folder}")
 
 
-def _differs(batch: "Batch", planned: Any) -> str:
+def _differs(batch: "BatchFolder", planned: Any) -> str:
     """The values of a run that the suite varies."""
     import json
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError
-from mrp_sumo.experiments.batch import Batch as Started
-from mrp_sumo.experiments.batch import run_batch
+from mrp_sumo.experiments.batch import BatchFolder, run_batch
 from mrp_sumo.experiments.batch import summary as standing
 from mrp_sumo.experiments.suite import find_suite, read_suite
 from mrp_sumo.io.results import load_results
@@ -124,7 +123,7 @@ def run_suite(
             raise BatchError(f"{name}: found {value}, expected {least} or more")
     file = read_suite(find_suite(str(suite)))
     folder = Path("runs") / file.name if out is None else Path(out)
-    made: Started = run_batch(file, folder, _Watcher(progress), workers=workers, retries=retries)
+    made: BatchFolder = run_batch(file, folder, _Watcher(progress), workers=workers, retries=retries)
     return Batch(file.name, folder, len(made.runs), dict(made.counts()), standing(made))
 
 

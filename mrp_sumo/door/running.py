@@ -38,7 +38,7 @@ SHAPES_PROBLEM = ("mutex_groups", "step_length_s")  # keys of `execution` that d
 class Run:
     """A run that has ended: just now, or long ago in the folder it was read from."""
 
-    kept: RunResult | run_reader.Run
+    kept: RunResult | run_reader.RunFolder
 
     @property
     def status(self) -> str:
@@ -68,7 +68,7 @@ class Run:
     @property
     def folder(self) -> Path | None:
         """The run folder it was read from; None for a run in memory."""
-        return self.kept.folder if isinstance(self.kept, run_reader.Run) else None
+        return self.kept.folder if isinstance(self.kept, run_reader.RunFolder) else None
 
     @property
     def source(self) -> str:
@@ -194,7 +194,7 @@ class Run:
         MrpSumoError
             When the folder holds something else, or the run is in a folder already.
         """
-        if isinstance(self.kept, run_reader.Run):
+        if isinstance(self.kept, run_reader.RunFolder):
             raise MrpSumoError(f"{self.source}: is a run folder already; copy it")
         self.kept.write(Path(folder), shared_maps())
         return Path(folder)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.batch import GO_ON, NOW, Batch, job_of
+from mrp_sumo.experiments.batch import GO_ON, NOW, BatchFolder, job_of
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.processes import Processes
 from mrp_sumo.experiments.worker import BAD_INPUT, Answer, Job, failure
@@ -19,7 +19,7 @@ ARCHIVE = "kept"  # folder of a batch
 REPLAY = "replay.html"
 
 
-def worst(batch: Batch, count: int) -> list[BatchRecord]:
+def worst(batch: BatchFolder, count: int) -> list[BatchRecord]:
     """Records of the executed runs that did not succeed, then of those that were blocked longest."""
     driven = [r for r in records_in(batch.folder, lambda line: None) if r["metrics"].get("time_blocked_total_s") is not None]
     ours = [r for r in driven if r["key"] in batch.status]
@@ -27,7 +27,7 @@ def worst(batch: Batch, count: int) -> list[BatchRecord]:
 
 
 def archive_worst(
-    batch: Batch, count: int, report: Callable[[str], None], *, write_page: str, workers: int, stop: Callable[[], int] = lambda: GO_ON
+    batch: BatchFolder, count: int, report: Callable[[str], None], *, write_page: str, workers: int, stop: Callable[[], int] = lambda: GO_ON
 ) -> int:
     """Repeat the worst runs of a batch with run folder and replay page. Runs that are archived already are left alone.
 

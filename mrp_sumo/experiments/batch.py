@@ -56,7 +56,7 @@ class Watcher(Protocol):
 
 
 @dataclass
-class Batch:
+class BatchFolder:
     """A suite's runs and the folder of their results."""
 
     file: SuiteFile
@@ -78,7 +78,7 @@ class Batch:
         return Counter(self.status.values())
 
 
-def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> Batch:
+def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> BatchFolder:
     """Plan a suite and see which of its runs are in the folder already.
 
     Raises
@@ -86,7 +86,7 @@ def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, qu
     MrpSumoError
         For faults of the suite, and for the folder of another suite or of another version of the code.
     """
-    batch = Batch(file, folder, runs_of(file, code_version()), code_version())
+    batch = BatchFolder(file, folder, runs_of(file, code_version()), code_version())
     if folder.exists():
         _require_ours(batch)
     keys = {run.key for run in batch.runs}
@@ -110,7 +110,7 @@ def run_batch(
     memory_mb: float | None = None,
     stop: Callable[[], int] = lambda: GO_ON,
     function: str = MEASURE,
-) -> Batch:
+) -> BatchFolder:
     """Make all runs of a suite that have no result yet, and the tables of all.
 
     Parameters
@@ -169,14 +169,14 @@ def run_batch(
     return batch
 
 
-def summary(batch: Batch) -> str:
+def summary(batch: BatchFolder) -> str:
     """How a batch stands, in a line."""
     counts = batch.counts()
     broken = [f"{counts[status]} {status.replace('_', ' ')}" for status in BROKEN if counts[status]]
     return ", ".join([f"{len(batch.status)} of {len(batch.runs)} runs done", *broken])
 
 
-def estimate_s(batch: Batch, workers: int, retries: int) -> tuple[float, str]:
+def estimate_s(batch: BatchFolder, workers: int, retries: int) -> tuple[float, str]:
     """Roughly how long the rest takes, and where that comes from."""
     todo = batch.todo(retries)
     known: list[float] = []
@@ -191,7 +191,7 @@ def estimate_s(batch: Batch, workers: int, retries: int) -> tuple[float, str]:
 
 
 def _make(
-    batch: Batch,
+    batch: BatchFolder,
     todo: deque[PlannedRun],
     makers: Makers,
     watcher: Watcher,
@@ -232,7 +232,7 @@ def _make(
             hand_out()
 
 
-def job_of(batch: Batch, run: PlannedRun, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
+def job_of(batch: BatchFolder, run: PlannedRun, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
     """A run as it is handed out, with what it may take: `wall_s` and `memory_mb` instead of the suite's limits."""
     scenario, limits = json.loads(run.scenario), batch.file.suite.limits
     driving_s = scenario["execution"]["time_limit_s"] or LONG_DRIVE_S
@@ -249,7 +249,7 @@ def job_of(batch: Batch, run: PlannedRun, wall_s: float | None = None, memory_mb
     }
 
 
-def _record(batch: Batch, run: PlannedRun, answer: Answer, attempts: int) -> BatchRecord:
+def _record(batch: BatchFolder, run: PlannedRun, answer: Answer, attempts: int) -> BatchRecord:
     return {
         "key": run.key,
         "scenario_key": run.scenario_key,
@@ -268,11 +268,11 @@ def _record(batch: Batch, run: PlannedRun, answer: Answer, attempts: int) -> Bat
     }
 
 
-def _in_order(batch: Batch) -> Iterator[BatchRecord]:
+def _in_order(batch: BatchFolder) -> Iterator[BatchRecord]:
     return (read_record(record_path(batch.folder, run.key)) for run in batch.runs)
 
 
-def _write_plan(batch: Batch) -> None:
+def _write_plan(batch: BatchFolder) -> None:
     suite = batch.file.suite
     plan = {
         "format": 1,
@@ -292,7 +292,7 @@ def _write_plan(batch: Batch) -> None:
         write_whole(path, data)
 
 
-def _require_ours(batch: Batch) -> None:
+def _require_ours(batch: BatchFolder) -> None:
     folder = batch.folder
     if not folder.is_dir():
         raise BatchError(f"{folder} is not a folder; give another --out")

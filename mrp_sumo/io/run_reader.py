@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 RESULT = "result.json"
 
 
-def load_run(folder: str | Path) -> "Run":
+def load_run(folder: str | Path) -> "RunFolder":
     """The run in a folder.
 
     Parameters
@@ -57,11 +57,11 @@ def load_run(folder: str | Path) -> "Run":
         raise MrpSumoError(f"{path}: not JSON: {error}") from None
     if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
         raise MrpSumoError(f"{path}: is not the result of a run")
-    return Run(folder, result)
+    return RunFolder(folder, result)
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class RunFolder:
     """One run on disk."""
 
     folder: Path

@@ -21,7 +21,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
-from mrp_sumo.io.run_reader import Run
+from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, shown
 from mrp_sumo.reports.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
 
@@ -41,7 +41,7 @@ STATES = (  # state, name, colour, height of its bar: shape tells them apart as 
 )
 
 
-def run_charts(run: Run, tag: str = "run") -> list[Chart]:
+def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
     """All charts of a run.
 
     Parameters
@@ -465,7 +465,7 @@ def tag_of(keys: Sequence[str], key: str) -> str:
     return f"run_{keys.index(key) + 1}_{file_name(key)[:24]}" if len(keys) > 1 else "run"
 
 
-def replay_of(run: Run) -> Path | None:
+def replay_of(run: RunFolder) -> Path | None:
     """The run's replay page, where there is one."""
     page = run.folder / "replay.html"
     return page if page.is_file() else None

@@ -17,7 +17,7 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
 from mrp_sumo.io.results import PLAN, load_results, read_plan
-from mrp_sumo.io.run_reader import RESULT, Run, load_run
+from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
@@ -59,7 +59,7 @@ class Study:
     series: tuple[str, ...]
     factors: tuple[str, ...]  # numeric scenario columns that vary, apart from seeds and the number of robots
     told: tuple[str, ...]  # what could not be used
-    folders: dict[str, Run]  # run folders that are there, by the key of their row
+    folders: dict[str, RunFolder]  # run folders that are there, by the key of their row
 
     @property
     def is_planned(self) -> bool:
@@ -100,7 +100,7 @@ def read_study(path: Path) -> Study:
         When there is nothing to report on.
     """
     told: list[str] = []
-    folders: dict[str, Run] = {}
+    folders: dict[str, RunFolder] = {}
     name, description, until = path.resolve().name, "", ""
     if path.is_file() or ((path / PLAN).is_file() and not (path / RESULT).is_file()):
         frame = load_results(path, told.append)
@@ -134,7 +134,7 @@ def numbers(runs: pd.DataFrame, column: str) -> FloatArray:
     return values[np.isfinite(values)]
 
 
-def _run_folders(path: Path, told: list[str]) -> dict[str, Run]:
+def _run_folders(path: Path, told: list[str]) -> dict[str, RunFolder]:
     """Run folders one or two levels below, by name."""
     found = {}
     places = [p for pattern in (f"*/{RESULT}", f"*/*/{RESULT}") for p in sorted(path.glob(pattern))]
@@ -148,7 +148,7 @@ def _run_folders(path: Path, told: list[str]) -> dict[str, Run]:
     return found
 
 
-def _row(key: str, run: Run) -> dict[str, Any]:
+def _row(key: str, run: RunFolder) -> dict[str, Any]:
     """A run folder as a row of `load_results`."""
     metrics = {name: value for name, value in run.metrics.items() if not isinstance(value, list)}
     return {
@@ -164,7 +164,7 @@ def _row(key: str, run: Run) -> dict[str, Any]:
     }
 
 
-def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: list[str], folders: dict[str, Run]) -> Study:
+def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: list[str], folders: dict[str, RunFolder]) -> Study:
     lacking = [column for column in NEEDED if column not in frame]
     if lacking:
         raise BatchError(f"{name}: not a table of runs: there is no column '{lacking[0]}'")
