@@ -101,7 +101,7 @@ def drive(
     """Plan, drive and measure one case."""
     problem, plan, planning_s = planned(graph, num_robots, within, options)
     limit_s = min(seconds, float(plan.end_s.max()) * 4 + 60)
-    settings = ExecutionSettings(options.policy, dt, limit_s, record_period_s=max(dt, options.record))
+    settings = ExecutionSettings(policy=options.policy, step_length_s=dt, time_limit_s=limit_s, record_period_s=max(dt, options.record))
     cpu = time.process_time()
     run = simulate(problem, plan, settings, network)
     driven = time.process_time()
@@ -168,7 +168,7 @@ def rows_of_starts(options: argparse.Namespace) -> Iterator[Row]:
             plan = planner("lacam", {}).plan(problem, 10.0).plan
             assert plan is not None
             stepped: list[float] = []
-            settings = ExecutionSettings("open_loop", 1.0, 2.0, record_period_s=1.0)
+            settings = ExecutionSettings(policy="open_loop", step_length_s=1.0, time_limit_s=2.0, record_period_s=1.0)
             planned_at = spent_s()
             simulate(problem, plan, settings, network, progress=lambda t_s, at_goal, stepped=stepped: stepped.append(spent_s()))
             started_s = stepped[0] - planned_at
@@ -226,7 +226,7 @@ def rows_of_memory(options: argparse.Namespace) -> Iterator[Row]:
             problem = Problem(graph, fleet_of(robot, 9), start, goal, np.arange(9), 2.5)
             plan = planner("lacam", {}).plan(problem, 1.0).plan
             assert plan is not None
-            settings = ExecutionSettings("open_loop", time_limit_s=300.0, seed=number, on_deadlock="stop")
+            settings = ExecutionSettings(policy="open_loop", time_limit_s=300.0, seed=number, on_deadlock="stop")
             run = simulate(problem, plan, settings, network)
             audit(run, problem.fleet)
             if number == RUNS // 10:

@@ -12,7 +12,7 @@ from mrp_sumo.errors import ExecutionError, nearest
 ON_DEADLOCK = ("report", "stop", "resolve")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExecutionSettings:
     """Policy, clock and recording of an execution."""
 
