@@ -221,7 +221,14 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     start, goal, fleet = start[:num], goal[:num], fleet_of(robot, num)
     what = disturbed(rng, graph, num)
     settings = ExecutionSettings(
-        policy=policy, step_length_s=dt, time_limit_s=TIME_LIMIT_S, record_period_s=dt, seed=number, disturbances=what, on_deadlock=on_deadlock, give_way=give_way
+        policy=policy,
+        step_length_s=dt,
+        time_limit_s=TIME_LIMIT_S,
+        record_period_s=dt,
+        seed=number,
+        disturbances=what,
+        on_deadlock=on_deadlock,
+        give_way=give_way,
     )
     row |= {"kind": graph.kind, "robots": num, "robot": robot.name, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
     problem = Problem(graph, fleet, start, goal, np.arange(num), graph.cell_m / robot.max_speed_mps + 1.0, seed=number)

@@ -7,7 +7,7 @@ so that equal runs give equal bytes (0 would mean "latest" to many readers).
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -72,6 +72,7 @@ class Messages:
         self.robots = ros_names(record.fleet.robot_name)
         self.generation = generation
         self.level_names = record.graph.level_names or ("L1",)
+        self.plan = record.plan  # in force: the writer moves on to later ones
 
     def serialised(self, message: Any) -> bytes:
         """Through the library."""
@@ -172,7 +173,7 @@ class Messages:
 
     def plan_markers(self, ns: int) -> bytes:
         """The planned path of each robot that moves."""
-        markers, plan = [], self.record.plan
+        markers, plan = [], self.plan
         width = float(self.record.fleet.width_m.min()) / 3 if self.record.fleet.num_robots else 0.1
         for i in range(plan.num_robots if plan else 0):
             assert plan is not None
@@ -222,12 +223,15 @@ class Messages:
             mesh_use_embedded_materials=False,
         )
 
-    def path_requests(self) -> Iterator[bytes]:
-        """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is said twice."""
-        plan = self.record.plan
-        for i in range(plan.num_robots if plan else 0):
+    def path_requests(self, since: Mapping[int, int] | None = None) -> Iterator[bytes]:
+        """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is said twice.
+
+        With `since`, that of some robots only, from these visits along their ways on.
+        """
+        plan = self.plan
+        for i in range(plan.num_robots if plan else 0) if since is None else since:
             assert plan is not None
-            visits = slice(int(plan.first[i]), int(plan.first[i + 1]))
+            visits = slice(int(plan.first[i]) + (since[i] if since else 0), int(plan.first[i + 1]))
             vertex, arrive, depart = plan.vertex[visits], plan.arrive_s[visits], plan.depart_s[visits]
             xy = self.record.graph.xy[vertex]
             yaw = _headings(xy)
@@ -268,7 +272,7 @@ class Messages:
 
     def path(self, ns: int, robot: int) -> bytes:
         """nav_msgs/Path of one robot; pose stamps are planned arrivals."""
-        plan = self.record.plan
+        plan = self.plan
         poses = []
         if plan is not None:
             visits = slice(int(plan.first[robot]), int(plan.first[robot + 1]))

@@ -19,7 +19,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from mrp_sumo.bags import streams as say
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.paths import ODD, plain_path
-from mrp_sumo.core.execution import as_believed
+from mrp_sumo.core.execution import Reply, as_believed, plans_in_force
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.record import RunRecord
@@ -130,11 +130,10 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         (topic("/map", "nav_msgs/OccupancyGrid", 1, latched=True), messages.map),
         (topic("/map_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.map_markers),
         (topic("/robot_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.robot_markers),
-        (topic("/plan_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.plan_markers),
+        (plan_markers := topic("/plan_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.plan_markers),
     ]
-    for robot in chosen:
-        plan_topic = topic(f"/{messages.robots[robot]}/plan", "nav_msgs/Path", 1, latched=True)
-        once.append((plan_topic, lambda ns, robot=robot: messages.path(ns, robot)))  # type: ignore[misc]
+    paths = {robot: topic(f"/{messages.robots[robot]}/plan", "nav_msgs/Path", 1, latched=True) for robot in chosen}
+    once += [(paths[robot], lambda ns, robot=robot: messages.path(ns, robot)) for robot in chosen]  # type: ignore[misc]
     for connection, message in once:
         writer.write(connection, EPOCH_NS, message(EPOCH_NS))
     requests = topic("/robot_path_requests", "rmf_fleet_msgs/PathRequest", max(100, record.fleet.num_robots), latched=True)
@@ -162,7 +161,16 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         repeats = np.arange(every, end_ns + 1, every, dtype=np.int64)
 
     # everything by time: (stamp, rank, which of its kind); ranks as in the order below
-    times = [repeats, *(stream.samples.t_ns for _, stream in streams), np.array([ns - EPOCH_NS for ns, _ in logs], np.int64), second.t_ns]
+    replies = record.execution.replies if record.plan else ()
+    replied = np.array([round(reply.t_s * 1e9) for reply in replies], np.int64)
+    plans = plans_in_force(record.plan, replies) if record.plan else iter(())
+    times = [
+        repeats,
+        *(stream.samples.t_ns for _, stream in streams),
+        np.array([ns - EPOCH_NS for ns, _ in logs], np.int64),
+        second.t_ns,
+        replied,
+    ]
     stamp = np.concatenate(times)
     rank = np.repeat(np.arange(len(times)), [len(t) for t in times])
     index = np.concatenate([np.arange(len(t)) for t in times])
@@ -177,11 +185,32 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
                 writer.write(connection, ns, data)
         elif kind == len(streams) + 1:
             writer.write(log_topic, ns, logs[k][1])
+        elif kind == len(times) - 1:
+            messages.plan = next(plans)
+            _write_replan(writer, messages, replies[k], ns, plan_markers, requests, paths)
         else:
             writer.write(diagnosed, ns, diagnostics.message(k))
             for name, data in say.metrics(second, k).items():
                 if name in metrics:
                     writer.write(metrics[name], ns, data)
+
+
+def _write_replan(
+    writer: FastWriter,
+    messages: Messages,
+    reply: Reply,
+    ns: int,
+    markers: Connection,
+    requests: Connection,
+    paths: Mapping[int, Connection],
+) -> None:
+    """The plan in force again: all of it as markers, and the requests of the robots that were sent other ways."""
+    writer.write(markers, ns, messages.plan_markers(ns))
+    for raw in messages.path_requests(dict(zip(reply.robot.tolist(), reply.since.tolist()))):
+        writer.write(requests, ns, raw)
+    for robot in reply.robot.tolist():
+        if robot in paths:
+            writer.write(paths[robot], ns, messages.path(ns, robot))
 
 
 def _ticks(record: RunRecord, end_ns: int, period_ns: int) -> IntArray:

@@ -1,11 +1,13 @@
 """What happened: trajectories and events of an execution."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.plan import Plan
 
 # what a robot's second can be spent on, the columns of `Execution.booked_s`
 BOOKINGS = ("moving", "turning", "planned_wait", "dependency_wait", "yielding", "blocked", "disturbed", "at_goal")
@@ -79,6 +81,22 @@ class Execution:
     @property
     def all_at_goal(self) -> bool:
         return bool(np.isfinite(self.goal_s).all())
+
+
+def plans_in_force(plan: Plan, replies: Sequence[Reply]) -> Iterator[Plan]:
+    """The plan after each reply: what robots have done by then and are to do, with ids of vertices and planned times."""
+    ways = [slice(a, b) for a, b in zip(plan.first[:-1].tolist(), plan.first[1:].tolist())]
+    columns = [(plan.vertex[way], plan.arrive_s[way], plan.depart_s[way]) for way in ways]
+    for reply in replies:
+        for k, robot in enumerate(reply.robot.tolist()):
+            kept, new = int(reply.since[k]) + 1, slice(int(reply.first[k]), int(reply.first[k + 1]))
+            vertex, arrive_s, depart_s = (column[:kept] for column in columns[robot])
+            if new.start == new.stop:
+                depart_s = np.append(depart_s[:-1], np.inf)
+            parts = (vertex, reply.vertex[new]), (arrive_s, reply.arrive_s[new]), (depart_s, reply.depart_s[new])
+            columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
+        first = np.cumsum([0, *(len(vertex) for vertex, _, _ in columns)]).astype(np.int64)
+        yield Plan(frozen(first), *(frozen(np.concatenate([column[i] for column in columns])) for i in range(3)))
 
 
 def as_believed(execution: Execution) -> Execution:

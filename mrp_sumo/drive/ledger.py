@@ -56,6 +56,9 @@ class Entry:
     text: str
     begin: int
     end: int
+    robot: IntArray  # [K] ascending
+    since: IntArray  # [K] number of the visit along the robot's way after which its new ones come
+    count: IntArray  # [K] of its new visits
 
 
 class Ledger:
@@ -88,7 +91,11 @@ class Ledger:
         self._need_first = np.zeros(plan.num_visits + 1, np.int64)
         self._of_robot = {"first": first, "last": last, "reached": first.copy(), "granted": first.copy()}
         laid_out = motion_plan(self.graph, resources, plan, Departure.at_rest(self.num_robots), np.zeros(0, np.int64))
-        self._write(laid_out, np.ones(plan.num_visits, np.bool_), Entry(0.0, "plan", "", 0, plan.num_visits))
+        self._write(
+            laid_out,
+            np.ones(plan.num_visits, np.bool_),
+            Entry(0.0, "plan", "", 0, plan.num_visits, np.arange(self.num_robots), np.full(self.num_robots, -1), np.diff(plan.first)),
+        )
         self.state = state_at_rest(self.num_robots, laid_out.needs.num_resources, self.graph.num_lanes, first)
         self._keep_order(policy, plan, np.arange(plan.num_visits), policy.order(problem, plan, laid_out.needs))
         self._columns["next"][:-1] = np.arange(1, plan.num_visits)
@@ -150,7 +157,8 @@ class Ledger:
         fresh = np.ones(plan.num_visits, np.bool_)  # all but the joints, which are here already
         fresh[plan.first[:-1]] = False
         before = self.num_visits, self.num_needs
-        ids = self._write(laid_out, fresh, Entry(now_s, replan.reason, replan.text, before[0], before[0] + int(fresh.sum())))
+        end, since, count = before[0] + int(fresh.sum()), self._columns["rank"][joint], np.diff(plan.first) - 1
+        ids = self._write(laid_out, fresh, Entry(now_s, replan.reason, replan.text, before[0], end, robots, since, count))
         ids[~fresh] = joint
         new = {r: ids[plan.first[i] + 1 : plan.first[i + 1]] for i, r in enumerate(robots.tolist())}
         leave_s = dict(zip(robots.tolist(), plan.depart_s[plan.first[:-1]].tolist()))
@@ -359,12 +367,10 @@ def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
     """What came after the first plan, as it was driven."""
     replies = []
     for entry in ledger.entries[1:]:
-        ids = np.arange(entry.begin, entry.end)
-        robot, begin = np.unique(ledger.column("robot")[ids], return_index=True)
-        columns = {name: frozen(ledger.column(name)[ids]) for name in ("vertex", "arrive_s", "depart_s", "arrived_s")}
-        since = ledger.column("rank")[ids[begin]] - 1
-        first = np.append(begin, len(ids)).astype(np.int64)
-        replies.append(Reply(entry.t_s, entry.reason, entry.text, frozen(robot), frozen(first), frozen(since), **columns))
+        part = slice(entry.begin, entry.end)
+        columns = {name: frozen(ledger.column(name)[part]) for name in ("vertex", "arrive_s", "depart_s", "arrived_s")}
+        first = frozen(np.concatenate([[0], np.cumsum(entry.count)]).astype(np.int64))
+        replies.append(Reply(entry.t_s, entry.reason, entry.text, entry.robot, first, frozen(entry.since), **columns))
     return tuple(replies)
 
 

@@ -218,7 +218,8 @@ def _write_logs(
     costmap: "Costmap | None",
     write_bag: "WriteBag | None",
 ) -> None:
-    """Trajectory, events and bag."""
+    """Trajectory, visits, events and bag."""
+    from mrp_sumo.io.replans import write_replans
     from mrp_sumo.io.trajectory import write_trajectory
     from mrp_sumo.io.visits import write_visits
 
@@ -228,6 +229,8 @@ def _write_logs(
         write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about)
     if result.plan is not None:
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
+    if execution.replies:
+        write_replans(folder / "replans.parquet", execution.replies, problem.graph, problem.fleet.robot_name)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
         record = record_of(scenario, problem, result.plan, execution, nav, costmap)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.execution import Execution, Outcome, Reply
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
@@ -161,6 +161,7 @@ class RunFolder:
             events=events_of_documents(documents, self.fleet, self.graph),
             findings=tuple(self.result["findings"]),
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
+            replies=self._replies(),
         )
 
     @property
@@ -207,6 +208,13 @@ class RunFolder:
         self._require_trajectory()
         frame: pandas.DataFrame = pq.read_table(self.folder / "visits.parquet").to_pandas()
         return frame
+
+    def _replies(self) -> tuple[Reply, ...]:
+        if not self._has("replans.parquet"):
+            return ()
+        from mrp_sumo.io.replans import read_replans
+
+        return read_replans(self.folder / "replans.parquet", self.graph, self.fleet.robot_name)
 
     def _has(self, name: str) -> bool:
         """Whether a file is there; one that the run wrote and that is gone is a fault."""

@@ -1,0 +1,109 @@
+"""Ways that robots were sent while they drove, as Parquet: `replans.parquet`, a row for each visit that was appended to the ledger.
+
+Columns: `replan` (0 is the first after the plan), `t_s`, `reason` (`give_way`, `detour`, `replan`), `text`, `robot`, `visit` (its
+number along the robot's way, which goes on from the visits it keeps), `vertex` (name; null where the robot was told to stay after
+the visit before), `x_m`, `y_m`, `arrive_s`, `depart_s` (as planned; null where the robot stays), `arrived_s` (null: not reached).
+There is no file where nothing was replanned.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from mrp_sumo.core.execution import Reply
+from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
+from mrp_sumo.io.arrow import dictionary, numbers, texts
+
+
+def write_replans(path: Path, replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequence[str]) -> None:
+    """Write the table of at least one reply."""
+    pq.write_table(replans_table(replies, graph, robot_name), path, compression="zstd")
+
+
+def replans_table(replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequence[str]) -> pa.Table:
+    """The table in memory."""
+    columns: dict[str, list[NDArray[Any]]] = {}
+    for number, reply in enumerate(replies):
+        count = np.diff(reply.first)
+        rows = np.maximum(count, 1)  # a robot that stays has a row, too
+        whose = np.repeat(np.arange(len(reply.robot)), rows)
+        nth = np.arange(int(rows.sum())) - np.repeat(np.cumsum(rows) - rows, rows)
+        there = count[whose] > 0
+        visit = np.where(there, reply.first[whose] + nth, -1)
+        parts: dict[str, NDArray[Any]] = {
+            "replan": np.full(len(whose), number),
+            "robot": reply.robot[whose],
+            "visit": reply.since[whose] + 1 + nth,
+            "vertex": _taken(reply.vertex, visit, -1),
+            **{name: _taken(getattr(reply, name), visit, np.nan) for name in ("arrive_s", "depart_s", "arrived_s")},
+        }
+        for name, part in parts.items():
+            columns.setdefault(name, []).append(part)
+    replan, robot, visit, vertex, *times = (np.concatenate(parts) for parts in columns.values())
+    there = vertex >= 0
+    names = dictionary([graph.label(v) if v >= 0 else "" for v in vertex.tolist()])
+    xy = graph.xy[np.maximum(vertex, 0)]
+    return pa.table(
+        {
+            "replan": numbers(replan),
+            "t_s": numbers(np.array([reply.t_s for reply in replies])[replan]),
+            "reason": dictionary([replies[k].reason for k in replan.tolist()]),
+            "text": dictionary([replies[k].text for k in replan.tolist()]),
+            "robot": pa.DictionaryArray.from_arrays(numbers(robot.astype(np.int32)), texts(robot_name)),
+            "visit": numbers(visit),
+            "vertex": pa.DictionaryArray.from_arrays(
+                pa.Array.from_buffers(pa.int32(), len(vertex), [numbers(vertex, there).buffers()[0], names.indices.buffers()[1]]),
+                names.dictionary,
+            ),
+            "x_m": numbers(xy[:, 0], there),
+            "y_m": numbers(xy[:, 1], there),
+            **{name: numbers(column, np.isfinite(column)) for name, column in zip(("arrive_s", "depart_s", "arrived_s"), times)},
+        }
+    )
+
+
+def read_replans(path: Path, graph: PlanGraph, robot_name: Sequence[str]) -> tuple[Reply, ...]:
+    """Replies as they were written."""
+    table = pq.read_table(path)
+    vertex_of, robot_of = graph.vertex_of_name, {name: r for r, name in enumerate(robot_name)}
+    column = {name: table[name].to_pylist() for name in table.column_names}
+    replan, visit = np.array(column["replan"]), np.array(column["visit"], np.int64)
+    robot = np.array([robot_of[name] for name in column["robot"]], np.int64)
+    vertex = np.array([-1 if name is None else vertex_of[name] for name in column["vertex"]], np.int64)
+    arrive_s, depart_s, arrived_s = (
+        np.array([empty if t is None else t for t in column[name]], np.float64)
+        for name, empty in (("arrive_s", np.nan), ("depart_s", np.inf), ("arrived_s", np.nan))
+    )
+    replies = []
+    for number in range(int(replan.max()) + 1 if len(replan) else 0):
+        rows = np.flatnonzero(replan == number)
+        robots, begin = np.unique(robot[rows], return_index=True)
+        there = rows[vertex[rows] >= 0]
+        count = np.bincount(np.searchsorted(robots, robot[there]), minlength=len(robots))
+        replies.append(
+            Reply(
+                t_s=column["t_s"][rows[0]],
+                reason=column["reason"][rows[0]],
+                text=column["text"][rows[0]],
+                robot=frozen(robots),
+                first=frozen(np.concatenate([[0], np.cumsum(count)]).astype(np.int64)),
+                since=frozen(visit[rows[begin]] - 1),
+                vertex=frozen(vertex[there]),
+                arrive_s=frozen(arrive_s[there]),
+                depart_s=frozen(depart_s[there]),
+                arrived_s=frozen(arrived_s[there]),
+            )
+        )
+    return tuple(replies)
+
+
+def _taken(values: NDArray[Any], at: IntArray, otherwise: float) -> NDArray[Any]:
+    """The values at some places, another where the place is -1."""
+    if not len(values):
+        return np.full(len(at), otherwise, values.dtype)
+    return np.where(at >= 0, values[np.maximum(at, 0)], np.array(otherwise, values.dtype))

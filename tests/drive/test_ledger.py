@@ -1,0 +1,97 @@
+"""Visits keep their ids; what is cut off is never driven, and a plan that nobody can keep leaves no trace."""
+
+import numpy as np
+import pytest
+from worlds import BURGER, graph_of, line, problem_of, square_grid
+
+from mrp_sumo.core.execution import plans_in_force
+from mrp_sumo.drive.fit import resources_for
+from mrp_sumo.drive.ledger import Ledger, replies_of
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.errors import PlanError
+
+
+def ledger_of(graph, paths, policy="adg"):
+    problem, plan = problem_of(graph, paths, BURGER)
+    return Ledger(problem, plan, policy_of(policy), resources_for(problem, plan)), plan
+
+
+def way(*vertices, leave_s=0.0, **other):
+    times = np.arange(1.0, len(vertices) + 1)
+    return Reroute(np.array(vertices, np.int64), times, np.append(times[1:], np.inf)[: len(vertices)], leave_s, **other)
+
+
+def content(ledger):
+    """All that the ledger holds; its arrays may be longer."""
+    names = ("vertex", "lane", "at_m", "next", "rank", "arrive_s", "depart_s", "turns", "robot", "entry")
+    state = [array.tobytes() for part in ledger.state[:-1] for array in part]
+    first, *needs, passing = ledger.needs
+    needs = [first[: ledger.num_visits + 1], *(array[: ledger.num_needs] for array in needs), passing]
+    return [ledger.column(name).tobytes() for name in names], state, [array.tobytes() for array in needs], len(ledger.entries)
+
+
+def test_the_first_plan_is_the_first_entry_and_its_visits_are_numbered_as_in_the_plan():
+    ledger, plan = ledger_of(line(4), [[0, 1, 2, 3]])
+    assert ledger.num_visits == plan.num_visits and ledger.column("vertex").tolist() == [0, 1, 2, 3]
+    assert ledger.all_ids(0).tolist() == [0, 1, 2, 3] and ledger.column("next").tolist() == [1, 2, 3, -1]
+    assert replies_of(ledger) == ()
+
+
+def test_new_visits_are_linked_in_the_place_of_those_that_are_cut_off():
+    # vertex y * 3 + x: straight on along the bottom, then up and over the top instead
+    ledger, plan = ledger_of(square_grid(3), [[0, 1, 2, 5]])
+    before = ledger.column("at_m").copy()
+    ledger.append(Replan({0: way(3, 4, 5)}, "detour"), policy_of("adg"), 1.0)
+    assert ledger.num_visits == 7  # those that are cut off stay in the ledger
+    assert ledger.all_ids(0).tolist() == [0, 4, 5, 6]
+    assert ledger.column("vertex").tolist() == [0, 1, 2, 5, 3, 4, 5]
+    assert ledger.column("at_m")[:4].tolist() == before.tolist()
+    assert ledger.column("at_m")[4:] == pytest.approx([0.4, 0.8, 1.2])
+    assert ledger.column("turns")[0] and ledger.state.home.all()
+    (reply,) = replies_of(ledger)
+    (after,) = plans_in_force(plan, [reply])
+    assert after.vertex.tolist() == [0, 3, 4, 5]
+
+
+def test_a_robot_that_is_given_nothing_more_stays_and_is_not_at_its_goal():
+    ledger, plan = ledger_of(line(3), [[0, 1, 2]])
+    ledger.append(Replan({0: way(leave_s=np.inf)}, "replan"), policy_of("adg"), 1.0)
+    assert ledger.all_ids(0).tolist() == [0] and not ledger.state.home.any()
+    assert next(plans_in_force(plan, replies_of(ledger))).vertex.tolist() == [0]
+
+
+def test_an_order_that_nobody_can_keep_leaves_the_ledger_as_it_was():
+    ledger, _ = ledger_of(square_grid(2), [[0, 1], [3, 2]])
+    before = content(ledger)
+    with pytest.raises(PlanError, match="robot_0 stays at 'v1'"):
+        ledger.append(Replan({0: way(1), 1: way(1)}, "replan"), policy_of("adg"), 1.0)
+    assert content(ledger) == before
+    ledger.append(Replan({0: way(1, 3), 1: way(2, 0)}, "replan"), policy_of("adg"), 1.0)
+    assert len(ledger.entries) == 2
+
+
+def test_arrays_grow_and_ids_stay():
+    ledger, _ = ledger_of(line(3), [[0, 1, 2]])
+    for turn in range(40):
+        ledger.append(Replan({0: way(1, 0, 1, 2)}, "detour"), policy_of("adg"), float(turn))
+    assert ledger.num_visits == 3 + 40 * 4
+    assert ledger.all_ids(0).tolist() == [0, *range(159, 163)]
+    needs = [ledger.resources_from(0, int(k)).tolist() for k in ledger.all_ids(0)[-1:]]
+    assert needs == [[2]]
+
+
+def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
+    graph = graph_of([(0, 0), (2, 0), (0, 1)], [(0, 1), (0, 2)])
+    ledger, _ = ledger_of(graph, [[0, 1]], "open_loop")
+    ledger.state.motion.s_m[0] = 0.5  # half a metre into the lane, which it has not won the end of
+    ledger.state.grants.on_lane[0] = True
+    lane = int(graph.lane_between(0, 1))
+    ledger.state.grants.claims[lane] = 1
+    ledger.append(Replan({0: way(0, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
+    behind = int(ledger.all_ids(0)[1])
+    assert ledger.column("lane")[behind] == graph.reverse[lane]
+    assert ledger.column("at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back
+    assert ledger.column("from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
+    assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
+    assert ledger.turn_backs[0].xy == pytest.approx([0.5, 0.0])
