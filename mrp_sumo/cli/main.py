@@ -6,6 +6,7 @@ A subcommand is a module of this folder with `HELP`, `arguments(parser)` and `ru
 
 import argparse
 import errno
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -34,6 +35,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "report": ("mrp_sumo.cli.report", "write a page of tables and charts about a batch or a run"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
+COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -47,6 +49,7 @@ class Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    gc.set_threshold(*COLLECT)
     try:
         return _dispatch(arguments)
     except MrpSumoError as error:

@@ -1,4 +1,4 @@
-"""What large maps cost to make is kept in the user's cache folder, by content: the same bytes in, the same thing out.
+"""What maps and networks cost to make is kept in the user's cache folder, by content: the same bytes in, the same thing out.
 
 The folder is `$XDG_CACHE_HOME/mrp-sumo` or `~/.cache/mrp-sumo`; it may be deleted at any time. Entries are
 used only if they belong to the user; without a folder to write to, nothing is kept and nothing is said.
@@ -49,8 +49,9 @@ def _folder() -> Path:
 
 
 def _program() -> bytes:
-    """The program's version, and the state of the files that make maps: another program makes other things."""
-    files = sorted(Path(__file__).parent.rglob("*.py"))
+    """The program's version, and the state of the files that make maps and networks: another program makes other things."""
+    package = Path(__file__).parents[1]
+    files = sorted(file for room in ("core", "maps", "engines") for file in (package / room).rglob("*.py"))
     state = [(file.name, (s := file.stat()).st_mtime_ns, s.st_size) for file in files]
     return f"{__version__} {state}".encode()
 

@@ -17,6 +17,10 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
+from mrp_sumo.core.imports import without
+
+with without("scipy.linalg", "coverage"):  # for BLAS, which no kernel calls, and for lines that it cannot see
+    import numba.np.arraymath
 import llvmlite
 import numba
 from numba.core.caching import Cache, CompileResultCacheImpl, _CacheLocator

@@ -24,7 +24,6 @@ NO_LIMIT_MPS = 2.0  # of lanes without a limit; SUMO looks for followers by it, 
 LANE_WIDTH_M = 0.3  # drawn only
 SHORTEST_M = 0.1  # SUMO makes shorter edges this long
 THINNEST_M = 0.01  # netconvert drops edges below
-LARGE = 20_000  # lanes; larger networks are remembered
 
 
 def edge_name(tail: int, head: int) -> str:
@@ -64,12 +63,8 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
     if not graph.num_lanes:
         raise MapError(f"'{graph.name}' has no lanes, so there is no network to make")
     path.parent.mkdir(parents=True, exist_ok=True)
-    if graph.num_lanes < LARGE:
-        text = _network(graph)
-    else:
-        content = b"".join(a.tobytes() for a in (graph.xy, graph.tail, graph.head, graph.length_m, graph.speed_mps))
-        text = remembered("network", content, lambda: _network(graph))
-    _write(path, text)
+    content = b"".join(a.tobytes() for a in (graph.xy, graph.tail, graph.head, graph.length_m, graph.speed_mps))
+    _write(path, remembered("network", content, lambda: _network(graph)))
     if building is not None and (backdrop := list(_backdrop(building))):
         _write(backdrop_of(path), _document("additional", backdrop))
     return path

@@ -17,6 +17,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.imports import without
 from mrp_sumo.errors import ExecutionError
 
 VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times real time
@@ -195,7 +196,8 @@ def _check_whole(network: Path) -> None:
 
 def _api(gui: bool) -> tuple[Any, str]:
     if not gui:
-        import libsumo
+        with without("pyproj"):  # for projections
+            import libsumo
 
         return libsumo, "sumo"
     import sumo
