@@ -62,8 +62,7 @@ def write_walls(folder: Path, costmap: "Costmap") -> None:
     """Write `map.png` and `map.yaml` into a folder."""
     from PIL import Image
 
-    pixels = np.where(costmap.occupied[::-1], 0, 255).astype(np.uint8)  # a picture's first row is the highest y
-    Image.fromarray(pixels).convert("1").save(folder / "map.png")
+    Image.fromarray(~costmap.occupied[::-1]).save(folder / "map.png")  # a picture's first row is the highest y
     about = {
         "image": "map.png",
         "mode": "trinary",
