@@ -14,6 +14,8 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
@@ -134,9 +136,11 @@ def draw(
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name in a script that the font lacks
         figure = Figure(figsize=size, layout="constrained")
         paint(figure)
-        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None}, dpi=PNG_DPI)
+        # `savefig` would draw each twice, first to lay it out
+        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
         figure.set_layout_engine("none")  # what it came to stays
-        figure.savefig(png, format="png", metadata={"Software": None}, dpi=PNG_DPI)
+        figure.dpi = PNG_DPI
+        FigureCanvasAgg(figure).print_png(png, metadata={"Software": None})
     return Chart(name, title, caption, svg.getvalue(), png.getvalue(), wide)
 
 
