@@ -8,15 +8,19 @@ the table of `mrp_sumo.load_results`.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+
+from mrp_sumo.core.graph import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     import pandas
 
+NORMAL = NormalDist()
+MAX_EXACT = 1000  # runs that differ up to which the sign test counts in whole numbers
 MAX_ENUMERATED = 13  # pairs up to which the signed-rank test looks at every assignment of signs
 MAX_WALSH = 1500  # pairs up to which the Hodges-Lehmann estimate is taken of all averages
 
@@ -65,7 +69,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> Interval:
     """A rate with Wilson's score interval (Wilson, JASA 1927), which holds for few runs and rates near 0 or 1."""
     if count == 0:
         return Interval(math.nan, math.nan, math.nan, 0)
-    z = float(stats.norm.ppf((1 + confidence) / 2))
+    z = NORMAL.inv_cdf((1 + confidence) / 2)
     rate = successes / count
     middle = rate + z * z / (2 * count)
     half = z * math.sqrt(rate * (1 - rate) / count + z * z / (4 * count * count))
@@ -89,12 +93,12 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, resamples: int =
     share = max(1, 2_000_000 // len(x))  # resamples at a time: bounded memory
     means = np.concatenate([x[rng.integers(0, len(x), (min(share, resamples - at), len(x)))].mean(1) for at in range(0, resamples, share)])
     below = np.clip((np.count_nonzero(means < mean) + np.count_nonzero(means == mean) / 2) / resamples, 1e-6, 1 - 1e-6)
-    bias = stats.norm.ppf(below)
+    bias = NORMAL.inv_cdf(float(below))
     without = (x.sum() - x) / (len(x) - 1)  # jackknife means
     away = without.mean() - without
     acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
-    z = bias + stats.norm.ppf([(1 - confidence) / 2, (1 + confidence) / 2])
-    low, high = np.quantile(means, stats.norm.cdf(bias + z / (1 - acceleration * z)))
+    ends = (bias + NORMAL.inv_cdf(share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
+    low, high = np.quantile(means, [NORMAL.cdf(bias + z / (1 - acceleration * z)) for z in ends])
     return Interval(mean, float(low), float(high), len(x))
 
 
@@ -116,7 +120,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
     if n == 0:
         nothing = Interval(math.nan, math.nan, math.nan, 0)
         return PairedRates(0, math.nan, math.nan, 0, 0, nothing, math.nan, 1.0)
-    p_value = float(stats.binomtest(only_a, only_a + only_b, 0.5).pvalue) if only_a + only_b else 1.0
+    p_value = _sign_test(only_a, only_b)
     odds = math.nan if not only_a + only_b else math.inf if not only_a else only_b / only_a
     one, two = wilson(both + only_a, n, confidence), wilson(both + only_b, n, confidence)
     margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
@@ -154,14 +158,47 @@ def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed
     moved = d[d != 0]
     p_value, rank_biserial = 1.0, 0.0
     if len(moved):
-        ranks = stats.rankdata(np.abs(moved))
+        ranks = _ranks(np.abs(moved))
         rank_biserial = float((ranks[moved > 0].sum() - ranks[moved < 0].sum()) / ranks.sum())
-        few = len(moved) <= MAX_ENUMERATED
-        method: Any = stats.PermutationMethod(n_resamples=2**MAX_ENUMERATED, rng=seed) if few else "approx"
-        p_value = float(stats.wilcoxon(moved, method=method).pvalue) if len(moved) > 1 else 1.0
+        p_value = _signed_rank_test(ranks, moved > 0)
     return PairedValues(
         len(a), float(a.mean()), float(b.mean()), bootstrap_mean(d, confidence, seed=seed), _hodges_lehmann(d), rank_biserial, p_value
     )
+
+
+def _sign_test(num_first: int, num_second: int) -> float:
+    """How likely counts at least as uneven are if both sides are equally likely: the two-sided binomial test, exact."""
+    count, fewer = num_first + num_second, range(min(num_first, num_second) + 1)
+    if count <= MAX_EXACT:
+        return min(1.0, 2 * sum(math.comb(count, k) for k in fewer) / (1 << count))
+    every = math.lgamma(count + 1) - count * math.log(2)
+    return min(1.0, 2 * math.fsum(math.exp(every - math.lgamma(k + 1) - math.lgamma(count - k + 1)) for k in fewer))
+
+
+def _ranks(values: FloatArray) -> FloatArray:
+    """[N] ranks from 1 on; equal values share the mean of theirs."""
+    _, which, count = np.unique(values, return_inverse=True, return_counts=True)
+    ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[which.reshape(-1)]
+    return ranks
+
+
+def _signed_rank_test(ranks: FloatArray, rose: BoolArray) -> float:
+    """How likely a sum of ranks at least as uneven is if every sign is as likely as its opposite, two-sided.
+
+    Parameters
+    ----------
+    ranks
+        [N] of the absolute differences.
+    rose
+        [N] whether a difference is positive.
+    """
+    count, plus = len(ranks), float(ranks[rose].sum())
+    if count <= MAX_ENUMERATED:
+        sums = (np.arange(2**count)[:, None] >> np.arange(count) & 1) @ ranks
+        return float(min(1.0, 2 * min((sums <= plus).mean(), (sums >= plus).mean())))
+    tied = np.unique(ranks, return_counts=True)[1]
+    variance = (count * (count + 1) * (2 * count + 1) - (tied**3 - tied).sum() / 2) / 24
+    return math.erfc(abs(plus - count * (count + 1) / 4) / math.sqrt(2 * variance))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

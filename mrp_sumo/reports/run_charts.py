@@ -15,9 +15,9 @@ from matplotlib.colors import ListedColormap, PowerNorm, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
-from scipy.spatial import cKDTree
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
+from mrp_sumo.core.near import least_distance_m
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
@@ -229,6 +229,8 @@ def _busiest_corridor(nav: NavGraph, x: FloatArray, y: FloatArray) -> IntArray:
     edge = np.repeat(np.arange(len(once)), pieces)
     first = np.concatenate([[0], np.cumsum(pieces)[:-1]])
     u = (np.arange(len(edge)) - first[edge]) / (pieces[edge] - 1)
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(a[edge] + u[:, None] * (b - a)[edge])
     few = max(1, int(there.sum() / 400_000))
     robots = np.broadcast_to(np.arange(x.shape[1]), x.shape)[there][::few]
@@ -430,7 +432,7 @@ def _distances(record: RunRecord, times: FloatArray, tag: str) -> Chart | None:
     for px, py in zip(x, y):
         points = np.stack([px, py], axis=1)[np.isfinite(px)]
         if len(points) > 1:
-            nearest.append(cKDTree(points).query(points, k=2)[0][:, 1].min())
+            nearest.append(least_distance_m(points))
     if len(nearest) < 2:
         return None
     separation = float(record.fleet.separation_m)

@@ -132,3 +132,15 @@ def test_pairs_are_runs_equal_in_all_but_the_factor():
     assert list(a["seed"]) == list(b["seed"]) == [0, 2]
     assert list(a["planner"]) == ["cbs", "cbs"]
     assert list(b["planner"]) == ["ecbs", "ecbs"]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_p_values_are_those_of_scipy(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 40))
+    moved = rng.integers(1, 6, count) * rng.choice([-1.0, 1.0], count)  # with ties
+    method = stats.PermutationMethod(n_resamples=2**13) if count <= 13 else "approx"
+    assert wilcoxon(np.zeros(count), moved).p_value == pytest.approx(stats.wilcoxon(moved, method=method).pvalue, rel=1e-9)
+    only_first, only_second = rng.integers(1, 60, 2)
+    first = np.repeat([True, False], [only_first, only_second])
+    assert mcnemar(first, ~first).p_value == pytest.approx(stats.binomtest(only_first, len(first)).pvalue, rel=1e-9)
