@@ -6,9 +6,10 @@
     python tools/bench_start.py --fresh                the slow rows too: tools/run.sh and tools/test.sh in a new clone, a wheel's first run
     python tools/bench_start.py --json                 a line for each row
 
-Each command is run once before it is measured, so that compiled code and networks are there; maps are imported with an empty cache.
-`report` writes the report of 180 made-up runs. CPU time and memory include the processes that a command starts (the peak is that of the largest).
-Targets are CPU seconds and MB; wall seconds for the rows of --fresh, which download packages.
+Each command is run once before it is measured, so that compiled code and networks are there; maps are imported with an
+empty cache. `report` writes the report of 180 made-up runs. CPU time and memory include the processes that a command
+starts (the peak is that of the largest). Targets are CPU seconds and MB; wall seconds for the rows of --fresh, which
+download packages.
 """
 
 import argparse
