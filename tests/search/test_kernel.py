@@ -4,7 +4,6 @@ import ast
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -25,7 +24,9 @@ def copied(tmp_path):
             (root / folder).mkdir(parents=True)
         for package in ("mrp_sumo", "mrp_sumo/search", "planners"):
             (root / package / "__init__.py").touch()
-        (root / "mrp_sumo/search/_kernel.py").write_bytes(Path(_kernel.__file__).read_bytes())
+        for file in ("search/_kernel.py", "core/imports.py"):
+            (root / "mrp_sumo" / file).parent.mkdir(exist_ok=True)
+            (root / "mrp_sumo" / file).write_bytes((_kernel.ROOT / "mrp_sumo" / file).read_bytes())
         (root / "planners/_constants.py").write_text("THREE = 3\n")
         (root / "planners/_callee.py").write_text(CALLEE)
         (root / "planners/_caller.py").write_text(CALLER)
@@ -73,7 +74,7 @@ def test_folders_used_least_recently_are_dropped(tmp_path):
 def test_kernels_import_nothing_of_ours_but_what_the_state_covers():
     """Kernels, or constants without any function, of the same room or of search."""
     packages = ("mrp_sumo", "planners")
-    for file in [f for package in packages for f in (_kernel.ROOT / package).rglob("_*.py") if "@kernel" in f.read_text()]:
+    for file in [f for package in packages for f in (_kernel.ROOT / package).rglob("_*.py") if "\n@kernel" in f.read_text()]:
         room = _kernel.room_of(".".join(file.relative_to(_kernel.ROOT).parts))
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in packages:
