@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from mrp_sumo import __version__
-from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
@@ -31,6 +31,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "analyze": ("mrp_sumo.cli.analyze", "compute MRP-Bench's metrics of any bag with /fleet_states"),
     "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),
     "render": ("mrp_sumo.cli.render", "draw a run at a moment as a picture"),
+    "list": ("mrp_sumo.cli.listing", "list planners, policies, metrics, maps, robots, scenarios, suites, ... with their parameters"),
     "warmup": ("mrp_sumo.cli.warmup", "compile all kernels ahead, once after installing"),
     "report": ("mrp_sumo.cli.report", "write a page of tables and charts about a batch or a run"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
@@ -52,6 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gc.set_threshold(*COLLECT)
     try:
         return _dispatch(arguments)
+    except PlugInError as error:
+        print(f"mrp-sumo: {error}", file=sys.stderr)
+        return 1
     except MrpSumoError as error:
         for line in str(error).splitlines():
             print(f"mrp-sumo: {line}", file=sys.stderr)

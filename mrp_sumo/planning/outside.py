@@ -12,6 +12,9 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.planning.processes import LOAD_LIMIT_S, Overtime, PlugInProcess
+from mrp_sumo.plugins.description import Described, describe
+from mrp_sumo.plugins.kinds import KINDS
+from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.source import Source, definition
 
 
@@ -100,6 +103,26 @@ class OutsideAssigner(Outside):
         except Overtime:
             raise PlugInError(f"{definition(self._source)}: no assignment after {time_limit_s:g} s, killed") from None
         return goal_of
+
+
+def described(kind: str, name: str) -> Described:
+    """A registered plug-in of any kind in words; one from outside is loaded in a process of its own.
+
+    Raises
+    ------
+    PlugInError
+        When it cannot be loaded, or lacks what its kind needs.
+    """
+    source = find(kind, name)
+    if source.ours:
+        return describe(KINDS[kind], source)
+    try:
+        process = PlugInProcess(kind, source, {}, first="describe")
+    except Overtime:
+        raise PlugInError(f"{definition(source)}: not loaded after {LOAD_LIMIT_S:g} s") from None
+    process.close()
+    found: Described = process.facts["described"]
+    return found
 
 
 def failed(error: PlugInError, time_s: float = 0.0) -> PlanResult:

@@ -14,6 +14,7 @@ from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
 from mrp_sumo.planning.answer_check import WrongAnswer, checked_assignment, checked_result
+from mrp_sumo.plugins.description import describe
 from mrp_sumo.plugins.face import place_of
 from mrp_sumo.plugins.kinds import KINDS
 from mrp_sumo.plugins.registry import made
@@ -32,6 +33,11 @@ class _Server:
         self.plug_in = made(KINDS[kind], source, parameters)
         places = {name: place_of(getattr(self.plug_in, name)) for name in ("prepare", "plan", "assign") if hasattr(self.plug_in, name)}
         return {"places": places, **{name: getattr(self.plug_in, name, None) for name in ("assigns", "guarantee")}}
+
+    def describe(self, kind: str, source: Source, parameters: dict[str, Any]) -> dict[str, Any]:
+        """What a person wants to know of it."""
+        self.source = source
+        return {"described": describe(KINDS[kind], source)}
 
     def call(self, name: str, arguments: tuple[Any, ...]) -> tuple[Any, float]:
         """The checked answer, and the seconds that the plug-in took."""
@@ -64,8 +70,8 @@ def main(socket: int, parent: int) -> None:
         answer, time_s = None, 0.0
         error: Exception | None = None
         try:
-            if name == "load":
-                answer = server.load(*arguments)
+            if name in ("load", "describe"):
+                answer = getattr(server, name)(*arguments)
             else:
                 answer, time_s = server.call(name, tuple(arguments))
         except MemoryError:

@@ -38,6 +38,8 @@ class PlugInProcess:
         Of `plugins.kinds.KINDS`.
     source, parameters
         Which plug-in, and how it is made.
+    first
+        'load', which makes it, or 'describe', which only says what it is.
 
     Raises
     ------
@@ -47,7 +49,7 @@ class PlugInProcess:
         When it cannot be loaded or made, or lacks what its kind needs.
     """
 
-    def __init__(self, kind: str, source: Source, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, kind: str, source: Source, parameters: Mapping[str, Any], first: str = "load") -> None:
         self._where = definition(source)
         ours, theirs = socket.socketpair()
         code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.planning.plug_in_process import main"
@@ -62,7 +64,7 @@ class PlugInProcess:
         self._connection = Connection(ours.detach())
         self.close = weakref.finalize(self, _end, self._process, self._connection)
         self.facts: dict[str, Any] = {}
-        self.facts = self.ask("load", (kind, source, dict(parameters)), LOAD_LIMIT_S)[0]
+        self.facts = self.ask(first, (kind, source, dict(parameters)), LOAD_LIMIT_S)[0]
 
     @property
     def alive(self) -> bool:

@@ -53,12 +53,22 @@ def check_face(made: Any, face: type, one: str) -> None:
             raise PlugInError(f"{place_of(found)}: {what} is no {one}: it has {taken}, expected {_call(name, method)}") from None
         except ValueError:  # a function in C, which does not tell
             continue
-    for name, kind in _attributes(face).items():
+    for name, kind in attributes_of(face).items():
         if not hasattr(made, name):
             raise PlugInError(f"{place_of(made)}: {what} is no {one}: it has no attribute '{name}'")
         value = getattr(made, name)
         if kind in (bool, int, float, str) and (not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool)):
             raise PlugInError(f"{place_of(made)}: {what} is no {one}: '{name}' is {value!r}, expected {kind.__name__}")
+
+
+def attributes_of(face: type) -> dict[str, Any]:
+    """The attributes that a Protocol asks for, with their types; None for one without a hint."""
+    hints = get_type_hints(face)
+    found = {name: kind for name, kind in hints.items() if not name.startswith("_")}
+    for name, value in _members(face).items():
+        if isinstance(value, property) and value.fget:
+            found[name] = get_type_hints(value.fget).get("return")
+    return found
 
 
 def place_of(target: Any) -> str:
@@ -92,16 +102,6 @@ def _members(face: type) -> dict[str, Any]:
 
 def _methods(face: type) -> dict[str, Any]:
     return {name: value for name, value in _members(face).items() if inspect.isfunction(value)}
-
-
-def _attributes(face: type) -> dict[str, Any]:
-    """Each attribute's type, None where it is not simple."""
-    hints = get_type_hints(face)
-    found = {name: kind for name, kind in hints.items() if not name.startswith("_")}
-    for name, value in _members(face).items():
-        if isinstance(value, property) and value.fget:
-            found[name] = get_type_hints(value.fget).get("return")
-    return found
 
 
 def _arguments(method: Any) -> list[str]:

@@ -28,7 +28,7 @@ KINDS = {
         Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner"),
         Kind("dispatchers", "dispatcher"),
         Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),
-        Kind("metrics", "metric", made=False),
+        Kind("metrics", "metric", ours="mrp_sumo.metrics.registry:BY_NAME", made=False),
         Kind("readers", "map reader"),
     )
 }

@@ -89,7 +89,7 @@ def loaded(kind: Kind, source: Source) -> Any:
     table = _named(kind.ours) if kind.ours and source.ours else {}
     entry = table.get(source.name)
     found = entry if entry is not None and not isinstance(entry, str) else load(source)
-    face = _named(kind.face) if kind.face else None
+    face = face_of(kind)
     if kind.made:
         if not isinstance(found, type):
             raise PlugInError(f"{place_of(found)}: {source.attribute} is {type(found).__name__}, expected a class, the {kind.one}'s")
@@ -115,9 +115,15 @@ def made(kind: Kind, source: Source, parameters: Mapping[str, Any]) -> Any:
         if source.ours:
             raise
         raise blamed(error, source, plug_in) from error
-    if kind.face:
-        check_face(result, _named(kind.face), kind.one)
+    if face := face_of(kind):
+        check_face(result, face, kind.one)
     return result
+
+
+def face_of(kind: Kind) -> type | None:
+    """The Protocol of a kind; None for one without."""
+    face: type | None = _named(kind.face) if kind.face else None
+    return face
 
 
 def forget() -> None:

@@ -1,0 +1,114 @@
+"""List what there is by name: what a scenario can name, with parameters and their defaults.
+
+Planners, assigners, dispatchers, policies, metrics and readers are those of this program and of installed packages; maps, robots,
+scenarios and suites are those that come with this program. Exit code 1 when a plug-in of a package cannot be loaded.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
+from mrp_sumo.plugins.kinds import KINDS
+
+FILES = ("maps", "robots", "scenarios", "suites")
+Entry = dict[str, Any]  # name, summary, parameters: {name: {type, default}}, and what else is known of it
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo list`."""
+    parser.add_argument("what", metavar="WHAT", help=", ".join((*KINDS, *FILES)))
+    parser.add_argument("--json", action="store_true", help="print a JSON list of objects")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print a table, or JSON."""
+    known = (*KINDS, *FILES)
+    if options.what not in known:
+        raise MrpSumoError(f"cannot list '{options.what}'{nearest(options.what, known, limit=len(known))}")
+    faults: list[str] = []
+    entries = _plug_ins(options.what, faults) if options.what in KINDS else _files(options.what)
+    if options.json:
+        print(json.dumps(entries, indent=2, allow_nan=False))
+    elif entries:
+        _print(entries)
+    else:
+        print(f"no {options.what}")
+    for line in faults:
+        print(f"mrp-sumo: {line}", file=sys.stderr)
+    return 1 if faults else 0
+
+
+def _plug_ins(kind: str, faults: list[str]) -> list[Entry]:
+    """The plug-ins of a kind; those that cannot be loaded are faults."""
+    from mrp_sumo.planning.outside import described
+    from mrp_sumo.plugins.registry import names
+
+    found: list[Entry] = []
+    for name in names(kind):
+        try:
+            one = described(kind, name)
+        except PlugInError as error:
+            faults.append(f"{KINDS[kind].one} '{name}': {error}")
+            continue
+        parameters = {key: {"type": type_, "default": default} for key, type_, default in one.parameters}
+        found.append({"name": name, "summary": one.summary, **one.attributes, "parameters": parameters, "source": one.source})
+    return found
+
+
+def _files(what: str) -> list[Entry]:
+    """What comes with the program as files."""
+    from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
+
+    if what == "maps":
+        return [{"name": name, "file": str(path)} for name, path in bundled_maps().items()]
+    folder = bundled_folder("robots") if what == "robots" else bundled_folder("scenarios")
+    files = sorted((folder / "suites" if what == "suites" else folder).glob("*.yaml"))
+    if what == "robots":
+        from mrp_sumo.io.scenario import robot_type
+
+        types = [robot_type(path.stem, folder, folder) for path in files]
+        return [{**{key: value for key, value in vars(one).items() if key != "source"}, "summary": one.source} for one in types]
+    if what == "suites":
+        from mrp_sumo.experiments.suite import read_suite
+
+        suites = [read_suite(path) for path in files]
+        return [{"name": suite.name, "summary": " ".join(suite.suite.description.split())} for suite in suites]
+    from mrp_sumo.io.scenario import read_scenario
+
+    scenarios = [read_scenario(path).scenario for path in files]
+    return [
+        {"name": one.name, "map": one.map.file, "robots": one.robots.count or len(one.robots.starts or ()), "planner": one.planner.name}
+        for one in scenarios
+    ]
+
+
+def _print(entries: list[Entry]) -> None:
+    """One row per entry: its name, what it is, and its parameters."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(no_wrap=True, style="bold")
+    table.add_column(overflow="fold", ratio=1)
+    for entry in entries:
+        table.add_row(entry["name"], "\n".join(_lines(entry)))
+    Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120).print(table)
+
+
+def _lines(entry: Entry) -> Iterable[str]:
+    if entry.get("summary"):
+        yield entry["summary"]
+    rest = {key: value for key, value in entry.items() if key not in ("name", "summary", "parameters") and value not in ("", None)}
+    if rest:
+        yield ", ".join(f"{key} {_shown(value)}" for key, value in rest.items())
+    if entry.get("parameters"):
+        parts = (f"{key} ({_shown(of['default'])})" for key, of in entry["parameters"].items())
+        yield f"parameters: {', '.join(parts)}"
+
+
+def _shown(value: Any) -> str:
+    """As YAML has it."""
+    return json.dumps(value) if value is None or isinstance(value, bool | list) else "''" if value == "" else str(value)
