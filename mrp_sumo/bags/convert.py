@@ -12,14 +12,14 @@ from mrp_sumo.errors import MrpSumoError
 
 
 def convert_to_ros1(bag: Path, out: Path, without: Sequence[str]) -> None:
-    """Write a ROS 1 bag (uncompressed, which every reader takes) of a ROS 2 bag.
+    """Convert a ROS 2 bag to a ROS 1 bag, uncompressed, which every reader takes.
 
     Parameters
     ----------
     bag
         Folder of the ROS 2 bag.
     out
-        File to be made, `.bag`.
+        The `.bag` file to write.
     without
         Topics to leave out.
 
@@ -31,7 +31,7 @@ def convert_to_ros1(bag: Path, out: Path, without: Sequence[str]) -> None:
         When the disk refuses.
     """
     try:
-        with redirect_stdout(StringIO()):  # it tells of every type it copies or migrates
+        with redirect_stdout(StringIO()):  # it reports every type that it copies or migrates
             convert(
                 srcs=[bag],
                 dst=out,

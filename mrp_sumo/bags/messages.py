@@ -1,4 +1,4 @@
-"""ROS 2 messages of a run, serialised: what the topics say that speak once.
+"""ROS 2 messages of a run, serialised, for the topics that are published once.
 
 Frames: `world` -> `map` (equal) -> `<robot>/base_link`. Stamps are EPOCH_NS plus simulated time, a constant,
 so that equal runs give equal bytes (0 would mean "latest" to many readers).
@@ -31,12 +31,12 @@ LABEL_OFFSET = 0.4 * np.array([math.cos(0.7853), math.sin(0.7853)])  # where MRP
 
 @cache
 def typestore(generation: str) -> Any:
-    """Humble's message types and those of rmf_fleet_msgs in a generation.
+    """Message types: those of ROS 2 Humble, and rmf_fleet_msgs in a generation.
 
     Raises
     ------
     MrpSumoError
-        For a generation that is not known.
+        For an unknown generation.
     """
     if generation not in GENERATIONS:
         raise MrpSumoError(f"unknown generation '{generation}' of rmf_fleet_msgs{nearest(generation, GENERATIONS)}")
@@ -49,7 +49,7 @@ def typestore(generation: str) -> Any:
 
 
 def ros_names(names: Iterable[str]) -> list[str]:
-    """The names as tokens ROS takes in topics and frames, kept distinct: 'robot.1' becomes 'robot_1'."""
+    """Names as tokens that ROS accepts in topics and frames, kept distinct: 'robot.1' becomes 'robot_1'."""
     taken: set[str] = set()
     tokens = []
     for name in names:
@@ -75,7 +75,7 @@ class Messages:
         self.plan = record.plan  # in force: the writer moves on to later ones
 
     def serialised(self, message: Any) -> bytes:
-        """Through the library."""
+        """The message, serialised by the library."""
         return bytes(self.typestore.serialize_cdr(message, message.__msgtype__))
 
     def make(self, typename: str, *values: Any, **named: Any) -> Any:
@@ -106,11 +106,11 @@ class Messages:
         return self.make("geometry_msgs/TransformStamped", self.header(ns, frame), child, moved)
 
     def tf_static(self, ns: int) -> bytes:
-        """The map's place in the world."""
+        """The transform from world to map."""
         return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0, 0.0, 1.0)]))
 
     def map(self, ns: int) -> bytes:
-        """Walls as an occupancy grid; without walls, cells no lane touches; without either, nothing occupied."""
+        """Walls as an occupancy grid; without walls, the cells that no lane touches; without either, a free grid."""
         origin, resolution_m, occupied = self._occupied()
         height, width = occupied.shape
         info = self.make(
@@ -140,7 +140,7 @@ class Messages:
         return low - graph.cell_m / 2, graph.cell_m, occupied
 
     def map_markers(self, ns: int) -> bytes:
-        """The map's vertices, lanes and names, as MRP-Bench's graph reader takes them."""
+        """The map's vertices, lanes and names, as MRP-Bench's graph reader expects them."""
         nav = self.record.nav or self.record.graph
         points = [self.point(x, y) for x, y in nav.xy.tolist()]
         once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
@@ -157,7 +157,7 @@ class Messages:
         return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
 
     def robot_markers(self, ns: int) -> bytes:
-        """A box and a name for each robot, fixed to its frame: TF moves them."""
+        """A box and a name for each robot, attached to its frame, so that TF moves them."""
         fleet, markers = self.record.fleet, []
         for i, name in enumerate(self.robots):
             frame, height = f"{name}/base_link", float(fleet.width_m[i]) / 2
@@ -282,7 +282,7 @@ class Messages:
         return self.serialised(self.make("nav_msgs/Path", self.header(ns, "map"), poses))
 
     def logs(self) -> Iterator[tuple[int, bytes]]:
-        """(ns, message) of each event, by time: one JSON object a message."""
+        """(ns, message) of each event, by time; each message holds one JSON object."""
         for event in sorted(self.record.execution.events, key=lambda e: e.t_s):
             ns = EPOCH_NS + max(0, round(event.t_s * 1e9))
             level = {"deadlock": 40, "collision": 40, "blocked": 30}.get(event.kind, 20)
@@ -304,7 +304,7 @@ def _corners(xy: FloatArray) -> FloatArray:
 
 
 def _headings(xy: FloatArray) -> FloatArray:
-    """[N] heading towards the next point, at the end that of the last step."""
+    """[N] heading towards the next point; the last point keeps the heading before it."""
     if len(xy) < 2:
         return np.zeros(len(xy))
     step = np.diff(xy, axis=0)

@@ -1,7 +1,7 @@
-"""Places that sqlite3 bags can be opened at.
+"""Paths at which sqlite3 bags can be opened.
 
-The library puts paths into a URI as they are, so `#`, `?` and `%` in them would lead elsewhere. A bag is
-reached through a link of a plain name instead; only the bag's own name cannot hold them.
+The library puts paths into a URI unescaped, so `#`, `?` and `%` in them would lead elsewhere. A bag is
+reached through a symbolic link with a plain name instead; only the bag's own name cannot contain them.
 """
 
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ ODD = "#?%"
 
 @contextmanager
 def plain_path(path: Path) -> Iterator[Path]:
-    """The same place by a path whose folders have no odd characters; `path` itself where it has none.
+    """The same place through folders without odd characters; `path` itself where it has none.
 
     Parameters
     ----------
     path
-        Its folder exists.
+        Its folder must exist.
     """
     if not any(character in str(path.parent) for character in ODD):
         yield path

@@ -1,7 +1,7 @@
-"""Fleet states out of anybody's bag: ROS 2 (mcap, sqlite3) or ROS 1, any generation of rmf_fleet_msgs.
+"""Fleet states from any bag: ROS 2 (mcap, sqlite3) or ROS 1, any generation of rmf_fleet_msgs.
 
-Definitions in the bag are used where it carries them; else the generation is found by trying which one
-gives the same bytes back. Refuses bags without the topic, and damaged ones, in one line.
+Message definitions in the bag are used where there are any; otherwise the generation is the one that encodes the
+messages back to the same bytes. Refuses bags without the topic, and damaged ones, in one line.
 """
 
 import sqlite3
@@ -21,14 +21,14 @@ from mrp_sumo.errors import MrpSumoError, nearest
 
 FLEET_STATES = "/fleet_states"
 PATH_REQUESTS = "/robot_path_requests"
-CHECKED = 20  # messages encoded again, to tell generations apart
+CHECKED = 20  # messages that are encoded again to recognise the generation
 EMPTY_BYTES = 100  # a fleet without robots looks the same in all of them
 Place = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class FleetLog:
-    """T fleet states of R robots, by name. NaN where a robot is not in a message."""
+    """T fleet states of R robots. NaN where a robot is not in a message."""
 
     t_ns: IntArray  # [T] stamps of the bag
     robot_name: tuple[str, ...]  # [R] in order of appearance
@@ -38,14 +38,14 @@ class FleetLog:
 
 
 def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
-    """Read `/fleet_states`, and starts and goals from `/robot_path_requests` where there are such.
+    """Read `/fleet_states`, and starts and goals from `/robot_path_requests` if there are any.
 
     Parameters
     ----------
     path
         A bag: a folder with metadata.yaml, an .mcap or .db3 file, or a ROS 1 .bag.
     generation
-        Of rmf_fleet_msgs, for bags without definitions; found out by default.
+        Of rmf_fleet_msgs, for bags without definitions; detected by default.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def _messages(path: Path, generation: str) -> Iterator[tuple[str, int, Any]]:
 
 
 def _lone_database(path: Path) -> Path | None:
-    """The one .db3 file of a bag without metadata: MRP-Bench's analyser opens those, too."""
+    """The only .db3 file of a bag without metadata, which MRP-Bench's analyser opens as well."""
     if path.is_file() and path.suffix == ".db3":
         return path if not (path.parent / "metadata.yaml").is_file() else None
     if path.is_dir() and not (path / "metadata.yaml").is_file():
@@ -118,7 +118,7 @@ def _database_messages(path: Path, store: Any) -> Iterator[tuple[str, int, Any]]
 
 
 def _decoder(store: Any) -> Callable[[str, bytes], Any]:
-    """Decodes messages; the first ones are encoded again, since a wrong definition rarely gives the same length back."""
+    """Decodes messages. The first ones are encoded again: a wrong definition rarely gives the same length."""
     left = CHECKED
 
     def decoded(kind: str, raw: bytes) -> Any:

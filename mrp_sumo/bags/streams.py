@@ -1,4 +1,4 @@
-"""Topics that speak many times: templates of serialised messages whose numbers are set anew for each time."""
+"""Topics with a message per moment: templates of serialised messages whose numbers are overwritten each time."""
 
 import math
 from collections.abc import Callable
@@ -29,7 +29,7 @@ CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
 
 
 class Samples:
-    """Positions and states of all robots at the times a bag speaks of. K times, R robots."""
+    """Positions and states of R robots at the K times of a bag's fast topics."""
 
     def __init__(self, record: RunRecord, t_ns: IntArray) -> None:
         execution = record.execution
@@ -42,7 +42,7 @@ class Samples:
 
 
 class Stream:
-    """Messages over time from a template, made anew whenever other robots are on the floor, or on other levels."""
+    """Messages over time from a template, which is rebuilt whenever robots appear, disappear or change level."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Stream:
         self._robots: Any = slice(None)
 
     def message(self, k: int) -> bytes | None:
-        """What is said at the k-th time; None for nothing."""
+        """The message at the k-th time; None for no message."""
         there, level = self.samples.there[k], self._level[k]
         if self._only is not None and not there[self._only]:
             return None
@@ -79,7 +79,7 @@ class Stream:
 
 
 def transforms(m: Messages, samples: Samples) -> Stream:
-    """/tf, all robots in one message."""
+    """/tf: all robots in one message."""
     frames = [f"{name}/base_link" for name in m.robots]
 
     def template(robots: IntArray, _: Any) -> Template:
@@ -104,7 +104,7 @@ def transforms(m: Messages, samples: Samples) -> Stream:
 
 
 def poses(m: Messages, samples: Samples) -> Stream:
-    """/robot_poses, all robots in one message."""
+    """/robot_poses: all robots in one message."""
 
     def template(robots: IntArray, _: Any) -> Template:
         def make(v: list[Any]) -> Any:
@@ -129,7 +129,7 @@ def _fill_poses(samples: Samples) -> Callable[[Template, int, Any], None]:
 
 
 def fleet_states(m: Messages, samples: Samples) -> Stream:
-    """/fleet_states of RMF."""
+    """/fleet_states, as Open-RMF publishes them."""
     mode = np.array([RMF_MODES[state] for state in range(len(STATE_NAMES))])
     tasks = [m.record.graph.label(int(v)) for v in m.record.target]
     more = ("",) if m.generation == "kilted" else ()  # performing_action
@@ -167,7 +167,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
 
 
 def cloud(m: Messages, samples: Samples) -> Stream:
-    """/robot_cloud: a point a robot, coloured by state."""
+    """/robot_cloud: one point per robot, coloured by state."""
     fields = [("x", 7), ("y", 7), ("z", 7), ("rgb", 7), ("speed", 7), ("yaw", 7), ("id", 6), ("blocked", 2)]
     rgb = np.array([int("".join(f"{round(255 * c):02x}" for c in COLOURS[state]), 16) for state in range(len(STATE_NAMES))], np.uint32)
 
@@ -193,7 +193,7 @@ def cloud(m: Messages, samples: Samples) -> Stream:
 
 
 def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
-    """/<robot>/odom of one robot; silent while it is not on the floor."""
+    """/<robot>/odom of one robot; no messages while it is not on the floor."""
     covariance = np.zeros(36)
     turn_rate = np.zeros(len(samples.t_ns))
     if len(turn_rate) > 1:
@@ -224,7 +224,7 @@ def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
 
 
 class Diagnostics:
-    """/diagnostics: the state of each robot in words. Strings vary, so that the bytes are put together here."""
+    """/diagnostics: the state of each robot in words. Strings vary in length, so the bytes are assembled here."""
 
     def __init__(self, m: Messages, samples: Samples) -> None:
         self.samples = samples
@@ -232,7 +232,7 @@ class Diagnostics:
         self._statuses = [[_status(m, robot, state) for state in states] for robot in range(len(m.robots))]
 
     def message(self, k: int) -> bytes:
-        """What is said at the k-th time."""
+        """The message at the k-th time."""
         samples = self.samples
         robots = np.flatnonzero(samples.there[k])
         sec, nanosec = divmod(EPOCH_NS + int(samples.t_ns[k]), 10**9)
@@ -246,7 +246,7 @@ class Diagnostics:
 
 
 def metrics(samples: Samples, k: int) -> dict[str, bytes]:
-    """/metrics/*: figures of the fleet at a time."""
+    """/metrics/*: numbers about the fleet at one time."""
     there = samples.there[k]
     state, speed = samples.state[k, there], samples.speed[k, there]
     xy = np.column_stack((samples.x[k, there], samples.y[k, there]))

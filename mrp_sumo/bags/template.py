@@ -1,7 +1,7 @@
 """Fast CDR: a message of fixed layout is serialised once, and from then on only its numbers are overwritten.
 
 The layout of a message does not change while its strings and array lengths stay the same. A template
-serialises one with random numbers through the library, looks where they went, and keeps the places. The
+has the library serialise one with random numbers, finds where they went, and remembers the places. The
 bytes are the library's own; tests compare them for every type written.
 """
 
@@ -21,7 +21,7 @@ class Template:
     Parameters
     ----------
     typestore
-        Serialises.
+        The library that serialises.
     typename
         Of the message.
     make
@@ -77,7 +77,7 @@ class Template:
             self._view[kind][self._index[kind]] = values
 
     def message(self) -> bytes:
-        """The serialised message with the numbers of now."""
+        """The serialised message with its present numbers."""
         return self._buffer[HEADER : HEADER + self._size].tobytes()
 
     def bytes_before_end(self, count: int, after: int) -> NDArray[np.uint8]:

@@ -1,8 +1,8 @@
 """A run as a ROS 2 bag that RViz, Foxglove, Rerun, PlotJuggler and `ros2 bag` open, without ROS.
 
 mcap with zstd chunks by default, sqlite3 on request; metadata version 8, which Humble to Rolling read.
-Refuses unknown storages, generations and robots, and a folder that is there already. Bags of equal runs
-are equal byte for byte. An interrupted write leaves complete chunks in the mcap file but no index.
+Refuses unknown storages, generations and robots, and folders that exist. Equal runs give equal bytes. An interrupted
+write leaves complete chunks in the mcap file but no index.
 """
 
 import json
@@ -39,9 +39,9 @@ class BagOptions:
     storage: str = "mcap"  # or 'sqlite3'
     rmf: str = "jazzy"  # generation of rmf_fleet_msgs: 'galactic', 'jazzy' or 'kilted'
     period_s: float = 0.1  # between messages of /tf, /robot_cloud, poses and odometry; never shorter than the record's
-    robots: tuple[str, ...] = ()  # that get topics of their own: /<robot>/odom and /<robot>/plan
-    poses: bool = False  # /robot_poses, too: what /tf says, as one PoseArray
-    repeat_latched_s: float = 0.0  # say /map and markers again, for players that start in the middle; 0: never
+    robots: tuple[str, ...] = ()  # robots with topics of their own: /<robot>/odom and /<robot>/plan
+    poses: bool = False  # also write /robot_poses: what /tf says, as one PoseArray
+    repeat_latched_s: float = 0.0  # repeat /map and markers, for players that start in the middle; 0: never
 
 
 class FastWriter(Writer):
@@ -58,7 +58,7 @@ class FastWriter(Writer):
 
 
 def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> None:
-    """Write the bag of a run as its scenario says."""
+    """Write the bag of a run with its scenario's options."""
     write_bag(folder, record, BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses))
 
 
@@ -68,18 +68,18 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
     Parameters
     ----------
     folder
-        To be made; the bag file in it gets its name.
+        To be created; the bag file in it gets the same name.
     record
         With at least one sample.
     options
         Storage, message generation, topics.
     about
-        More for the metadata's `custom_data`.
+        More entries for the metadata's `custom_data`.
 
     Raises
     ------
     MrpSumoError
-        For options that are not known, a folder that exists, or a record without samples.
+        For unknown options, a folder that exists, or a record without samples.
     OSError
         When the disk refuses.
     """
@@ -91,7 +91,7 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
         raise MrpSumoError(f"{folder}: exists already, a bag needs a new folder")
     if options.storage == "sqlite3" and (bad := [c for c in folder.name if c in ODD]):
         raise MrpSumoError(f"'{folder.name}': the name of a sqlite3 bag cannot have a '{bad[0]}'; use mcap or another name")
-    record = replace(record, execution=as_believed(record.execution))  # robots tell where they take themselves to be
+    record = replace(record, execution=as_believed(record.execution))  # robots report the poses that they believe
     messages = Messages(record, options.rmf)
     chosen = _chosen(record, options.robots)
     renamed = {token: name for token, name in zip(messages.robots, record.fleet.robot_name) if token != name}

@@ -1,4 +1,4 @@
-"""Arrow columns of arrays and texts. `pyarrow.array` would do, if it did not import pandas to ask whether it was given some of its."""
+"""Arrow columns of arrays and texts, as `pyarrow.array` makes them, but without its import of pandas."""
 
 from collections.abc import Iterable, Sequence
 

@@ -1,4 +1,4 @@
-"""YAML documents with line numbers, checked against pydantic models with one line a fault.
+"""YAML documents with line numbers, checked against pydantic models, with one line per fault.
 
 Refuses what is not UTF-8, not YAML, not a mapping, and keys given twice (YAML itself keeps the last).
 """
@@ -20,7 +20,7 @@ Place = tuple[str | int, ...]  # keys and list positions from the top of a docum
 
 
 class Document:
-    """A parsed YAML mapping that knows on which line each of its keys stands."""
+    """A parsed YAML mapping that knows the line of each of its keys."""
 
     def __init__(self, path: Path, content: dict[str, Any], line: dict[Place, int]) -> None:
         self.path = path
@@ -92,7 +92,7 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
     Raises
     ------
     ScenarioError
-        One line a fault.
+        One line per fault.
     """
     try:
         return model.model_validate(document.content if content is None else content)
@@ -114,8 +114,8 @@ def _fault(document: Document, model: type[BaseModel], options: Mapping[Place, s
         case "literal_error":
             expected = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
             meant = difflib.get_close_matches(str(found), expected, n=1)
-            told = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
-            return f"{where}: unknown value {found!r} ({told})"
+            hint = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
+            return f"{where}: unknown value {found!r} ({hint})"
         case "model_type" | "dict_type":
             return f"{where}: found {_kind(found)}, expected keys and values"
         case "value_error":

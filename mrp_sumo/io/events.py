@@ -1,6 +1,6 @@
-"""Events of an execution as JSON lines: one object a line, readable with `jq`, pandas and editors.
+"""Events of an execution as JSON lines, one object per line, for `jq`, pandas and editors.
 
-Robots and vertices go by name; a key without a value is left out. JSON knows no infinity: what lasts for good has
+Robots and vertices appear by name; a key without a value is left out. JSON has no infinity: what lasts for good has
 `for_good: true` and no `duration_s`.
 """
 
@@ -21,7 +21,7 @@ SCHEMA_VERSION = 1
 
 
 def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any]:
-    """An event in names: t_s, kind, robot, and where there are such vertex, x_m, y_m, other, duration_s or for_good, text."""
+    """An event by names: t_s, kind, robot, and if there are any vertex, x_m, y_m, other, duration_s or for_good, text."""
     document: dict[str, Any] = {"t_s": float(event.t_s), "kind": event.kind}
     if event.robot >= 0:
         document["robot"] = fleet.robot_name[event.robot]
@@ -40,18 +40,18 @@ def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any
 
 
 def event_documents(execution: Execution, fleet: Fleet, graph: NavGraph) -> list[dict[str, Any]]:
-    """All events in names, by time."""
+    """All events by names, in order of time."""
     return [event_document(event, fleet, graph) for event in sorted(execution.events, key=lambda event: event.t_s)]
 
 
 def write_events(path: Path, execution: Execution, fleet: Fleet, graph: NavGraph) -> None:
-    """Write all events by time, one a line."""
+    """Write all events in order of time, one per line."""
     lines = [json.dumps(document, ensure_ascii=False, allow_nan=False) for document in event_documents(execution, fleet, graph)]
     path.write_text("".join(line + "\n" for line in lines), encoding="utf-8")
 
 
 def events_frame(documents: list[dict[str, Any]]) -> "pandas.DataFrame":
-    """One row per event; what an event does not have is NaN."""
+    """One row per event; NaN where an event lacks a value."""
     import pandas as pd
 
     return pd.DataFrame(documents, columns=["t_s", "kind", "robot", "vertex", "x_m", "y_m", "other", "duration_s", "text"])
@@ -80,7 +80,7 @@ def read_events(path: Path) -> list[dict[str, Any]]:
 
 
 def events_of_documents(documents: list[dict[str, Any]], fleet: Fleet, graph: NavGraph) -> tuple[Event, ...]:
-    """Events with indices again. A name that is not known becomes -1; vertices of one name are told apart by their places."""
+    """Events with indices again. A name that is not known becomes -1; vertices that share a name are distinguished by place."""
     robot = {name: i for i, name in enumerate(fleet.robot_name)}
     vertex = {(graph.label(v), x, y): v for v, (x, y) in enumerate(graph.xy.tolist())} if documents else {}
     return tuple(

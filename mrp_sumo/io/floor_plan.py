@@ -1,7 +1,7 @@
-"""What robots drove on, kept in the run folder so that logs can be made of it when the map is gone.
+"""What robots drove on, kept in the run folder so that logs can be derived when the map is gone.
 
 `floor.json`: the nav graph, the plan graph and the fleet; `map.png` with `map.yaml`: the walls, in the
-form Nav2's map_server reads. Read back they give the same arrays. Refuses files of another schema.
+form that Nav2's map_server reads. Reading them back gives the same arrays. Refuses files of another schema.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Writing a map in any format that holds its graph; the suffix chooses. What gets lost is told.
+"""Writing a map in any format that holds its graph; the suffix chooses. What the format cannot hold is reported.
 
 Refuses suffixes it does not know, and several levels in formats that have one.
 """
@@ -33,7 +33,7 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     Returns
     -------
     losses
-        What the format cannot hold, one text each.
+        What the format cannot hold, in words.
 
     Raises
     ------

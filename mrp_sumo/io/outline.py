@@ -20,7 +20,7 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Strokes and polygons in m, levels that do not overlap together."""
+    """Strokes and polygons in m, all levels in one frame where they do not overlap."""
 
     walls: FloatArray  # [W, 2, 2]
     doors: FloatArray  # [D, 2, 2]
@@ -30,7 +30,7 @@ class Outline:
 
 
 def outline_of(building: Building, level_names: Collection[str]) -> Outline:
-    """The outline of some levels; names that the building does not have are passed over."""
+    """The outline of some levels; names that the building does not have are ignored."""
     levels = [level for name, level in building.levels.items() if name in level_names]
     lifts = []
     for level in levels:

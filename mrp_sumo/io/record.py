@@ -1,4 +1,4 @@
-"""What a run leaves behind, in memory: everything logs, exports and replays are made from."""
+"""A run in memory: everything that logs, exports and replays are made from."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,13 +30,13 @@ class RunRecord:
     name: str  # of the scenario
     seed: int
     fleet: Fleet
-    graph: PlanGraph  # the plan's vertices are its
+    graph: PlanGraph  # whose vertices the plan names
     target: IntArray  # [R] goal vertex of each robot
     plan: Plan | None
     execution: Execution
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
     costmap: "Costmap | None" = None  # walls
-    constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names: what metrics were taken with
+    constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names, that metrics were computed with
 
 
 def record_of(
@@ -68,9 +68,9 @@ def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:
 
 
 def robot_states(execution: Execution, t_s: FloatArray) -> NDArray[np.int8]:
-    """What each robot does at some times: MOVING, WAITING, BLOCKED or AT_GOAL.
+    """The state of each robot at some times: MOVING, WAITING, BLOCKED or AT_GOAL.
 
-    Blocked is what the execution's events say, waiting is standing elsewhere than at the goal.
+    Blocked is what the events call blocked; waiting is standing anywhere but at the goal.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
-"""Results of a batch: one file a run, and tables of all of them.
+"""Results of a batch: one file per run, and tables of all of them.
 
     DIR/plan.json             what the batch is: suite, versions, the keys of its runs in order
     DIR/runs/ab/abcd....json  the record of a run, with its checksum; written whole, never changed but by a retry
-    DIR/results.parquet, .csv one row a run; there only when they tell of every record
+    DIR/results.parquet, .csv one row per run; there only when they cover every record
     DIR/quarantine/           files of runs/ that could not be read
 
-A record that is there is complete: it is written under another name, synced, and renamed.
+A record is complete when it is there: it is written under another name, synced, and renamed.
 """
 
 import csv
@@ -35,12 +35,12 @@ BatchRecord = dict[str, Any]
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all, also after a power cut.
+    """Write a file whole or not at all, even when the power fails.
 
     Raises
     ------
     OSError
-        As the system says; nothing of the file is left then.
+        As the system reports it; nothing of the file is left then.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -67,7 +67,7 @@ def record_path(folder: Path, key: str) -> Path:
 
 def write_record(folder: Path, record: BatchRecord) -> None:
     """Write the record of a run, in place of an earlier one."""
-    first = {name: record[name] for name in ("key", "status", "attempts")}  # where they are found without reading on
+    first = {name: record[name] for name in ("key", "status", "attempts")}  # where they are found without reading the rest
     body = json.dumps(first | record, separators=(",", ":")).encode()
     write_whole(record_path(folder, record["key"]), _HEAD % zlib.crc32(body) + body + _TAIL)
 
@@ -84,32 +84,32 @@ def read_record(path: Path) -> BatchRecord:
     return record
 
 
-def records_in(folder: Path, told: Callable[[str], None]) -> Iterator[BatchRecord]:
-    """The records of a folder, in no order that means anything. `told` is called with a line about each file that cannot be used."""
-    for body in _bodies(folder, lambda path, reason: told(f"{reason}; left out")):
+def records_in(folder: Path, report: Callable[[str], None]) -> Iterator[BatchRecord]:
+    """The records of a folder in arbitrary order. `report` is called with a line for each file that cannot be used."""
+    for body in _bodies(folder, lambda path, reason: report(f"{reason}; left out")):
         yield json.loads(body)
 
 
-def standings_in(folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> Iterator[tuple[str, str, int]]:
-    """Key, status and number of attempts of every record of a folder, without reading on.
+def standings_in(folder: Path, report: Callable[[str], None], *, quarantine: bool = False) -> Iterator[tuple[str, str, int]]:
+    """Key, status and number of attempts of every record of a folder, without reading the rest.
 
     Parameters
     ----------
     folder
         Of a batch.
-    told
-        Called with a line about each file that cannot be used.
+    report
+        Called with a line for each file that cannot be used.
     quarantine
         Move such files away, and remove what a killed process left; for the batch, which makes their runs again.
     """
 
     def aside(path: Path, reason: str) -> None:
         if not quarantine:
-            told(f"{reason}; left out")
+            report(f"{reason}; left out")
             return
         (folder / "quarantine").mkdir(exist_ok=True)
         path.replace(folder / "quarantine" / path.name)
-        told(f"{reason}; moved to quarantine, the run is made again")
+        report(f"{reason}; moved to quarantine, the run is made again")
 
     if quarantine:
         for pattern in ("runs/*/.*.json.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV))):
@@ -183,14 +183,14 @@ def row_of(record: BatchRecord) -> dict[str, Any]:
         "reason": record["reason"],
         "repeat": record["repeat"],
         **parameter_columns(record["scenario"]),
-        "num_robots": robots["count"] or len(robots["starts"]),  # also of a run that came to nothing
+        "num_robots": robots["count"] or len(robots["starts"]),  # also for a run without metrics
         **record["metrics"],
         **{name: record[name] for name in ("code", "libsumo", "ortools", *MACHINE_COLUMNS)},
     }
 
 
 def write_tables(folder: Path, records: Iterable[BatchRecord]) -> None:
-    """Write results.parquet and results.csv, one row a record."""
+    """Write results.parquet and results.csv, one row per record."""
     import io
 
     import pyarrow.parquet as pq
@@ -208,13 +208,13 @@ def write_tables(folder: Path, records: Iterable[BatchRecord]) -> None:
 
 
 def drop_tables(folder: Path) -> None:
-    """Remove the tables, before there is a record that they do not tell of."""
+    """Remove the tables, before there is a record that they do not cover."""
     for name in (TABLE, CSV):
         (folder / name).unlink(missing_ok=True)
 
 
-def load_results(path: str | Path, told: Callable[[str], None] | None = None) -> "pandas.DataFrame":
-    """The results of a batch, one row a run, in the order of its suite.
+def load_results(path: str | Path, report: Callable[[str], None] | None = None) -> "pandas.DataFrame":
+    """The results of a batch, one row per run, in the order of its suite.
 
     Columns: `key`, `scenario_key` (of the scenario alone, equal in other versions of the code), `status`,
     `success`, `reason`, `repeat`, all scenario keys (dotted; `map`, `planner`, `discretisation` for their
@@ -224,8 +224,8 @@ def load_results(path: str | Path, told: Callable[[str], None] | None = None) ->
     ----------
     path
         Folder of a batch, finished or not, or a `results.parquet`.
-    told
-        Called with a line about each file that cannot be used.
+    report
+        Called with a line for each file that cannot be used.
 
     Raises
     ------
@@ -235,13 +235,13 @@ def load_results(path: str | Path, told: Callable[[str], None] | None = None) ->
     import pandas as pd
     import pyarrow as pa
 
-    table = _load_table(Path(path), told or (lambda line: None))
+    table = _load_table(Path(path), report or (lambda line: None))
     frame: pd.DataFrame = table.to_pandas(types_mapper={pa.bool_(): pd.BooleanDtype()}.get)
     return frame
 
 
-def query(path: str | Path, sql: str, told: Callable[[str], None] | None = None) -> "pandas.DataFrame":
-    """What SQL says of the results of a batch, which are the table `results`.
+def query(path: str | Path, sql: str, report: Callable[[str], None] | None = None) -> "pandas.DataFrame":
+    """Query the results of a batch, the table `results`, in SQL.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def query(path: str | Path, sql: str, told: Callable[[str], None] | None = None)
     """
     import duckdb
 
-    results = _load_table(Path(path), told or (lambda line: None))
+    results = _load_table(Path(path), report or (lambda line: None))
     with duckdb.connect() as connection:
         connection.register("results", results)
         try:
@@ -264,7 +264,7 @@ def query(path: str | Path, sql: str, told: Callable[[str], None] | None = None)
     return frame
 
 
-def _load_table(path: Path, told: Callable[[str], None]) -> "pyarrow.Table":
+def _load_table(path: Path, report: Callable[[str], None]) -> "pyarrow.Table":
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -279,7 +279,7 @@ def _load_table(path: Path, told: Callable[[str], None]) -> "pyarrow.Table":
         raise BatchError(f"{path}: no such folder")
     order = {key: i for i, key in enumerate(read_plan(path)["keys"])}
     with _no_collection():
-        records = sorted((r for r in records_in(path, told) if r["key"] in order), key=lambda record: order[record["key"]])
+        records = sorted((r for r in records_in(path, report) if r["key"] in order), key=lambda record: order[record["key"]])
         if not records:
             raise BatchError(f"{path}: no run has ended yet")
         return _table(records)
@@ -287,7 +287,7 @@ def _load_table(path: Path, told: Callable[[str], None]) -> "pyarrow.Table":
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Garbage is not looked for among 100,000 records that all stay: a third of the time of reading them."""
+    """No garbage collection among 100,000 records that all stay: it would be a third of the time of reading them."""
     was = gc.isenabled()
     gc.disable()
     try:

@@ -1,7 +1,7 @@
 """The run folder: everything one run leaves on disk, written whole or not at all.
 
-It is made under a temporary name beside its place and renamed when complete; `result.json` is its last
-file, so that its presence says that a run is complete. Replaces run folders only: anything else that is
+It is written under a temporary name beside its place and renamed when complete; `result.json` is its last
+file, so its presence means that the run is complete. Replaces run folders only: anything else that is
 in the way is refused.
 """
 
@@ -37,19 +37,19 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 RESULT = "result.json"
-LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # that shape results
+LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
 LISTED_CONFLICTS = 20
 
 WriteBag = Callable[[Path, RunRecord, Recording], object]  # folder, run, what the scenario says of it
 
 
 def check_replaceable(out: Path) -> None:
-    """Refuse a place for a run folder that holds something else.
+    """Refuse to replace anything but a run folder.
 
     Raises
     ------
     MrpSumoError
-        When it is neither free, nor an empty folder, nor a run folder; or below something that is no folder.
+        When the place is neither free, nor an empty folder, nor a run folder; or below something that is no folder.
     """
     out = out.resolve()
     if not out.exists():
@@ -150,7 +150,7 @@ def result_document(
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
-    """What `result.json` says, but for its list of files; the parameters are those of `write_run`."""
+    """The content of `result.json` without its list of files; the parameters are those of `write_run`."""
     document: dict[str, Any] = plain(
         {
             "schema_version": SCHEMA_VERSION,
@@ -163,7 +163,7 @@ def result_document(
             "versions": versions(),
             "metrics": metrics,
             "audit": audit,
-            "plan": _told(problem, result, verdict),
+            "plan": _answers(problem, result, verdict),
             "robots": _robots(problem, execution),
             "findings": list(execution.findings) if execution else [],
         }
@@ -172,7 +172,7 @@ def result_document(
 
 
 def versions() -> dict[str, str]:
-    """Of Python, of this package and of the libraries that shape results."""
+    """Versions of Python, of this package and of the libraries that shape results."""
     found = {"python": python_version(), "mrp_sumo": __version__}
     for name in LIBRARIES:
         try:
@@ -183,7 +183,7 @@ def versions() -> dict[str, str]:
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON knows it: arrays as lists, numbers that are not finite as null."""
+    """The value in JSON's types: arrays as lists, numbers that are not finite as null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -237,13 +237,13 @@ def _write_logs(
         write_bag(folder / "bag", record, scenario.record)
 
 
-def _told(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:
-    """What planner and referee said."""
+def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:
+    """Answers of planner and referee."""
 
     def conflict(c: Conflict) -> dict[str, Any]:
         names, graph = problem.fleet.robot_name, problem.graph
-        told = {"kind": c.kind, "robots": [names[c.robot], names[c.other]], "vertex": graph.label(c.vertex), "t_s": c.t_s}
-        return told | ({"next_vertex": graph.label(c.next_vertex)} if c.next_vertex >= 0 else {})
+        conflict = {"kind": c.kind, "robots": [names[c.robot], names[c.other]], "vertex": graph.label(c.vertex), "t_s": c.t_s}
+        return conflict | ({"next_vertex": graph.label(c.next_vertex)} if c.next_vertex >= 0 else {})
 
     return {
         "status": str(result.status),
@@ -282,7 +282,7 @@ def _is_run(folder: Path) -> bool:
 
 
 def _clear_leftovers(out: Path) -> None:
-    """Remove what processes left that were killed while they wrote this folder."""
+    """Remove leftovers of processes that were killed while they wrote this folder."""
     for path in out.parent.glob(f".{glob.escape(out.name)}.*-*"):
         kind, _, process = path.name.removeprefix(f".{out.name}.").partition("-")
         if kind not in ("new", "old") or not process.isdecimal() or _is_alive(int(process)):

@@ -1,6 +1,6 @@
-"""Reading run folders back: arrays for programs, DataFrames for notebooks.
+"""Reading run folders: arrays for programs, DataFrames for notebooks.
 
-Files are read when they are asked for. Refuses folders without a complete run.
+Files are read on first use. Refuses folders without a complete run.
 """
 
 import json
@@ -37,7 +37,7 @@ def load_run(folder: str | Path) -> "RunFolder":
     Parameters
     ----------
     folder
-        As `mrp-sumo run --out` made it.
+        As `mrp-sumo run --out` writes it.
 
     Raises
     ------
@@ -131,7 +131,7 @@ class RunFolder:
 
     @cached_property
     def believed(self) -> "Trajectory | None":
-        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        """The poses that robots believed to have, [T, R]; None where these are the true ones."""
         from mrp_sumo.io.trajectory import read_trajectory
 
         path = self.folder / "believed.parquet"
@@ -142,7 +142,7 @@ class RunFolder:
         """Trajectory, arrivals and events as the simulation gave them; clocks from the metrics."""
         from mrp_sumo.io.visits import read_arrivals
 
-        samples, believed, told = self.samples, self.believed, self.metrics
+        samples, believed, metrics = self.samples, self.believed, self.metrics
         documents = read_events(self.folder / "events.jsonl")
         goal_s = [robot["goal_s"] for robot in self.result["robots"]]
         return Execution(
@@ -155,9 +155,9 @@ class RunFolder:
             goal_s=frozen(np.array(goal_s, np.float64)),
             outcome=Outcome(self.result["outcome"]),
             policy=self.result["policy"],
-            sim_time_s=told["sim_time_s"],
-            wall_time_s=told["wall_time_s"] or 0.0,
-            cpu_time_s=told["cpu_time_s"] or 0.0,
+            sim_time_s=metrics["sim_time_s"],
+            wall_time_s=metrics["wall_time_s"] or 0.0,
+            cpu_time_s=metrics["cpu_time_s"] or 0.0,
             events=events_of_documents(documents, self.fleet, self.graph),
             findings=tuple(self.result["findings"]),
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
@@ -166,7 +166,7 @@ class RunFolder:
 
     @property
     def record(self) -> RunRecord:
-        """Everything logs are made of. Raises MrpSumoError where a file is missing or damaged."""
+        """Everything that logs are made of. Raises MrpSumoError where a file is missing or damaged."""
         try:
             return RunRecord(
                 name=self.result["scenario"]["name"],
@@ -181,8 +181,8 @@ class RunFolder:
                 constants=constants_of(self.result["scenario"]),
             )
         except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
-            told = str(error).splitlines() or [""]
-            raise MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {told[0]}") from None
+            lines = str(error).splitlines() or [""]
+            raise MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {lines[0]}") from None
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
@@ -217,7 +217,7 @@ class RunFolder:
         return read_replans(self.folder / "replans.parquet", self.graph, self.fleet.robot_name)
 
     def _has(self, name: str) -> bool:
-        """Whether a file is there; one that the run wrote and that is gone is a fault."""
+        """Whether a file is there; raises for one that the run wrote and that is lost."""
         there = (self.folder / name).is_file()
         if not there and name in self.result.get("files", ()):
             raise MrpSumoError(f"{self.folder / name}: lost, the run wrote it")

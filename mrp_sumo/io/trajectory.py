@@ -1,4 +1,4 @@
-"""Trajectories as Parquet: one long table of exact float64, the source of truth every other log derives from.
+"""Trajectories as Parquet: one long table of exact float64, the source of truth that every other log derives from.
 
 Columns: `t_ns` int64, `robot` dictionary of names, `x_m`, `y_m`, `yaw_rad`, `speed_mps` float64. A robot
 that is not on the floor has no row. Row groups hold about half a million rows, robot by robot inside,
@@ -40,7 +40,7 @@ class Trajectory:
     y_m: FloatArray  # [T, R]
     yaw_rad: FloatArray  # [T, R]
     speed_mps: FloatArray  # [T, R]
-    metadata: Mapping[str, Any]  # what the writer was told, with schema_version and units
+    metadata: Mapping[str, Any]  # as given to the writer, with schema_version and units
 
     @property
     def t_s(self) -> FloatArray:
@@ -54,7 +54,7 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
     Parameters
     ----------
     path
-        To be made.
+        To be written.
     execution
         T samples.
     robot_name
@@ -67,7 +67,7 @@ def write_trajectory(path: Path, execution: Execution, robot_name: tuple[str, ..
         "schema_version": SCHEMA_VERSION,
         "units": UNITS,
         "robots": list(robot_name),
-        "t_ns": _stamps_told(t_ns),
+        "t_ns": _stamps_document(t_ns),
         **metadata,
     }
     schema = _schema(len(robot_name)).with_metadata({"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
@@ -154,19 +154,19 @@ def read_trajectory(path: Path) -> Trajectory:
     return Trajectory(t_ns, tuple(names), **columns, metadata=about)
 
 
-def _stamps_told(t_ns: IntArray) -> dict[str, Any]:
-    """The stamps in JSON: first, last and number where that says it all, else every one."""
+def _stamps_document(t_ns: IntArray) -> dict[str, Any]:
+    """The stamps in JSON: first, last and number where they are evenly spaced, else all of them."""
     if len(t_ns):
-        told = {"first": int(t_ns[0]), "last": int(t_ns[-1]), "count": len(t_ns)}
-        if np.array_equal(_stamps(told), t_ns):
-            return told
+        evenly = {"first": int(t_ns[0]), "last": int(t_ns[-1]), "count": len(t_ns)}
+        if np.array_equal(_stamps(evenly), t_ns):
+            return evenly
     return {"all": t_ns.tolist()}
 
 
-def _stamps(told: Mapping[str, Any]) -> IntArray:
-    if "all" in told:
-        return np.array(told["all"], np.int64)
-    return np.rint(np.linspace(told["first"], told["last"], told["count"])).astype(np.int64)
+def _stamps(document: Mapping[str, Any]) -> IntArray:
+    if "all" in document:
+        return np.array(document["all"], np.int64)
+    return np.rint(np.linspace(document["first"], document["last"], document["count"])).astype(np.int64)
 
 
 def _indices(column: Any, names: list[str]) -> IntArray:

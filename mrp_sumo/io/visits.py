@@ -1,4 +1,4 @@
-"""Planned against driven, visit by visit, as Parquet: the plan in one table, with the times it was kept at.
+"""Planned against driven, visit by visit, as Parquet: the plan in one table, with the times at which it was kept.
 
 Columns: `robot`, `visit` (0 is the start), `vertex` (name), `x_m`, `y_m`, `arrive_s`, `depart_s` (null at the
 end, where the robot stays), `arrived_s` (null for a visit that was not reached).
@@ -23,7 +23,7 @@ def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution)
     Parameters
     ----------
     path
-        To be made.
+        To be written.
     problem, plan, execution
         Of one run.
     """
