@@ -1,4 +1,4 @@
-"""Charts: drawn with matplotlib's objects, kept as SVG and PNG, and as SVG to be set into a page whose colours they follow.
+"""Charts: drawn with matplotlib's objects, as SVG and PNG files, and as SVG inside a page whose colours they follow.
 
 The same data give the same bytes. Lines and marks differ in shape as well as colour; the colours are those of Okabe and
 Ito, which people with any colour vision can tell apart. Names of maps, planners and robots are text: neither markup nor formulas.
@@ -26,7 +26,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, INK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 LINES = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (5, 1.4, 1.2, 1.4)))
 MAX_SERIES = 12  # in one chart
-MANY_POINTS = 1500  # beyond which marks are pixels inside the SVG
+MANY_POINTS = 1500  # in one chart, beyond which marks are pixels inside the SVG
 
 ON_PAGE = {  # colour in the file -> CSS variable on the page, which has another value in the dark
     INK: "--ink",
@@ -74,7 +74,7 @@ STYLE: Any = {
     "ytick.labelcolor": INK,
     "ytick.labelsize": 8.5,
 }
-NARROW = (4.7, 3.15)  # inches; two beside each other on a desk, one readable on a phone
+NARROW = (4.7, 3.15)  # inches: two side by side on a desk, one readable on a phone
 PNG_DPI = 180
 
 
@@ -123,7 +123,7 @@ def draw(
     name
         Of its files: letters, digits and `_`.
     title, caption
-        Told beside it.
+        Written beside it.
     paint
         Draws on an empty figure.
     size
@@ -138,7 +138,7 @@ def draw(
         paint(figure)
         # `savefig` would draw each twice, first to lay it out
         FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
-        figure.set_layout_engine("none")  # what it came to stays
+        figure.set_layout_engine("none")  # its result stays
         figure.dpi = PNG_DPI
         FigureCanvasAgg(figure).print_png(png, metadata={"Software": None})
     return Chart(name, title, caption, svg.getvalue(), png.getvalue(), wide)
@@ -149,8 +149,8 @@ def series_style(i: int) -> dict[str, object]:
     return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)], "linestyle": LINES[i % len(LINES)]}
 
 
-def shown(name: str, limit: int = 34) -> str:
-    """A name as it can be drawn: printable, of bounded length, and not taken for one that legends leave out."""
+def printable(name: str, limit: int = 34) -> str:
+    """A name that can be drawn: printable, of bounded length, and not mistaken for one that legends leave out."""
     text = "".join(c if c.isprintable() else "�" for c in name)
     text = text if len(text) <= limit else text[: limit - 1] + "…"
     return "\u2009" + text if text.startswith("_") else text
@@ -170,16 +170,16 @@ def key(figure: Figure, ax: Axes) -> None:
 def log_seconds(axis: Axis) -> None:
     """A logarithmic axis of seconds, in words."""
 
-    def told(value: float, _: object) -> str:
+    def in_words(value: float, _: object) -> str:
         for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
             if value >= size * 0.999 or unit == "µs":
                 return f"{value / size:g} {unit}"
         return ""
 
-    axis.set_major_formatter(FuncFormatter(told))
+    axis.set_major_formatter(FuncFormatter(in_words))
     axis.set_minor_formatter(NullFormatter())
 
 
 def file_name(*parts: object) -> str:
-    """A name for files made of other names."""
+    """A file name made of other names."""
     return re.sub(r"_+", "_", "_".join(re.sub(r"[^a-z0-9]+", "_", str(part).lower()) for part in parts)).strip("_") or "chart"

@@ -1,6 +1,6 @@
-"""Other people's formats, made of a finished run: CSV, GeoJSON, SUMO's FCD, bags, and set-ups for viewers.
+"""A finished run in other formats: CSV, GeoJSON, SUMO's FCD, bags, and set-ups for viewers.
 
-Everything derives from the record, and appears whole or not at all. Refuses places that are taken.
+Everything derives from the record, and is written whole or not at all. Refuses to overwrite.
 """
 
 import json
@@ -80,10 +80,10 @@ def write_csv(path: Path, record: RunRecord) -> None:
 
 
 def write_geojson(path: Path, record: RunRecord) -> None:
-    """Vertices, lanes, a line a robot with a time for each point, and events, for GIS programs.
+    """Vertices, lanes, one line per robot with a time for each point, and events, for GIS programs.
 
     Coordinates are metres in the map's frame, not degrees; the member `crs_note` says so. Robots are
-    sampled once a second, points at which they stand are left out.
+    sampled once a second; points where they stand still are left out.
     """
     execution, nav = record.execution, record.nav or record.graph
     features = [
@@ -107,9 +107,9 @@ def write_geojson(path: Path, record: RunRecord) -> None:
         goal = record.graph.label(int(record.target[r]))
         features.append(_feature("LineString", points, {"layer": "trajectory", "robot": name, "goal": goal, "times_s": times}))
     for event in execution.events:
-        told = event_document(event, record.fleet, record.graph)
-        if "x_m" in told:
-            features.append(_feature("Point", [told.pop("x_m"), told.pop("y_m")], {"layer": "event", **told}))
+        properties = event_document(event, record.fleet, record.graph)
+        if "x_m" in properties:
+            features.append(_feature("Point", [properties.pop("x_m"), properties.pop("y_m")], {"layer": "event", **properties}))
     document = {
         "type": "FeatureCollection",
         "name": record.name,
@@ -140,12 +140,12 @@ def write_fcd(path: Path, record: RunRecord) -> None:
 
 
 def write_ros2(path: Path, make_bag: Callable[[Path], Any]) -> None:
-    """A ROS 2 bag in a folder of this name; what an interrupted writer leaves lies in a hidden folder beside it.
+    """A ROS 2 bag in a folder of this name; an interrupted writer leaves a hidden folder beside it.
 
     Parameters
     ----------
     path
-        To be made.
+        To be written.
     make_bag
         Writes a bag into a folder that does not exist yet.
     """
@@ -158,7 +158,7 @@ def write_ros2(path: Path, make_bag: Callable[[Path], Any]) -> None:
 
 
 def write_ros1(path: Path, record: RunRecord, make_bag: Callable[[Path], Any]) -> None:
-    """A ROS 1 bag. RMF's topics come along under their ROS 2 names; /rosout does not, its type is no ROS 1 type.
+    """A ROS 1 bag. RMF's topics keep their ROS 2 names; /rosout is left out, since its type is none of ROS 1.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def write_ros1(path: Path, record: RunRecord, make_bag: Callable[[Path], Any]) -
 
 
 def write_viewers(path: Path, record: RunRecord) -> None:
-    """Set-ups for RViz 2, Foxglove, PlotJuggler and Rerun in a folder, looking at this run's map."""
+    """Set-ups for RViz 2, Foxglove, PlotJuggler and Rerun in a folder, showing this run's map."""
     xy = (record.nav or record.graph).xy
     low, high = (xy.min(0), xy.max(0)) if len(xy) else (np.zeros(2), np.ones(2))
     centre, width, height = (low + high) / 2, float(high[0] - low[0]) + 2, float(high[1] - low[1]) + 2
@@ -190,7 +190,7 @@ def write_viewers(path: Path, record: RunRecord) -> None:
         "pixels_per_m": f"{pixels_per_m:.2f}",
         "distance_m": f"{1.3 * max(width * 0.7, height):.1f}",
         "robot_m": f"{robot_m:.3f}",
-        "halo_m": f"{max(1.6 * robot_m, 6 / pixels_per_m):.3f}",  # the state's colour shows around the body, and from far away
+        "halo_m": f"{max(1.6 * robot_m, 6 / pixels_per_m):.3f}",  # so that the state's colour shows around the body, and from afar
         "num_robots": str(record.fleet.num_robots),
         "seconds": f"{float(record.execution.t_s[-1]):.1f}",
     }

@@ -1,6 +1,6 @@
-"""Put names beside points on a page so that none lies on another: greedy, in the order given, the best of sixteen places each.
+"""Names beside points on a page so that none overlaps another: greedy, in the order given, the best of sixteen places each.
 
-A name that finds no place is left out: half a page of words on words tells less than a few that can be read.
+A name that finds no place is left out: a few names that can be read say more than many on top of each other.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ DIRECTIONS = np.array([(1, 0.35), (-1, 0.35), (0, 1), (0, -1), (1, 1), (-1, 1), 
 
 
 def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Array, gap: float) -> Array:
-    """Where the labels go.
+    """Choose a place for each label.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
     lane, wall
         [S, 2, 2] each, strokes that a label should not cover; three lanes weigh more than any number of walls.
     page
-        [2, 2] lower left and upper right: a label lies within.
+        [2, 2] lower left and upper right; labels stay inside.
     gap
         Between a point and its label.
 
@@ -37,7 +37,7 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
     placed_low, placed_high = np.zeros((0, 2)), np.zeros((0, 2))
     lane_box, wall_box = ((line.min(1), line.max(1)) for line in (lane, wall))
     for i, (point, extent) in enumerate(zip(anchor, size)):
-        # the label's near side stays the gap away from the point, whatever the direction
+        # whatever the direction, the label's near side is the gap away from the point
         low = point + reach * gap + (np.sign(np.round(reach)) - 1) / 2 * extent
         low[np.round(reach[:, 0]) == 0, 0] = point[0] - extent[0] / 2
         low[np.abs(reach[:, 1]) < 0.8, 1] = point[1] - extent[1] / 2
@@ -56,14 +56,14 @@ def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Arr
 
 
 def _overlap(low: Array, high: Array, other_low: Array, other_high: Array) -> Array:
-    """[C] how many of the other boxes each box meets."""
+    """[C] how many of the other boxes each box overlaps."""
     (left, bottom), (right, top) = low.T[:, :, None], high.T[:, :, None]
     meets = (left < other_high[:, 0]) & (right > other_low[:, 0]) & (bottom < other_high[:, 1]) & (top > other_low[:, 1])
     return meets.sum(1).astype(np.float64)
 
 
 def _covered(low: Array, high: Array, line: Array, line_low: Array, line_high: Array) -> Array:
-    """[C] how many strokes, with their boxes, each box covers some of (clipping after Liang and Barsky)."""
+    """[C] how many strokes each box crosses, given the strokes' own boxes (clipping after Liang and Barsky)."""
     (left, bottom), (right, top) = low.min(0), high.max(0)
     near = (line_low[:, 0] < right) & (line_low[:, 1] < top) & (line_high[:, 0] > left) & (line_high[:, 1] > bottom)
     if not near.any():

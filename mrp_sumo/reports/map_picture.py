@@ -1,6 +1,6 @@
-"""A picture of a map, PNG or SVG by the file's suffix: walls, lanes with direction, stations by kind, names, and findings where they are.
+"""A picture of a map, PNG or SVG by the file's suffix: walls, lanes with direction, stations by kind, names, and rings around warnings.
 
-One panel a level, all at one scale. Colours are those of Okabe and Ito, which people with any colour vision can tell apart; kinds
+One panel per level, all at one scale. Colours are those of Okabe and Ito, which people with any colour vision can tell apart; kinds
 differ in shape as well. The same map gives the same bytes. Refuses other suffixes.
 """
 
@@ -63,7 +63,7 @@ JUNCTION = Kind("junction", (), "o", PAPER, 3.0)
 
 @dataclass(frozen=True)
 class Panel:
-    """A level on the page: what of the nav graph is on it, and the rectangle it fills, in m, with a margin."""
+    """A level on the page: its part of the nav graph, and the rectangle that it fills, in m, with a margin."""
 
     name: str
     level: Level | None
@@ -137,7 +137,7 @@ def map_picture(map_: Map, *, findings: bool = True) -> Picture:
 
 
 def _panels(map_: Map) -> list[Panel]:
-    """The levels that have something to see."""
+    """The levels with something to draw."""
     nav, building = map_.nav, map_.building
     panels = []
     for i, name in enumerate(nav.level_names):
@@ -158,7 +158,7 @@ def _panels(map_: Map) -> list[Panel]:
 
 
 def _grid_box(map_: Map) -> FloatArray | None:
-    """Lower left and upper right corner of the cells, where the map is a grid; its vertex 0 is the first free cell."""
+    """Lower left and upper right corner of the cells, where the map is a grid, whose vertex 0 is the first free cell."""
     if map_.free is None or not isinstance(map_.nav, PlanGraph):
         return None
     side = map_.nav.cell_m
@@ -168,7 +168,7 @@ def _grid_box(map_: Map) -> FloatArray | None:
 
 
 def _page(panels: list[Panel]) -> tuple[Picture, list[Axes], float]:
-    """A figure with an axes a panel, in a row or a column, and the scale in inches a metre."""
+    """A figure with one axes per panel, in a row or a column, and the scale in inches per metre."""
     sizes = np.array([p.size for p in panels])
     row = np.array([sizes[:, 0].sum(), sizes[:, 1].max()])
     column = np.array([sizes[:, 0].max(), sizes[:, 1].sum()])
@@ -249,7 +249,7 @@ def _draw_blocked(ax: Axes, map_: Map, legend: dict[str, Artist]) -> None:
 
 
 def _draw_strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: float) -> None:
-    """Many straight lines [N, 2, 2] as one: an element a line makes large maps slow to write and to open."""
+    """Many straight lines [N, 2, 2] as one element: one element per line makes large maps slow to write and to open."""
     broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     ax.add_line(Line2D(broken[:, 0], broken[:, 1], color=colour, lw=lw, solid_capstyle="projecting", zorder=zorder))
 
@@ -270,7 +270,7 @@ def _furniture_and_walls(level: Level) -> tuple[FloatArray, FloatArray]:
 
 
 def _draw_door(ax: Axes, hinge: FloatArray, end: FloatArray, kind: str, points_per_m: float) -> None:
-    """The opening, and for hinged doors the leaf with its swing. The side it opens to is for the eye only."""
+    """The opening, and for hinged doors the leaf with its swing. Which side it opens to is not in the map."""
     lw = float(np.clip(0.08 * points_per_m, 0.9, 2.2))
     ax.plot(*zip(hinge, end), color=DOOR, lw=lw, zorder=2.5, solid_capstyle="butt", ls="-" if "sliding" in kind else (0, (1.5, 1)))
     if "hinged" not in kind or np.hypot(*(end - hinge)) * points_per_m < 9:
@@ -313,13 +313,13 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
 
 
 def _shrink(nav: NavGraph, points_per_m: float) -> float:
-    """How much smaller signs are where vertices stand close on the page."""
+    """Factor for the size of signs where vertices are close on the page."""
     spacing_pt = float(np.median(nav.length_m)) * points_per_m if nav.num_lanes else 28.0
     return float(np.clip(spacing_pt / 28, 0.35, 1.0))
 
 
 def _lane_key(colours: np.ndarray) -> str:
-    """The colour of lanes in the legend: grey where they have several."""
+    """The colour of lanes in the legend: grey if there are several."""
     return BLUE if (colours == BLUE).all() else MUTED
 
 

@@ -1,4 +1,4 @@
-"""The page of a report: HTML that stands alone, without scripts and without a network.
+"""The page of a report: one HTML file without scripts, which needs no network.
 
 Everything from outside (names, reasons, paths) is text and is escaped here.
 """
@@ -17,7 +17,7 @@ STYLE_SHEET = Path(__file__).with_name("page.css")
 
 @dataclass(frozen=True)
 class Tile:
-    """A figure to be seen first."""
+    """A number at the top of the page."""
 
     label: str
     value: str
@@ -39,7 +39,7 @@ def page(
     title: str,
     lead: str,
     tiles: Sequence[Tile],
-    told: Sequence[str],
+    gaps: Sequence[str],
     sections: Sequence[Section],
     about: Sequence[str],
 ) -> str:
@@ -50,9 +50,9 @@ def page(
     title, lead
         What it is about.
     tiles
-        The figures to be seen first.
-    told
-        What the reader must know of what is missing.
+        Numbers at the top.
+    gaps
+        What is missing, for the reader to know.
     sections
         Those without parts are left out.
     about
@@ -80,8 +80,8 @@ def page(
         "<main>",
         _tiles(tiles),
     ]
-    if told:
-        lines.append('<ul class="told">' + "".join(f"<li>{html.escape(line)}</li>" for line in told) + "</ul>")
+    if gaps:
+        lines.append('<ul class="gaps">' + "".join(f"<li>{html.escape(line)}</li>" for line in gaps) + "</ul>")
     for section in sections:
         lines.append(f'<section aria-labelledby="{section.name}">\n<h2 id="{section.name}">{html.escape(section.title)}</h2>')
         if section.text:
@@ -105,7 +105,7 @@ def _tiles(tiles: Sequence[Tile]) -> str:
 
 
 def _parts(parts: Sequence[Table | Chart]) -> list[str]:
-    """Charts that follow each other stand beside each other."""
+    """Consecutive charts stand side by side."""
     lines: list[str] = []
     in_charts = False
     for part in parts:

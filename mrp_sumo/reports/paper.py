@@ -1,7 +1,7 @@
-"""Tables I to IV and Figure 5 of the MRP-Bench paper, of our runs, beside the paper's numbers as far as they are known.
+"""Tables I to IV and Figure 5 of the MRP-Bench paper for our runs, beside the paper's numbers as far as they are known.
 
 Schaefer, Palmieri, Heuer, Dillmann, Koenig, Kleiner: A Benchmark for Multi-Robot Planning in Realistic, Complex and Cluttered
-Environments, ICRA 2023. Numbers of the paper that could not be had are not here: `-` in a table is not a zero.
+Environments, ICRA 2023. Where the paper's number is not known, the table says `–`.
 """
 
 import math
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
-from mrp_sumo.reports.chart import COLOURS, MAX_SERIES, Chart, draw, shown
+from mrp_sumo.reports.chart import COLOURS, MAX_SERIES, Chart, draw, printable
 from mrp_sumo.reports.map_picture import INK, PAPER
 from mrp_sumo.reports.study import Study, numbers
 from mrp_sumo.reports.table import Cell, Table, between, percent, whole
@@ -106,11 +106,11 @@ def _facts(study: Study, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None
         graph, level = row.get("map.graph"), row.get("map.level")
         index: Any = None if pd.isna(graph) else "all" if graph == "all" else int(graph)
         try:
-            told = facts(load_map(path, graph=index, level=None if pd.isna(level) else level), cell_m)
+            found = facts(load_map(path, graph=index, level=None if pd.isna(level) else level), cell_m)
         except (MrpSumoError, ValueError):
             return None
-        grid = told["grid"] or {}
-        values = [told[k] for k in ("vertices", "edges", "components")] + list(told["extent_m"])
+        grid = found["grid"] or {}
+        values = [found[k] for k in ("vertices", "edges", "components")] + list(found["extent_m"])
         values += [float(grid.get(k, math.nan)) for k in ("total", "free")]
     return [float(v) if i in (3, 4) or not math.isfinite(v) else int(v) for i, v in enumerate(values)]
 
@@ -269,7 +269,7 @@ def commonly_solved(runs: pd.DataFrame) -> tuple[pd.DataFrame, set[str]]:
 
 
 def figure_5(study: Study) -> list[Chart]:
-    """Execution time and time blocked by planner, a violin a planner as MRP-Bench's analysis script draws them."""
+    """Execution time and time blocked by planner, one violin per planner, as MRP-Bench's analysis script draws them."""
     if not study.is_executed:
         return []
     charts: list[Chart] = []
@@ -309,7 +309,7 @@ def _violins(figure: Figure, values: list[tuple[str, FloatArray]], label: str) -
         ax.plot([low, high], [i, i], color=colour, lw=5, solid_capstyle="butt")
         ax.plot([middle], [i], marker="|", color=PAPER, ms=5, mew=1.4)
         ax.plot([v.mean()] * 2, [i - 0.3, i + 0.3], color=INK, lw=1.6)
-    ax.set_yticks(range(len(values)), [f"{shown(s)} ({len(v)})" for s, v in values])
+    ax.set_yticks(range(len(values)), [f"{printable(s)} ({len(v)})" for s, v in values])
     ax.invert_yaxis()
     ax.set_xlim(left=0)
     ax.set_xlabel(label)

@@ -4,8 +4,8 @@
     OUT/figures/<name>.svg .png
     OUT/tables/<name>.csv .md .tex
 
-Written beside its place and put there when complete. The same results give the same bytes. Replaces reports
-only: anything else that is in the way is refused.
+Written beside its place and renamed when complete. The same results give the same bytes. Replaces reports
+only: anything else in the way is refused.
 """
 
 import os
@@ -59,7 +59,7 @@ def write_report(source: Path, out: Path | None = None) -> Path:
     _check_replaceable(out)
     one = len(study.frame) == 1 and len(study.folders) == 1
     title, sections = _of_run(study, out) if one else _of_study(study, out)
-    text = page(title, study.description, _tiles(study, one), study.told, sections, _about(study))
+    text = page(title, study.description, _tiles(study, one), study.gaps, sections, _about(study))
     new = out.parent / f".{out.name}.new-{os.getpid()}"
     try:
         new.mkdir(parents=True)
@@ -239,7 +239,7 @@ def _write_part(folder: Path, part: Table | Chart) -> None:
 
 
 def _check_replaceable(out: Path) -> None:
-    """Refuse a place that holds something else than a report."""
+    """Refuse to replace anything but a report."""
     if out.is_file():
         raise MrpSumoError(f"{out}: is a file, expected a folder for the report")
     if out.is_dir() and any(out.iterdir()):

@@ -1,6 +1,6 @@
 """The charts of one run: where it was crowded, who was where on a lane, what each robot did, who waited for whom.
 
-Made of what the run folder holds. Runs that were not executed have no charts.
+Runs that were not executed have no charts.
 """
 
 import math
@@ -22,7 +22,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, shown
+from mrp_sumo.reports.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, printable
 from mrp_sumo.reports.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
 
 WIDE_INCH = 10.2
@@ -30,7 +30,7 @@ MAX_TIMES = 1200  # of a chart
 MANY_ROBOTS = 60  # beyond which rows are pixels and names are left out
 MAX_WAITING = 24  # robots in the graph of who waited
 MAX_BINS = 240  # of the heat map along its longer side
-HEAT = ListedColormap(colormaps["inferno_r"](np.linspace(0.12, 1, 256)))  # its lightest are lost on a floor plan
+HEAT = ListedColormap(colormaps["inferno_r"](np.linspace(0.12, 1, 256)))  # its lightest colours would be lost on a floor plan
 STRAIGHT = math.cos(math.radians(8))
 
 STATES = (  # state, name, colour, height of its bar: shape tells them apart as well
@@ -49,7 +49,7 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
     run
         A run folder.
     tag
-        Begins the names of the charts' files.
+        Prefix of the charts' file names.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
         return []
     try:
         record, outline = run.record, read_outline(run.folder / "building.json")
-    except (OSError, ValueError, LookupError, TypeError) as error:  # of libraries, for files that are not what they should be
+    except (OSError, ValueError, LookupError, TypeError) as error:  # raised by libraries for damaged files
         raise MrpSumoError(f"{run.folder}: not a whole run folder: {type(error).__name__}: {' '.join(str(error).split())}") from None
     if not len(record.execution.t_s) or not record.execution.num_robots:
         return []
@@ -78,7 +78,7 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
 
 
 def _times(record: RunRecord) -> FloatArray:
-    """[K] about a thousand times over the run, the last sample included."""
+    """[K] about a thousand moments of the run, the last sample included."""
     t = record.execution.t_s
     return t[np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_TIMES)).round().astype(np.int64))]
 
@@ -107,7 +107,12 @@ def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, st
     bins = [b + s for b, s in zip(bins, shift)]
     charts = []
     for what, title, caption, mask in (
-        ("traffic", "Traffic", "Robot-seconds a place was occupied, robots at their goals left out.", there & (states != AT_GOAL)),
+        (
+            "traffic",
+            "Traffic",
+            "Robot-seconds for which a place was occupied, robots at their goals left out.",
+            there & (states != AT_GOAL),
+        ),
         ("standing", "Congestion", "Robot-seconds spent standing away from the goal.", there & ((states == WAITING) | (states == BLOCKED))),
     ):
         heat, _, _ = np.histogram2d(x[mask], y[mask], bins=bins, weights=weight[mask])
@@ -132,7 +137,7 @@ def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, st
                 spine.set_visible(False)
             bar = figure.colorbar(image, ax=ax, orientation="horizontal", shrink=0.6, aspect=34, pad=0.02, extend="max")
             bar.outline.set_visible(False)
-            bar.set_label("robot-seconds a place of " + f"{bin_m:.2g} m")
+            bar.set_label("robot-seconds per place of " + f"{bin_m:.2g} m")
 
         where = f"{tag}_{what}"
         charts.append(draw(where, f"{title} on the floor plan", caption, paint, size=(width, tall), wide=wide))
@@ -183,7 +188,9 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
             colour = COLOURS[k % len(COLOURS)]
             if record.plan is not None:
                 ax.plot(*_planned(record, int(robot), line, along, reach), color=colour, lw=1.0, alpha=0.75, ls=(0, (3, 2)))
-            ax.plot(t[sample], position[:, robot], color=colour, lw=1.8 if named else 1.0, label=shown(record.fleet.robot_name[robot], 18))
+            ax.plot(
+                t[sample], position[:, robot], color=colour, lw=1.8 if named else 1.0, label=printable(record.fleet.robot_name[robot], 18)
+            )
         stations = [(a, nav.vertex_name[v]) for a, v in zip(along, chain)]
         for a, _ in stations:
             ax.axhline(a, color=GRID, lw=0.7, zorder=0)
@@ -192,7 +199,7 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
         kept: list[tuple[float, str]] = []
         for a, name in stations:
             if name and (not kept or a - kept[-1][0] > room):
-                kept.append((a, shown(name, 18)))
+                kept.append((a, printable(name, 18)))
         if kept:
             right = ax.secondary_yaxis("right")
             right.set_yticks([a for a, _ in kept], [name for _, name in kept])
@@ -210,14 +217,14 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
 
     ends = [nav.vertex_name[v] or f"v{v}" for v in (chain[0], chain[-1])]
     caption = (
-        f"The busiest straight stretch of lanes, from {shown(ends[0])} to {shown(ends[1])} ({along[-1]:.1f} m). A level line "
+        f"The busiest straight stretch of lanes, from {printable(ends[0])} to {printable(ends[1])} ({along[-1]:.1f} m). A level line "
         "stands still; lines that cross are robots that pass each other on the two ways of the lane. Dashed: as planned."
     )
     return draw(f"{tag}_space_time", "Space and time on a lane", caption, paint, size=(WIDE_INCH, 4.4), wide=True)
 
 
 def _busiest_corridor(nav: NavGraph, x: FloatArray, y: FloatArray) -> IntArray:
-    """[N] vertices of the straight stretch of lanes that most robots drove on, then the one most time was spent on."""
+    """[N] vertices of the straight stretch of lanes that most robots used, and among these where they spent most time."""
     once = np.flatnonzero((nav.tail < nav.head) | (nav.reverse < 0))
     tail, head = nav.tail[once], nav.head[once]
     chains, chain_of = _straight_stretches(nav, tail, head)
@@ -240,7 +247,7 @@ def _busiest_corridor(nav: NavGraph, x: FloatArray, y: FloatArray) -> IntArray:
 
 
 def _straight_stretches(nav: NavGraph, tail: IntArray, head: IntArray) -> tuple[list[IntArray], IntArray]:
-    """All straight stretches, as vertices, and [E] the one of each edge."""
+    """All straight stretches, as vertices, and [E] the stretch of each edge."""
     beside: dict[int, list[tuple[int, int]]] = {}
     for e, (a, b) in enumerate(zip(tail.tolist(), head.tolist())):
         beside.setdefault(a, []).append((b, e))
@@ -317,7 +324,7 @@ def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -
                 for row, robot in enumerate(order):
                     boxes += [_bar(times[i], times[j], row, height) for i, j in _stretches((states[:, robot] == state) & there[:, robot])]
                 ax.add_collection(PolyCollection(boxes, facecolor=colour, edgecolor="none"), autolim=False)
-            ax.set_yticks(range(num), [shown(names[r], 18) for r in order])
+            ax.set_yticks(range(num), [printable(names[r], 18) for r in order])
             ax.tick_params(axis="y", length=0, labelsize=8.5 if num <= 25 else 6)
         else:
             palette = np.array([to_rgba(colour, alpha[state]) for state, _, colour, _ in sorted(STATES)] + [(0, 0, 0, 0)])
@@ -337,7 +344,7 @@ def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -
 
 
 def _stretches(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of every run of True, the last one step on so that bars touch."""
+    """First and last index of every run of True, the last one extended by a step so that bars touch."""
     edge = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
     return [(int(i), min(int(j), len(mask) - 1)) for i, j in zip(np.flatnonzero(edge == 1), np.flatnonzero(edge == -1))]
 
@@ -348,7 +355,7 @@ def _bar(start: float, end: float, row: int, height: float) -> list[tuple[float,
 
 
 def waits(record: RunRecord) -> FloatArray:
-    """[R, R] seconds that each robot waited for each other one, of the events that tell."""
+    """[R, R] seconds that each robot waited for each other one, from the events."""
     num = record.execution.num_robots
     seconds = np.zeros((num, num))
     for event in record.execution.events:
@@ -381,7 +388,7 @@ def _waits(record: RunRecord, tag: str) -> Chart | None:
         ax.scatter(place[:, 0], place[:, 1], s=70, facecolor=INK, edgecolor="none", zorder=3)
         caused = within.sum(0)
         for (x, y), name, s in zip(place, names, caused):
-            label = shown(name, 16) + (f" ({s:.0f} s)" if s >= 0.5 else "")
+            label = printable(name, 16) + (f" ({s:.0f} s)" if s >= 0.5 else "")
             is_end = abs(x) < 0.1  # on top or below, where names of neighbours come close
             ha = "center" if is_end else "left" if x > 0 else "right"
             va = "center" if not is_end else "bottom" if y > 0 else "top"

@@ -27,8 +27,8 @@ STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 MARGIN_M = 0.6
 TRAIL_S = 20.0
 NAME_PT, ROBOT_PT = 6.5, 7.5  # names of stations and robots
-NAMED = 60  # robots up to which they are named and the plan is shown
-LEAST_PT = (8.0, 4.5)  # length of a robot on the page, at least: up to NAMED robots, and beyond
+NAMED = 60  # number of robots up to which they are named and the plan is drawn
+LEAST_PT = (8.0, 4.5)  # least length of a robot on the page: up to NAMED robots, and beyond
 
 
 def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, width_in: float = 12.0) -> Path:
@@ -82,7 +82,7 @@ def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
     figure, ax, points_per_m = _page(record, outline, width_in)
     _draw_floor(ax, record, outline, points_per_m)
     counts = _draw_robots(ax, record, at_s, points_per_m)
-    _tell(figure, ax, record, at_s, counts, planned=not run.executed)
+    _write_head_and_foot(figure, ax, record, at_s, counts, planned=not run.executed)
     return figure
 
 
@@ -147,7 +147,7 @@ def _draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per
 
 
 def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) -> list[int]:
-    """Draw, and count the robots by state."""
+    """Draw the robots; returns how many are in each state."""
     execution, fleet = record.execution, record.fleet
     x, y, yaw = (c[0] for c in positions_at(execution, np.array([at_s])))
     now = int(np.clip(np.searchsorted(execution.t_s, at_s + 1e-9) - 1, 0, len(execution.t_s) - 1))
@@ -214,7 +214,7 @@ def _write(ax: Axes, text: str, x: float, y: float, size_pt: float, colour: str,
     note.set_parse_math(False)  # a name is a name
 
 
-def _tell(figure: Figure, ax: Axes, record: RunRecord, at_s: float, counts: list[int], *, planned: bool) -> None:
+def _write_head_and_foot(figure: Figure, ax: Axes, record: RunRecord, at_s: float, counts: list[int], *, planned: bool) -> None:
     width, height = figure.get_size_inches()
     title = figure.text(0.2 / width, 1 - 0.3 / height, record.name, fontsize=14, fontweight="bold", color=LIGHT["ink"], va="center")
     title.set_parse_math(False)

@@ -1,7 +1,7 @@
 """What a report is about: the runs of a batch, of a folder of run folders, or a single run, sorted into maps, series and instances.
 
 A *series* is what is compared: a planner, with whatever else of it varies (policy, parameters, assignment). An *instance*
-is what all series are put to: map, robots, seed and all other values. Refuses folders without results, and tables
+is what all series are given: map, robots, seed and all other values. Refuses folders without results, and tables
 that are not those of runs.
 """
 
@@ -44,7 +44,7 @@ MAX_FOLDERS = 200  # run folders that are opened beside a batch
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Runs, one a row of `frame`: the columns of `load_results`, and
+    """Runs, one per row of `frame`: the columns of `load_results`, and
 
     `_map`, `_robots`, `_series`: what the row belongs to; `_instance`: number of its instance; `_planned`: whether a plan was found,
     valid or not, as MRP-Bench counts; `_valid`: whether a valid one was; `_arrived`: whether all robots then reached their goals without
@@ -53,12 +53,12 @@ class Study:
 
     name: str
     description: str
-    until: str  # how far its runs go: 'map', 'plan' or 'execution'
+    until: str  # how far its runs go, 'map', 'plan' or 'execution'
     frame: pd.DataFrame
     maps: tuple[str, ...]
     series: tuple[str, ...]
     factors: tuple[str, ...]  # numeric scenario columns that vary, apart from seeds and the number of robots
-    told: tuple[str, ...]  # what could not be used
+    gaps: tuple[str, ...]  # what could not be used
     folders: dict[str, RunFolder]  # run folders that are there, by the key of their row
 
     @property
@@ -99,18 +99,18 @@ def read_study(path: Path) -> Study:
     MrpSumoError
         When there is nothing to report on.
     """
-    told: list[str] = []
+    gaps: list[str] = []
     folders: dict[str, RunFolder] = {}
     name, description, until = path.resolve().name, "", ""
     if path.is_file() or ((path / PLAN).is_file() and not (path / RESULT).is_file()):
-        frame = load_results(path, told.append)
+        frame = load_results(path, gaps.append)
         if path.is_dir():
             plan = read_plan(path)
             name, description, until = str(plan["suite"]), " ".join(str(plan["description"]).split()), str(plan["until"])
             missing = len(plan["keys"]) - len(frame)
             if missing:
-                told.append(f"{missing} of {len(plan['keys'])} runs have no result yet; this report is of the others")
-            folders = _run_folders(path, told)
+                gaps.append(f"{missing} of {len(plan['keys'])} runs have no result yet; this report is of the others")
+            folders = _run_folders(path, gaps)
         else:
             name = path.stem
     elif (path / RESULT).is_file():
@@ -119,32 +119,32 @@ def read_study(path: Path) -> Study:
         name = title_of(run.result)
         frame = pd.DataFrame([_row(path.resolve().name, run)])
     elif path.is_dir():
-        folders = _run_folders(path, told)
+        folders = _run_folders(path, gaps)
         if not folders:
             raise BatchError(f"{path}: neither a batch nor a run: there is no {PLAN} and no {RESULT}")
         frame = pd.DataFrame([_row(key, run) for key, run in folders.items()])
     else:
         raise BatchError(f"{path}: no such folder")
-    return _study(name, description, until, frame, told, folders)
+    return _study(name, description, until, frame, gaps, folders)
 
 
 def numbers(runs: pd.DataFrame, column: str) -> FloatArray:
-    """The values of a column that are there, [N]."""
+    """The values of a column that are not missing, [N]."""
     values: FloatArray = runs[column].to_numpy(np.float64, na_value=np.nan)
     return values[np.isfinite(values)]
 
 
-def _run_folders(path: Path, told: list[str]) -> dict[str, RunFolder]:
+def _run_folders(path: Path, gaps: list[str]) -> dict[str, RunFolder]:
     """Run folders one or two levels below, by name."""
     found = {}
     places = [p for pattern in (f"*/{RESULT}", f"*/*/{RESULT}") for p in sorted(path.glob(pattern))]
     if len(places) > MAX_FOLDERS:
-        told.append(f"{len(places)} run folders, the first {MAX_FOLDERS} are used")
+        gaps.append(f"{len(places)} run folders, the first {MAX_FOLDERS} are used")
     for place in places[:MAX_FOLDERS]:
         try:
             found[place.parent.name] = load_run(place.parent)
         except MrpSumoError as error:
-            told.append(f"{error}; left out")
+            gaps.append(f"{error}; left out")
     return found
 
 
@@ -164,7 +164,7 @@ def _row(key: str, run: RunFolder) -> dict[str, Any]:
     }
 
 
-def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: list[str], folders: dict[str, RunFolder]) -> Study:
+def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: list[str], folders: dict[str, RunFolder]) -> Study:
     lacking = [column for column in NEEDED if column not in frame]
     if lacking:
         raise BatchError(f"{name}: not a table of runs: there is no column '{lacking[0]}'")
@@ -214,13 +214,13 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, told: l
         maps=tuple(dict.fromkeys(frame["_map"])),
         series=tuple(sorted(first, key=lambda s: rank[s])),
         factors=factors,
-        told=tuple(told),
+        gaps=tuple(gaps),
         folders=folders,
     )
 
 
 def _map_names(frame: pd.DataFrame) -> list[str]:
-    """A short name a map; maps of one file name keep their folders."""
+    """A short name for each map; maps with the same file name keep their folders."""
     files = frame["map"].astype(str)
     short = {file: re.sub(r"\.(building\.yaml|yaml|yml|map|json|geojson)$", "", file.rsplit("/", 1)[-1]) for file in files.unique()}
     if len(set(short.values())) < len(short):

@@ -1,4 +1,4 @@
-"""The charts of many runs: success, planning time, cost, execution, clearance, by map, with a line or a row a series.
+"""The charts of many runs: success, planning time, cost, execution, clearance, by map, with one line or row per series.
 
 At most twelve series are drawn and six maps one by one; the tables hold all.
 """
@@ -12,7 +12,19 @@ from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.experiments.statistics import wilson
-from mrp_sumo.reports.chart import COLOURS, MANY_POINTS, MAX_SERIES, NARROW, Chart, draw, file_name, key, log_seconds, series_style, shown
+from mrp_sumo.reports.chart import (
+    COLOURS,
+    MANY_POINTS,
+    MAX_SERIES,
+    NARROW,
+    Chart,
+    draw,
+    file_name,
+    key,
+    log_seconds,
+    printable,
+    series_style,
+)
 from mrp_sumo.reports.map_picture import INK, MUTED, PAPER
 from mrp_sumo.reports.study import Study, numbers
 
@@ -32,7 +44,7 @@ def study_charts(study: Study) -> dict[str, list[Chart]]:
     for i, name in enumerate(maps, 1):
         runs = study.frame if name == ALL else study.frame[study.frame["_map"] == name]
         here = tuple(s for s in series if (runs["_series"] == s).any())
-        where = f", {shown(name)}" if len(study.maps) > 1 else ""
+        where = f", {printable(name)}" if len(study.maps) > 1 else ""
         tag = file_name(i, name)[:40]
         for x in ("_robots", *study.factors):
             if runs[x].nunique() > 1:
@@ -137,7 +149,7 @@ def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> 
             style = series_style(i) | {"marker": None}
             count = np.arange(1, len(time) + 1)
             few = np.unique(np.linspace(0, len(time) - 1, min(len(time), 400)).astype(int))
-            ax.plot(count[few], np.maximum(time[few], 1e-6), label=shown(s), **style)  # type: ignore[arg-type]
+            ax.plot(count[few], np.maximum(time[few], 1e-6), label=printable(s), **style)  # type: ignore[arg-type]
             ax.plot(count[-1:], np.maximum(time[-1:], 1e-6), color=style["color"], marker=series_style(i)["marker"])
         ax.set(xlabel="runs solved", ylabel="planning time", yscale="log", xlim=(0, None))
         log_seconds(ax.yaxis)
@@ -182,7 +194,7 @@ def _executed_planned(runs: pd.DataFrame, series: Sequence[str], tag: str, where
                 top = max(top, float(x.max()), float(y.max()))
                 style = series_style(i)
                 ax.plot(
-                    x, y, ls="", marker=style["marker"], color=style["color"], ms=4, alpha=0.55, mew=0, label=shown(s),
+                    x, y, ls="", marker=style["marker"], color=style["color"], ms=4, alpha=0.55, mew=0, label=printable(s),
                     rasterized=len(done) > MANY_POINTS,
                 )  # fmt: skip
         ax.plot([0, top], [0, top], color=MUTED, lw=1, ls=(0, (4, 3)), zorder=1)
@@ -207,7 +219,7 @@ def _lateness(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -
             _box(ax, i - 0.17, mean, COLOURS[i % len(COLOURS)], True)
             _box(ax, i + 0.17, largest, COLOURS[i % len(COLOURS)], False)
         ax.axvline(0, color=MUTED, lw=1, ls=(0, (4, 3)), zorder=1)
-        _rows(ax, [f"{shown(s, 26)} ({len(v)})" for s, v, _ in values])
+        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v, _ in values])
         ax.set_xlabel("lateness (s)")
 
     caption = (
@@ -254,7 +266,7 @@ def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) 
         for i, (ax, (s, v)) in enumerate(zip(axes, values)):
             counts, _ = np.histogram(np.minimum(v, top), bins)
             ax.stairs(counts, bins, fill=True, color=COLOURS[i % len(COLOURS)], alpha=0.85)
-            ax.set_ylabel(shown(s, 22), rotation=0, ha="right", va="center")
+            ax.set_ylabel(printable(s, 22), rotation=0, ha="right", va="center")
             ax.set_yticks([])
             ax.grid(axis="y", visible=False)
             ax.spines["left"].set_visible(False)
@@ -276,7 +288,7 @@ def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) 
 
 
 def _curves(ax: Axes, curves: Sequence[Curve]) -> None:
-    """Lines with their intervals, those of a place beside each other."""
+    """Lines with their intervals, which stand side by side where they share an x."""
     places = np.unique(np.concatenate([c[1] for c in curves])) if curves else np.zeros(0)
     step = float(np.diff(places).min()) if len(places) > 1 else 1.0
     spread = min(0.5, 0.06 * len(curves)) * step
@@ -284,7 +296,7 @@ def _curves(ax: Axes, curves: Sequence[Curve]) -> None:
         at = x + (i - (len(curves) - 1) / 2) * spread / max(1, len(curves) - 1)
         style = series_style(i)
         ax.vlines(at, low, high, color=style["color"], lw=1.2, alpha=0.6)
-        ax.plot(at, y, label=shown(s), clip_on=False, **style)  # type: ignore[arg-type]
+        ax.plot(at, y, label=printable(s), clip_on=False, **style)  # type: ignore[arg-type]
     if len(places) <= 10:
         ax.set_xticks(places, [f"{p:g}" for p in places])
 
@@ -294,7 +306,7 @@ def _ratios(values: Sequence[tuple[str, FloatArray]], label: str) -> Callable[[F
         ax = figure.add_subplot()
         for i, (_, v) in enumerate(values):
             _box(ax, i, v, COLOURS[i % len(COLOURS)], True, 0.5)
-        _rows(ax, [f"{shown(s, 26)} ({len(v)})" for s, v in values])
+        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v in values])
         ax.set_xlabel(label)
         high = max(ax.get_xlim()[1], 1.01)
         ax.set_xlim(1 - 0.04 * (high - 1), high)
@@ -303,7 +315,7 @@ def _ratios(values: Sequence[tuple[str, FloatArray]], label: str) -> Callable[[F
 
 
 def _box(ax: Axes, at: float, values: FloatArray, colour: str, filled: bool, height: float = 0.26) -> None:
-    """A box that lies: middle half, median, 5 to 95 %."""
+    """A horizontal box plot: middle half, median, 5 to 95 %."""
     if not len(values):
         return
     low, first, middle, third, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
@@ -313,14 +325,14 @@ def _box(ax: Axes, at: float, values: FloatArray, colour: str, filled: bool, hei
 
 
 def _rows(ax: Axes, names: Sequence[str]) -> None:
-    ax.set_yticks(range(len(names)), [shown(n) for n in names])
+    ax.set_yticks(range(len(names)), [printable(n) for n in names])
     ax.set_ylim(len(names) - 0.5, -0.5)
     ax.grid(axis="y", visible=False)
     ax.tick_params(axis="y", length=0)
 
 
 def _factor(column: str) -> str:
-    """A scenario column as people call it: the last word, its unit in brackets."""
+    """A scenario column in words: the last part of its key, the unit in brackets."""
     words = column.rsplit(".", 1)[-1].strip("_").split("_")
     unit = f" ({words.pop()})" if len(words) > 1 and words[-1] in ("s", "m", "mps") else ""
     return " ".join(words) + unit
@@ -328,7 +340,7 @@ def _factor(column: str) -> str:
 
 def _with_key(series: Sequence[str]) -> tuple[float, float]:
     """A size with room for the legend."""
-    longest = max((len(shown(s)) for s in series), default=1) * 5.0 + 34
+    longest = max((len(printable(s)) for s in series), default=1) * 5.0 + 34
     columns = max(1, min(len(series), int(NARROW[0] * 72 / longest)))
     return NARROW[0], NARROW[1] + 0.19 * -(-len(series) // columns)
 

@@ -18,7 +18,7 @@ REASONS = 15
 
 
 def capacity(study: Study, enough: float = 0.95) -> Table | None:
-    """How many robots fit: the largest fleet up to which a series always succeeded often enough, by map."""
+    """How many robots fit: the largest fleet up to which a series succeeded often enough, by map."""
     if not study.is_executed or len(study.robots) < 2:
         return None
     rows: list[list[Cell]] = []
@@ -59,9 +59,9 @@ def reasons(study: Study) -> Table | None:
     failed = study.frame[~study.frame["_succeeded"]]
     if "reason" not in failed or not len(failed):
         return None
-    told = failed.assign(reason=failed["reason"].fillna("").astype(str).str.slice(0, 160))
-    grouped = told.groupby(["status", "reason"], sort=False).agg(
-        count=("status", "size"), example=("key" if "key" in told else "status", "first")
+    failed = failed.assign(reason=failed["reason"].fillna("").astype(str).str.slice(0, 160))
+    grouped = failed.groupby(["status", "reason"], sort=False).agg(
+        count=("status", "size"), example=("key" if "key" in failed else "status", "first")
     )
     grouped = grouped.sort_values("count", ascending=False, kind="stable").head(REASONS)
     rows: list[list[Cell]] = [
@@ -72,7 +72,7 @@ def reasons(study: Study) -> Table | None:
 
 
 def main_figures(study: Study) -> Table | None:
-    """One row a map, fleet and series: execution in numbers."""
+    """Execution in numbers, one row per map, fleet and series."""
     if not study.is_executed:
         return None
     rows: list[list[Cell]] = []

@@ -77,7 +77,7 @@ Cell = str | float | int | Range | Link | None
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a heading a column."""
+    """A table with one heading per column."""
 
     name: str  # of its files
     title: str
@@ -85,7 +85,7 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     note: str = ""
     labels: int = 1  # how many columns at the left name the row
-    folded: bool | None = None  # on the page, closed until asked for; by default when it is long
+    folded: bool | None = None  # closed on the page until clicked; by default if it is long
     digits: dict[str, int] = field(default_factory=dict)  # column -> digits after the point; three significant ones by default
 
     def __post_init__(self) -> None:
@@ -96,7 +96,7 @@ class Table:
         return len(self.rows) > LONG if self.folded is None else self.folded
 
     def without_empty(self) -> "Table":
-        """The table without columns in which there is nothing."""
+        """The table without empty columns."""
         kept = [i for i in range(len(self.columns)) if i < self.labels or any(row[i] is not None for row in self.rows)]
         return replace(self, columns=tuple(self.columns[i] for i in kept), rows=[[row[i] for i in kept] for row in self.rows])
 
@@ -205,7 +205,7 @@ NUMERIC, AGAIN, BLOCK = ' class="number"', ' class="again"', ' class="block"'
 
 
 def _heading(name: str) -> str:
-    """A heading whose unit stays with its word."""
+    """A heading whose unit is not parted from its last word."""
     text, _, unit = name.rpartition(" ")
     return f"{html.escape(text)}&nbsp;{unit}" if text and unit in ("s", "ms", "m", "cm", "%") else html.escape(name)
 

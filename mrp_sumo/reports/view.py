@@ -1,4 +1,4 @@
-"""A run as pictures show it: what was driven, or else the plan as if it had been; and what of the walls is furniture."""
+"""A run as pictures show it: as driven, or else the plan as if it had been driven; and which walls are furniture."""
 
 import math
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.core.graph import NavGraph
     from mrp_sumo.io.outline import Outline
 
-ABSENT = 4  # a state beside those of io.record: not on the floor
+ABSENT = 4  # a state in addition to those of io.record: not on the floor
 TURNING_RAD = 0.02  # a sample
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
@@ -112,7 +112,7 @@ def view_states(execution: Execution) -> NDArray[np.int8]:
 
 
 def is_grid_map(record: RunRecord) -> bool:
-    """Whether the map is a grid as it is: its cells are drawn, not lanes."""
+    """Whether the map itself is a grid: then its cells are drawn, not lanes."""
     nav, graph = record.nav, record.graph
     return graph.kind == "grid" and (nav is None or np.array_equal(nav.xy, graph.xy))
 
@@ -159,7 +159,7 @@ def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Ex
 
 
 def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray, FloatArray]:
-    """Islands of walls that close and are narrow are furniture (racks, desks, pillars).
+    """Tell furniture (racks, desks, pillars) from walls: islands of walls that are closed and narrow.
 
     Parameters
     ----------

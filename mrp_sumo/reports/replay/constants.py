@@ -1,6 +1,6 @@
-"""What the page's scripts, its style sheet and stills share: codes and colours.
+"""Codes and colours that the page's scripts, its style sheet and stills share.
 
-The scripts import them from `constants.js`, which is no file: the page is written with `constants_module()` in its place.
+The scripts import them from `constants.js`, which is not a file: `constants_module()` writes it into the page.
 """
 
 import json

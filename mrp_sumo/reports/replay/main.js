@@ -86,14 +86,14 @@ class App {
     this.scene.draw(view, this.clock);
     this.frames++;
     this.timeline.showTime($("head"), view.t);
-    if (!view.playing || now - (this.told || 0) > 100) {
-      this.told = now;
-      this.tell();
+    if (!view.playing || now - (this.updated || 0) > 100) {
+      this.updated = now;
+      this.updateTexts();
     }
   }
 
-  /* What need not be told sixty times a second. */
-  tell() {
+  /* What need not change sixty times a second. */
+  updateTexts() {
     const { view, motion } = this;
     $("clock").replaceChildren(clockText(view.t), make("small", { textContent: ` / ${clockText(motion.end)}` }));
     $("track").setAttribute("aria-valuenow", view.t.toFixed(1));

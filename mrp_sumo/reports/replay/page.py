@@ -1,7 +1,7 @@
 """The replay page: one HTML file that shows a run in any browser, without a network.
 
 `replay_page` packs trajectory, plan, events and map as integers (positions to 5 mm, headings to 1.4 degrees, differences
-in time, deflated, base64) beside the scripts of `replay/`, which draw them with PixiJS. Names are written so that no
+in time, deflated, base64) beside the scripts of `replay/`, which draw them with PixiJS. Names are escaped so that no
 HTML can begin in them, and the scripts set them as text only. Refuses run folders with nothing to show.
 """
 
@@ -34,7 +34,7 @@ POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
 MARGIN_M = 0.6
 MAX_JUNCTIONS = 20_000
-STATION_KINDS = (  # option of RMF, what people call it; the first that holds
+STATION_KINDS = (  # option of RMF, what people call it; the first that applies
     ("is_charger", "charger"),
     ("lift", "lift"),
     ("dock_name", "dock"),
@@ -47,7 +47,7 @@ STATION_KINDS = (  # option of RMF, what people call it; the first that holds
 
 @dataclass(frozen=True)
 class About:
-    """What the page tells of the run in words."""
+    """What the page says about the run in words."""
 
     name: str
     subtitle: str = ""
@@ -69,7 +69,7 @@ class Columns:
     offset: int = 0
 
     def add(self, name: str, values: NDArray[Any], dtype: str, order: int = 0) -> None:
-        """Add rows [rows, length] (or one row [length]) of unsigned integers, as differences of an order along the row."""
+        """Add rows [rows, length] (or one row [length]) of unsigned integers, as differences of the given order along the row."""
         words = np.atleast_2d(values).astype(dtype, order="C")
         rows, length = words.shape
         size = words.dtype.itemsize
@@ -144,7 +144,7 @@ def replay_page(record: RunRecord, about: About) -> str:
     record
         An executed run; at least one sample and one robot. For a plan alone see `plan_as_execution`.
     about
-        What is told of it, and the building.
+        The run in words, and the building.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def replay_page(record: RunRecord, about: About) -> str:
 
 
 def _about(run: AnyRun, record: RunRecord) -> About:
-    """What is told of a run, from its result."""
+    """A run in words, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
     status = run.result["status"].replace("_", " ")
     planner, map_name = scenario["planner"]["name"], Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
@@ -207,7 +207,7 @@ def _about(run: AnyRun, record: RunRecord) -> About:
         "Planned makespan": _seconds(metrics.get("makespan_s")),
         "Execution": _seconds(metrics.get("execution_time_s")),
     }
-    told = {
+    numbers = {
         "Planning time": _seconds(metrics.get("planning_time_s")),
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
         "Lower bound": f"{metrics['lower_bound_steps']:.0f} steps" if metrics.get("lower_bound_steps") else None,
@@ -225,7 +225,7 @@ def _about(run: AnyRun, record: RunRecord) -> About:
         is_good=succeeded(run.result["status"], metrics),
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
         facts=tuple((name, str(value)) for name, value in facts.items() if value is not None),
-        metrics=tuple((name, str(value)) for name, value in told.items() if value is not None),
+        metrics=tuple((name, str(value)) for name, value in numbers.items() if value is not None),
         outline=run.outline,
         is_plan_only=not run.executed,
     )
@@ -242,7 +242,7 @@ def _lateness(value: float | None) -> str | None:
 
 
 def _extent(record: RunRecord, outline: Outline | None) -> tuple[FloatArray, FloatArray]:
-    """Lower left and upper right of everything there is to show."""
+    """Lower left and upper right of everything on the page."""
     execution = record.execution
     nav = record.nav or record.graph
     points = [nav.xy]
@@ -278,7 +278,7 @@ def _add_motion(columns: Columns, execution: Execution, low: FloatArray, high: F
 
 
 def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatArray) -> dict[str, Any]:
-    """Planned visits and when they were reached; the vertices that plan, goals and events name, numbered anew."""
+    """Planned visits and when they were reached; the vertices that plan, goals and events name, renumbered."""
     plan, graph = record.plan, record.graph
     named = [record.target, np.array([e.vertex for e in record.execution.events], np.int64)]
     if plan is not None:
@@ -331,36 +331,36 @@ def _milliseconds(t_s: FloatArray) -> NDArray[Any]:
 def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: FloatArray) -> dict[str, Any]:
     """What is drawn under the robots, in m from the lower left corner."""
     nav = record.nav or record.graph
-    told: dict[str, Any] = {"size_m": high - low, "floors": [], "holes": [], "cells": [], "furniture": [], "inner": []}
-    told |= {"lifts": [], "walls": [], "doors": [], "lanes": [], "stations": [], "junctions": []}
+    parts: dict[str, Any] = {"size_m": high - low, "floors": [], "holes": [], "cells": [], "furniture": [], "inner": []}
+    parts |= {"lifts": [], "walls": [], "doors": [], "lanes": [], "stations": [], "junctions": []}
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)
-        told["floors"] = [_flat(p - low) for p in outline.floors]
-        told["holes"] = [_flat(p - low) for p in outline.holes]
-        told["lifts"] = [_flat(p - low) for p in outline.lifts]
-        told["furniture"] = [_flat(p - low) for p in furniture]
-        told["inner"] = _flat(inner - low)
-        told["walls"] = _flat(walls - low)
-        told["doors"] = [_flat(d - low) for d in outline.doors]
+        parts["floors"] = [_flat(p - low) for p in outline.floors]
+        parts["holes"] = [_flat(p - low) for p in outline.holes]
+        parts["lifts"] = [_flat(p - low) for p in outline.lifts]
+        parts["furniture"] = [_flat(p - low) for p in furniture]
+        parts["inner"] = _flat(inner - low)
+        parts["walls"] = _flat(walls - low)
+        parts["doors"] = [_flat(d - low) for d in outline.doors]
     if is_grid_map(record):
-        told["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
+        parts["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
     else:
         once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
         ends = np.column_stack((nav.xy[nav.tail[once]] - low, nav.xy[nav.head[once]] - low, nav.reverse[once] < 0))
-        told["lanes"] = _flat(ends)
+        parts["lanes"] = _flat(ends)
         kind = [next((name for option, name in STATION_KINDS if options.get(option)), "") for options in nav.vertex_options]
         xy = (nav.xy - low).round(3).tolist()
-        told["stations"] = [
+        parts["stations"] = [
             {"name": name, "kind": kind[v], "x": xy[v][0], "y": xy[v][1]} for v, name in enumerate(nav.vertex_name) if name or kind[v]
         ]
         bare = np.array([not (nav.vertex_name[v] or kind[v]) for v in range(nav.num_vertices)], np.bool_)
         bare[np.setdiff1d(np.arange(nav.num_vertices), np.concatenate([nav.tail, nav.head]))] = False
-        told["junctions"] = _flat(nav.xy[bare][:MAX_JUNCTIONS] - low)
-    return told
+        parts["junctions"] = _flat(nav.xy[bare][:MAX_JUNCTIONS] - low)
+    return parts
 
 
 def _rows_of_cells(grid: PlanGraph) -> list[tuple[float, float, float, float]]:
-    """The free cells of a grid as (x, y, width, height), neighbours in a row as one."""
+    """The free cells of a grid as (x, y, width, height), neighbours in a row joined."""
     cell = np.rint((grid.xy - grid.xy.min(axis=0)) / grid.cell_m).astype(np.int64)
     order = np.lexsort(cell.T)
     column, row = cell[order].T
@@ -408,6 +408,6 @@ def _import_map() -> str:
 
 
 def _filled(name: str, **parts: str) -> str:
-    """A file with its parts; what looks like a place in a part is left alone."""
+    """A file with its `{{places}}` filled; a part may contain what looks like a place."""
     text = (SOURCES / name).read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], text)
