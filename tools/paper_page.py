@@ -20,7 +20,7 @@ import yaml
 
 from mrp_sumo.reports.paper import commonly_solved, figure_5, table_1, table_2, table_3, table_4
 from mrp_sumo.reports.study import Study, read_study
-from mrp_sumo.reports.table import Table
+from mrp_sumo.reports.tables.table import Table
 
 PROJECT = Path(__file__).resolve().parents[1]
 PAGE = PROJECT / "docs" / "paper.md"

@@ -93,7 +93,7 @@ def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.engines.sumo.network import build_network
     from mrp_sumo.maps.readers.nav_graph import write_nav_graph
-    from mrp_sumo.reports.map_picture import draw_map
+    from mrp_sumo.reports.pictures.map_picture import draw_map
 
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -17,7 +17,7 @@ def run(options: argparse.Namespace) -> int:
     """Draw the picture."""
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.io.run_reader import load_run
-    from mrp_sumo.reports.still import render_still
+    from mrp_sumo.reports.pictures.still import render_still
 
     if not (math.isfinite(options.dpi) and 10 <= options.dpi <= 1200):
         raise MrpSumoError(f"--dpi {options.dpi:g}: expected 10 to 1200")

@@ -20,7 +20,7 @@ from mrp_sumo.maps.map import Map
 if TYPE_CHECKING:
     import networkx
 
-    from mrp_sumo.reports.picture import Picture
+    from mrp_sumo.reports.pictures.picture import Picture
 
 READ_BACK = (".nav.yaml", ".map")
 DEFAULT_CELL_M: float = Discretisation.model_fields["cell_m"].default
@@ -69,7 +69,7 @@ class Site(Map):
         Picture
             A matplotlib figure that notebooks show by themselves; `write` saves it as PNG or SVG.
         """
-        from mrp_sumo.reports.map_picture import map_picture
+        from mrp_sumo.reports.pictures.map_picture import map_picture
 
         return map_picture(self, findings=findings)
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mrp_sumo.io.outline import Outline
     from mrp_sumo.io.trajectory import Trajectory
     from mrp_sumo.maps.costmap import Costmap
-    from mrp_sumo.reports.picture import Picture
+    from mrp_sumo.reports.pictures.picture import Picture
 
 SHAPES_PROBLEM = ("mutex_groups", "step_length_s")  # keys of `execution` that decide what there is to plan
 
@@ -162,8 +162,8 @@ class Run:
         MrpSumoError
             For a time outside the run, and for a run without plan and trajectory.
         """
-        from mrp_sumo.reports.still import still
-        from mrp_sumo.reports.view import view_record
+        from mrp_sumo.reports.pictures.still import still
+        from mrp_sumo.reports.pictures.view import view_record
 
         if at_s is None:
             at_s = round(float(view_record(self).execution.t_s[-1]) / 2, 1)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mrp_sumo.reports.chart import Chart
-from mrp_sumo.reports.table import Table
+from mrp_sumo.reports.charts.chart import Chart
+from mrp_sumo.reports.tables.table import Table
 
 GENERATOR = "mrp-sumo report"
 STYLE_SHEET = Path(__file__).with_name("page.css")

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
-from mrp_sumo.reports.chart import COLOURS, MAX_SERIES, Chart, draw, printable
-from mrp_sumo.reports.map_picture import INK, PAPER
+from mrp_sumo.reports.charts.chart import COLOURS, MAX_SERIES, Chart, draw, printable
+from mrp_sumo.reports.pictures.map_picture import INK, PAPER
 from mrp_sumo.reports.study import Study, numbers
-from mrp_sumo.reports.table import Cell, Table, between, percent, whole
+from mrp_sumo.reports.tables.table import Cell, Table, between, percent, whole
 
 
 @dataclass(frozen=True)

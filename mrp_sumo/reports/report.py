@@ -19,13 +19,14 @@ import pandas as pd
 from mrp_sumo import __version__
 from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.io.run_folder import put_in_place
-from mrp_sumo.reports import paper, study_tables
-from mrp_sumo.reports.chart import Chart
+from mrp_sumo.reports import paper
+from mrp_sumo.reports.charts.chart import Chart
+from mrp_sumo.reports.charts.run_charts import replay_of, run_charts, tag_of
+from mrp_sumo.reports.charts.study_charts import study_charts
 from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
-from mrp_sumo.reports.run_charts import replay_of, run_charts, tag_of
 from mrp_sumo.reports.study import Study, read_study, short_key
-from mrp_sumo.reports.study_charts import study_charts
-from mrp_sumo.reports.table import Cell, Table, whole
+from mrp_sumo.reports.tables import study_tables
+from mrp_sumo.reports.tables.table import Cell, Table, whole
 
 INDEX = "index.html"
 MAX_RUNS = 4  # of a batch whose charts are drawn one by one
@@ -156,7 +157,7 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
 
 
 def _link_table(name: str, title: str, target: str) -> Table:
-    from mrp_sumo.reports.table import Link
+    from mrp_sumo.reports.tables.table import Link
 
     return Table(name, title, ("page",), [[Link(title, target)]], labels=0)
 

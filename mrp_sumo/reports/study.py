@@ -21,7 +21,7 @@ from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
-from mrp_sumo.reports.view import title_of
+from mrp_sumo.reports.pictures.view import title_of
 
 PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "astar": "A*",

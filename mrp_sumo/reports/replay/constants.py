@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 
 from mrp_sumo.io import record
-from mrp_sumo.reports.view import ABSENT
+from mrp_sumo.reports.pictures.view import ABSENT
 
 NEVER = 2**32 - 1  # in columns of times and of indices
 STATE_NAMES = (*record.STATE_NAMES, "not on the floor")

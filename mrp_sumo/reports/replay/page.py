@@ -25,8 +25,8 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.metrics.evaluate import succeeded
+from mrp_sumo.reports.pictures.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
-from mrp_sumo.reports.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 
 SOURCES = Path(__file__).parent
 SCRIPTS = ("data.js", "elements.js", "labels.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")

@@ -10,7 +10,7 @@ import pandas as pd
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
 from mrp_sumo.reports.study import Study, numbers, short_key
-from mrp_sumo.reports.table import Cell, Link, Table, between, percent, whole
+from mrp_sumo.reports.tables.table import Cell, Link, Table, between, percent, whole
 
 MAX_PAIRS = 45  # pairs of series that are compared
 WORST = 12  # runs

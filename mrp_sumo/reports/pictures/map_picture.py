@@ -26,8 +26,8 @@ from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS
 from mrp_sumo.maps.facts import num_lift_lanes
 from mrp_sumo.maps.map import Map
-from mrp_sumo.reports.labels import place_labels
-from mrp_sumo.reports.picture import Picture, require_suffix
+from mrp_sumo.reports.pictures.labels import place_labels
+from mrp_sumo.reports.pictures.picture import Picture, require_suffix
 
 INK, MUTED, WALL, FLOOR, PAPER = "#1f2328", "#6b7280", "#3b4048", "#f4f1ea", "#ffffff"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"

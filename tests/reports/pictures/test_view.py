@@ -7,7 +7,7 @@ import pytest
 from worlds import record_of_two
 
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
-from mrp_sumo.reports.view import ABSENT, furniture_and_walls, plan_as_execution, view_states
+from mrp_sumo.reports.pictures.view import ABSENT, furniture_and_walls, plan_as_execution, view_states
 
 
 def test_states_are_those_of_the_run():

@@ -15,8 +15,8 @@ from mrp_sumo.maps.finding import Finding
 from mrp_sumo.maps.generate import rack_warehouse
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
-from mrp_sumo.reports.labels import place_labels
-from mrp_sumo.reports.map_picture import draw_map
+from mrp_sumo.reports.pictures.labels import place_labels
+from mrp_sumo.reports.pictures.map_picture import draw_map
 
 
 def small_map(tmp_path: Path, *, one_way: bool = False, second_piece: bool = False) -> Map:

@@ -22,8 +22,8 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, printable
-from mrp_sumo.reports.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
+from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, printable
+from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
 
 WIDE_INCH = 10.2
 MAX_TIMES = 1200  # of a chart

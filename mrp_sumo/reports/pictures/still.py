@@ -17,10 +17,10 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import STATE_NAMES, RunRecord
-from mrp_sumo.reports.labels import place_labels
-from mrp_sumo.reports.picture import Picture, require_suffix
+from mrp_sumo.reports.pictures.labels import place_labels
+from mrp_sumo.reports.pictures.picture import Picture, require_suffix
+from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
-from mrp_sumo.reports.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 
 LIGHT = THEMES["light"]
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)

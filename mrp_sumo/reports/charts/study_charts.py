@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.experiments.statistics import wilson
-from mrp_sumo.reports.chart import (
+from mrp_sumo.reports.charts.chart import (
     COLOURS,
     MANY_POINTS,
     MAX_SERIES,
@@ -25,7 +25,7 @@ from mrp_sumo.reports.chart import (
     printable,
     series_style,
 )
-from mrp_sumo.reports.map_picture import INK, MUTED, PAPER
+from mrp_sumo.reports.pictures.map_picture import INK, MUTED, PAPER
 from mrp_sumo.reports.study import Study, numbers
 
 MAX_MAPS = 6  # drawn one by one; more are drawn together
