@@ -128,7 +128,9 @@ def run_of_four(out, network, *, executed=True, **changes):
     given = {
         "status": "completed",
         "note": "",
-        "scenario": Scenario.model_validate({"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}}),
+        "scenario": Scenario.model_validate(
+            {"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}, "execution": {"time_limit_s": 300}}
+        ),
         "problem": problem,
         "result": PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time"),
         "verdict": judge(problem, record.plan) if executed else None,
