@@ -8,7 +8,7 @@ from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Policy
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Kinematics, Rules, empty_log, empty_news
-from mrp_sumo.engines.protocol import Engine
+from mrp_sumo.engines.protocol import Bodies, Engine
 
 A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
@@ -48,7 +48,7 @@ class Controller:
             *(self._cell_m, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S), policy.look_ahead, policy.paced
         )
 
-    def advance(self, now_s: float, bodies: Engine, conditions: Conditions, *, observe: bool) -> list[Event]:
+    def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
         ledger = self.ledger
         num_logged, self._num_changed, self._num_due = _controller.advance(
@@ -64,9 +64,13 @@ class Controller:
         if self._num_due:
             bodies.lengthen(self._news.due[: self._num_due].tolist(), self.ledger.visits)
 
-    def divert(self, replan_robots: list[int], backs: list[int], bodies: Engine) -> None:
-        """Robots have been sent other ways: all speeds are sent again."""
+    def send_again(self) -> None:
+        """Speeds that were set in this step may be set anew: send them all."""
         self.ledger.state.grants.command_mps[:] = -1.0
+
+    def divert(self, replan_robots: list[int], backs: list[int], bodies: Engine) -> None:
+        """Robots have been sent other ways."""
+        self.send_again()
         bodies.divert(replan_robots, self.ledger.visits)
         for r in backs:
             bodies.turn_back(r, self.ledger.visits)

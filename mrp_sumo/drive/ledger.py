@@ -19,13 +19,14 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
-from mrp_sumo.drive.policy import Policy
+from mrp_sumo.drive.policy import DecidingPolicy, Policy
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.state import NEVER, Needs, state_at_rest
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.passages import Needs as PlanNeeds
 from mrp_sumo.traffic.passages import Schedule
 from mrp_sumo.traffic.resources import Resources
+from mrp_sumo.traffic.schedule import check_order
 
 VISIT_COLUMNS = {  # of `Visits`, by what an empty place holds
     **dict.fromkeys(("next", "lane"), -1),
@@ -89,7 +90,7 @@ class Ledger:
         self._columns = {name: np.full(plan.num_visits, empty) for name, empty in (VISIT_COLUMNS | PLANNED_COLUMNS).items()}
         self._need_columns = {name: np.full(4 * plan.num_visits, empty) for name, empty in NEED_COLUMNS.items()}
         self._need_first = np.zeros(plan.num_visits + 1, np.int64)
-        self._of_robot = {"first": first, "last": last, "reached": first.copy(), "granted": first.copy()}
+        self._of_robot: dict[str, NDArray[Any]] = {"first": first, "last": last, "reached": first.copy(), "granted": first.copy()}
         laid_out = motion_plan(self.graph, resources, plan, Departure.at_rest(self.num_robots), np.zeros(0, np.int64))
         self._write(
             laid_out,
@@ -162,12 +163,9 @@ class Ledger:
         ids[~fresh] = joint
         new = {r: ids[plan.first[i] + 1 : plan.first[i + 1]] for i, r in enumerate(robots.tolist())}
         leave_s = dict(zip(robots.tolist(), plan.depart_s[plan.first[:-1]].tolist()))
-        live, at = self._live(new, leave_s, now_s)
+        live, at = self._live(new, leave_s, now_s - 1.0)
         try:
-            first, kept = self._needs_of(at)
-            columns = self._need_columns
-            needs = PlanNeeds(frozen(first), columns["resource"][kept], columns["on_lane"][kept], len(self.state.grants.holder))
-            schedule = policy.order(self.problem, live, needs)
+            schedule = policy.order(self.problem, live, self._plan_needs(at))
         except PlanError:
             self.num_visits, self.num_needs = before
             self.entries.pop()
@@ -186,6 +184,35 @@ class Ledger:
         for r in sorted(replan.left_alone):
             self.state.yielding.pause[r] = self._columns["rank"][self._of_robot["granted"][r]]
         self._show()
+
+    def decide(self, policy: DecidingPolicy, now_s: float) -> bool:
+        """Let a policy change the order of the passages that are still to be made. Returns whether it did.
+
+        Raises
+        ------
+        PlanError
+            When its order cannot be kept, or lets somebody pass before a robot that has been granted the passage already.
+        """
+        granted_ids = self._of_robot["granted"].tolist()
+        ahead = {r: self.ids(r, visit)[1:] for r, visit in enumerate(granted_ids)}
+        leave_s = dict(enumerate(self._columns["depart_s"][granted_ids].tolist()))
+        live, ids = self._live(ahead, leave_s, -1.0)
+        needs = self._plan_needs(ids)
+        schedule = policy.decide(self.problem, live, needs, now_s)
+        if schedule is None:
+            return False
+        check_order(self.problem, live, schedule)
+        granted = self._columns["rank"][ids] <= self._columns["rank"][self._of_robot["granted"]][live.robot]
+        behind = schedule.robot[1:] != schedule.robot[:-1]
+        behind[schedule.first[1:-1][(schedule.first[1:-1] > 0) & (schedule.first[1:-1] < schedule.num_passages)] - 1] = False
+        late = np.flatnonzero(behind & granted[schedule.visit[1:]] & ~granted[schedule.visit[:-1]])
+        if len(late):
+            names, k = self.problem.fleet.robot_name, int(late[0])
+            one, other = names[schedule.robot[k]], names[schedule.robot[k + 1]]
+            raise PlanError(f"at {now_s:g} s the new order lets {one} pass before {other}, which is on its way already")
+        self._take_order(ids, schedule)
+        self._show()
+        return True
 
     def _write(self, laid_out: MotionPlan, fresh: BoolArray, entry: Entry) -> IntArray:
         """Append the fresh visits with their needs. Returns [N] the ids of the plan's visits, where fresh."""
@@ -221,10 +248,11 @@ class Ledger:
         if num_needs > len(self._need_columns["resource"]):
             self._need_columns = {name: _longer(column, num_needs) for name, column in self._need_columns.items()}
 
-    def _live(self, new: Mapping[int, IntArray], leave_s: Mapping[int, float], now_s: float) -> tuple[Plan, IntArray]:
+    def _live(self, new: Mapping[int, IntArray], leave_s: Mapping[int, float], before_s: float) -> tuple[Plan, IntArray]:
         """The plan from the last visits that robots have reached on, and [N] the ids of its visits.
 
-        What robots that are sent another way have been granted comes before everything else in it.
+        Robots with an entry in `new` leave their last granted visits at `leave_s` for these; what they have been granted is
+        planned for `before_s`, so that it comes first.
         """
         columns, reached, granted = self._columns, self._of_robot["reached"], self._of_robot["granted"]
         ids, granted_already, leaves, first = [], [], [], [0]
@@ -240,13 +268,13 @@ class Ledger:
             ids.append(way)
             first.append(first[-1] + len(way))
         at, before = np.concatenate(ids), np.concatenate(granted_already)
-        depart_s = np.where(before, now_s - 1.0, columns["depart_s"][at])
+        depart_s = np.where(before, before_s, columns["depart_s"][at])
         for place, time_s in leaves:
             depart_s[place] = time_s
         plan = Plan(
             first=frozen(np.array(first, np.int64)),
             vertex=frozen(columns["vertex"][at]),
-            arrive_s=frozen(np.where(before, now_s - 1.0, columns["arrive_s"][at])),
+            arrive_s=frozen(np.where(before, before_s, columns["arrive_s"][at])),
             depart_s=frozen(depart_s),
         )
         return plan, at
@@ -260,11 +288,22 @@ class Ledger:
         left = np.bincount(np.repeat(np.arange(len(ids)), count)[kept], minlength=len(ids))
         return np.concatenate([[0], np.cumsum(left)]).astype(np.int64), needs[kept]
 
+    def _plan_needs(self, ids: IntArray) -> PlanNeeds:
+        """What some visits still need, as policies see it."""
+        first, kept = self._needs_of(ids)
+        columns = self._need_columns
+        return PlanNeeds(frozen(first), columns["resource"][kept], columns["on_lane"][kept], len(self.state.grants.holder))
+
     def _keep_order(self, policy: Policy, plan: Plan, ids: IntArray, schedule: Schedule | None) -> None:
         """Let the visits that are still to be made be driven as the policy says."""
-        columns, needs = self._columns, self._need_columns
+        columns = self._columns
         columns["earliest_s"][ids] = policy.earliest_s(plan)
         columns["due_s"][ids] = plan.arrive_s if policy.paced else 0.0
+        self._take_order(ids, schedule)
+
+    def _take_order(self, ids: IntArray, schedule: Schedule | None) -> None:
+        """Robots pass in this order from now on; without one, first come, first served."""
+        needs = self._need_columns
         self._passing: IntArray = frozen(np.zeros(0, np.int64)) if schedule is None else schedule.robot
         first, at = self._needs_of(ids)
         if schedule is None:

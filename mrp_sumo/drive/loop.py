@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, replies_of
 from mrp_sumo.drive.listeners import Listener, Moment, Progress, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
-from mrp_sumo.drive.policy import Policy, policy_of
+from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.world import World
@@ -104,7 +105,8 @@ class Drive:
                 listener.hear(Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger))
             if is_last:
                 break
-            if step % look_every == 0 and self._dispatch(bodies):
+            decided = step > 0 and self._decide(step)
+            if (step % look_every == 0 and self._dispatch(bodies)) or decided:
                 self.controller.advance(self.now_s, bodies, conditions, observe=False)
             self.controller.command(bodies)
             moving = (state.grants.command_mps > 0) | (state.motion.speed_mps > 0)
@@ -124,6 +126,17 @@ class Drive:
             self.outcome = Outcome.COMPLETED
             return True
         return self.now_s >= self.settings.time_limit_s - 1e-9
+
+    def _decide(self, step: int) -> bool:
+        """Let the policy change the order of passages, if it is one that does. Returns whether it did."""
+        policy = self.controller.policy
+        every_s = getattr(policy, "decides_every_s", None)
+        if every_s is None or step % max(1, round(every_s / self.settings.step_length_s)):
+            return False
+        changed = self.ledger.decide(cast(DecidingPolicy, policy), self.now_s)
+        if changed:
+            self.controller.send_again()
+        return changed
 
     def _dispatch(self, bodies: Engine) -> bool:
         """Report new deadlocks, and send robots that do not get on other ways. Returns whether any were sent."""

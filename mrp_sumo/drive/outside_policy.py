@@ -33,13 +33,7 @@ class OutsidePolicy:
         found = self._guarded(self._policy.order)(problem, plan, needs)
         if found is None and not self._policy.keeps_order:
             return None
-        wrong = (
-            "" if isinstance(found, Schedule) else f"returned {type(found).__name__}, expected a Schedule, since the policy keeps an order"
-        )
-        wrong = wrong or _fault(found, plan, needs)
-        if wrong:
-            raise PlugInError(f"{place_of(self._policy.order)}: order() {wrong}")
-        return Schedule(**{name: frozen(np.asarray(value, np.int64)) for name, value in vars(found).items()})
+        return self._checked(found, self._policy.order, plan, needs)
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         """See `Policy`."""
@@ -50,6 +44,21 @@ class OutsidePolicy:
                 f"expected a time in s for each of the {plan.num_visits} visits"
             )
         return frozen(found.astype(np.float64))
+
+    def decide(self, problem: Problem, plan: Plan, needs: Needs, now_s: float) -> Schedule | None:
+        """See `DecidingPolicy`."""
+        found = self._guarded(self._policy.decide)(problem, plan, needs, now_s)
+        return None if found is None else self._checked(found, self._policy.decide, plan, needs)
+
+    def _checked(self, found: Any, method: Callable[..., Any], plan: Plan, needs: Needs) -> Schedule:
+        """The answer of a method as a schedule that kernels can drive by."""
+        wrong = (
+            "" if isinstance(found, Schedule) else f"returned {type(found).__name__}, expected a Schedule, since the policy keeps an order"
+        )
+        wrong = wrong or _fault(found, plan, needs)
+        if wrong:
+            raise PlugInError(f"{place_of(method)}: {method.__name__}() {wrong}")
+        return Schedule(**{name: frozen(np.asarray(value, np.int64)) for name, value in vars(found).items()})
 
     def _guarded(self, method: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:

@@ -47,6 +47,26 @@ class Policy(Protocol):
         """[N] before which no robot leaves a visit."""
 
 
+class DecidingPolicy(Policy, Protocol):
+    """A policy that may change the order of passages while robots drive: one with these two, and `keeps_order`."""
+
+    @property
+    def decides_every_s(self) -> float:
+        """Simulated time between two decisions."""
+
+    def decide(self, problem: Problem, plan: Plan, needs: Needs, now_s: float) -> Schedule | None:
+        """Another order of the passages that are still to be made; None: as it is.
+
+        Parameters
+        ----------
+        plan
+            From the last visit that each robot has reached on, with planned times. What robots have been granted already has
+            times below 0, and has to stay first: `traffic.passages.order_of` gives such an order.
+        needs
+            What these visits still need.
+        """
+
+
 @dataclass(frozen=True)
 class OpenLoop:
     """Drive the path, whatever the clock says; right of way at a vertex goes to who asked first. Can deadlock."""

@@ -189,8 +189,8 @@ def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: In
 def empty_log(num_robots: int) -> Log:
     """Room for what can happen in a step: at most a blocking, a wait, a departure and an arrival a robot."""
     room = 4 * num_robots
-    whole = [np.zeros(room, np.int64) for _ in range(5)]
-    return Log(*whole, np.zeros(room), np.zeros(room))
+    kind, robot, cause, visit, other = (np.zeros(room, np.int64) for _ in range(5))
+    return Log(kind, robot, cause, visit, other, np.zeros(room), np.zeros(room))
 
 
 def empty_news(num_robots: int) -> News:

@@ -7,11 +7,15 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.visits import Visits
 
 
-class Engine(Protocol):
-    """R robots in a running simulation. Nothing but its steps makes time pass."""
+class Bodies(Protocol):
+    """R robots as a controller sees them."""
 
     driven_m: FloatArray  # [R] how far each robot has driven since its start
     routed: IntArray  # [R] rank of the last visit that the engine knows the way to; above all ranks where it knows the whole way
+
+
+class Engine(Bodies, Protocol):
+    """R robots in a running simulation. Nothing but its steps makes time pass."""
 
     def place(self, visits: Visits) -> None:
         """Put robots on their first vertices."""

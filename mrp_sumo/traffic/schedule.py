@@ -48,6 +48,18 @@ def schedule_of(problem: Problem, plan: Plan, needs: Needs | None = None) -> Sch
     return schedule
 
 
+def check_order(problem: Problem, plan: Plan, schedule: Schedule) -> None:
+    """Refuse an order that nobody can keep, by whomever.
+
+    Raises
+    ------
+    PlanError
+        Naming robots and vertices.
+    """
+    if fault := _fault(problem, plan, schedule):
+        raise PlanError(fault)
+
+
 def _fault(problem: Problem, plan: Plan, schedule: Schedule) -> str:
     """What to say of an order that leads past somebody who stays, or in which somebody waits for himself; else ''."""
     after, left_at = waits(schedule)

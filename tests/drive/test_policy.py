@@ -1,10 +1,11 @@
 """Policies: four that differ in order, clock and reach, and a new one from one file."""
 
 import pytest
-from worlds import cross, drive, line
+from worlds import cross, drive, least_distance_m, line
 
+from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.policy import needs_sound_plan, policy_of
-from mrp_sumo.errors import PlugInError, ScenarioError
+from mrp_sumo.errors import PlanError, PlugInError, ScenarioError
 from mrp_sumo.plugins import registry
 
 pytestmark = pytest.mark.kernel
@@ -67,3 +68,53 @@ def test_policies_are_order_and_clock(tmp_path, name, ordered, clocked):
     first = int(run.goal_s.argmin())
     assert first == (1 if ordered or clocked else 0)
     assert (run.goal_s[0] > 7 * 3.0) == bool(clocked)
+
+
+DECIDING = """
+from dataclasses import dataclass, replace
+from mrp_sumo.drive.policy import Adg
+from mrp_sumo.traffic.passages import order_of
+
+@dataclass(frozen=True)
+class Overtaking(Adg):
+    look_ahead: int = 1
+    decides_every_s: float = 1.0
+
+    def decide(self, problem, plan, needs, now_s):
+        if now_s != 2.0:
+            return None
+        late = 100.0 * ((plan.robot == 0) & (plan.arrive_s >= 0))
+        return order_of(replace(plan, arrive_s=plan.arrive_s + late, depart_s=plan.depart_s + late), needs)
+
+@dataclass(frozen=True)
+class Backwards(Overtaking):
+    def decide(self, problem, plan, needs, now_s):
+        return order_of(replace(plan, arrive_s=plan.arrive_s + 100.0 * (plan.robot == 0), depart_s=plan.depart_s + 100.0), needs)
+
+@dataclass(frozen=True)
+class Careless(Overtaking):
+    def decide(self, problem, plan, needs, now_s):
+        return "robot_1 first"
+"""
+
+
+def test_a_policy_may_change_the_order_while_robots_drive(tmp_path):
+    # robot_0 is planned first at the middle, but held back; the policy lets robot_1 pass before it
+    file = tmp_path / "deciding.py"
+    file.write_text(DECIDING)
+    paths, held = [[3, 2, 1, 0, 7], [6, 6, 6, 5, 4, 0, 10]], Disturbances(breakdowns=(Breakdown(0, 0.5, 30.0),))
+    kept, changed = (drive(tmp_path, cross(), paths, policy, disturbances=held) for policy in ("adg", f"{file}:Overtaking"))
+    assert kept.all_at_goal and changed.all_at_goal
+    assert kept.goal_s[0] < kept.goal_s[1]
+    assert changed.goal_s[1] < 20.0 < changed.goal_s[0]
+    assert least_distance_m(changed) >= 0.325
+
+
+def test_an_order_that_passes_over_a_robot_on_its_way_is_refused(tmp_path):
+    file = tmp_path / "deciding.py"
+    file.write_text(DECIDING)
+    paths = [[3, 2, 1, 0, 7], [6, 6, 6, 5, 4, 0, 10]]
+    with pytest.raises(PlanError, match="which is on its way already"):
+        drive(tmp_path, cross(), paths, f"{file}:Backwards")
+    with pytest.raises(PlugInError, match=r"deciding.py:\d+: decide\(\) returned str, expected a Schedule"):
+        drive(tmp_path, cross(), paths, f"{file}:Careless")
