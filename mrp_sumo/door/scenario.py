@@ -18,7 +18,7 @@ SHORT = {"map": "file", "planner": "name", "discretisation": "kind", "robots": "
 REQUIRED: Any = None
 
 
-@dataclass(frozen=True, init=False, repr=False)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class Scenario:
     """One problem, and how to plan, drive and record it: what a scenario file says.
 

@@ -96,6 +96,22 @@ def test_function_plans(problem):
     )
 
 
+def test_class_in_a_file_plans(problem, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import mrp_sumo as ms\n\n\n"
+        "class Around:\n"
+        "    assigns, guarantee = False, 'none'\n\n"
+        "    def __init__(self, delay: int = 0) -> None:\n        self.delay = delay\n\n"
+        "    def prepare(self) -> None:\n        pass\n\n"
+        "    def plan(self, problem, time_limit_s):\n"
+        "        paths = [[0] * self.delay + [0, 1, 2, 3, 4], [4, 9, 8, 7, 6, 5, 0]]\n"
+        "        return ms.PlanResult(ms.Status.SOLVED, ms.plan_of_paths(paths, problem.step_s))\n"
+    )
+    place = f"{tmp_path / 'mine.py'}:Around"
+    assert ms.judge(problem, ms.plan(problem, place, time_limit_s=30))
+    assert not ms.judge(problem, ms.plan(problem, place, delay=6, time_limit_s=30))
+
+
 def test_object_plans_under_its_own_name(problem):
     assert ms.judge(problem, ms.plan(problem, Around()))
     plan = ms.plan(problem, Around(delay=6))
