@@ -88,6 +88,8 @@ class Overtaking(Adg):
 
 @dataclass(frozen=True)
 class Backwards(Overtaking):
+    look_ahead: int = 4
+
     def decide(self, problem, plan, needs, now_s):
         return order_of(replace(plan, arrive_s=plan.arrive_s + 100.0 * (plan.robot == 0), depart_s=plan.depart_s + 100.0), needs)
 
