@@ -3,10 +3,14 @@
 Starts, goals and constants are taken from --config, else from the YAML file beside the bag (as MRP-Bench
 leaves it), else from the metadata of a bag of ours and from the bag's /robot_path_requests. BAG may be a run
 folder, too. Options win over files.
+
+With --metric, BAG is a run folder or the folder of a batch, and the metrics are those that are named: bundled ones, or
+FILE.py:FUNCTION of your own. A batch's results get them as columns, for the runs whose folders are kept.
 """
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -38,11 +42,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tolerance", dest="locationTolerance", type=float, metavar="M", help="its locationTolerance (default: 0.7)")
     parser.add_argument("--window", dest="windowSize", type=int, metavar="N", help="its windowSize (default: 10)")
     parser.add_argument("--timeout", dest="recordingTimeout", type=float, metavar="S", help="its recordingTimeout (default: 600)")
+    parser.add_argument("--metric", action="append", metavar="NAME", help="compute this metric of a run or a batch; may be repeated")
     parser.add_argument("--json", action="store_true", help="print JSON, all keys by MRP-Bench's names")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the metrics."""
+    if options.metric:
+        return _measure(options)
     told = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
     if options.json:
         print(json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False))
@@ -55,6 +62,30 @@ def run(options: argparse.Namespace) -> int:
     for value, name in blocked[::-1][:10]:
         print(f"  blocked {name:25} {value:.3f} s")
     return 0
+
+
+def _measure(options: argparse.Namespace) -> int:
+    """Compute metrics of a run, or of a batch, from what their folders keep. Exit code 1 when one failed."""
+    from mrp_sumo.experiments.measure_later import measure_batch, measure_run
+    from mrp_sumo.io.results import PLAN
+    from mrp_sumo.io.run_reader import RESULT, load_run
+    from mrp_sumo.metrics.own import guarded
+
+    faults: list[str] = []
+    metrics = [guarded(name, None, lambda error: faults.append(str(error))) for name in options.metric]
+    if (options.bag / PLAN).is_file() and not (options.bag / RESULT).is_file():
+        num_measured, num_runs = measure_batch(options.bag, metrics, faults.append)
+        print(f"{options.bag}: {', '.join(m.name for m in metrics)} of {num_measured} of {num_runs} runs, whose folders are kept")
+    else:
+        values = measure_run(load_run(options.bag), metrics)
+        if options.json:
+            print(json.dumps(values, indent=2))
+        else:
+            for metric in metrics:
+                print(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
+    for line in dict.fromkeys(faults):
+        print(f"mrp-sumo: {line}", file=sys.stderr)
+    return 1 if faults else 0
 
 
 def analysed(bag: Path, config: Path | None, generation: str | None, given: dict[str, float | None]) -> dict[str, Any]:

@@ -14,7 +14,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo compare`."""
     parser.add_argument("first", metavar="A", help="folder of a batch, or a results.parquet")
     parser.add_argument("second", metavar="B", help="the one that is judged")
-    parser.add_argument("--metric", action="append", metavar="NAME", help="compare this column; may be given several times")
+    parser.add_argument(
+        "--metric",
+        action="append",
+        metavar="NAME",
+        help="compare this column, or FILE.py:FUNCTION, a metric of your own; may be given several times",
+    )
     parser.add_argument("--alpha", type=float, default=0.05, metavar="P", help="accepted chance of a false alarm (default: 0.05)")
     parser.add_argument(
         "--tolerance", type=float, default=1.0, metavar="PERCENT", help="worsening of a mean that does not matter (default: 1)"
@@ -30,6 +35,9 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.errors import BatchError
     from mrp_sumo.experiments.compare import DEFAULT_METRICS, compare
     from mrp_sumo.io.results import load_results
+    from mrp_sumo.metrics.own import own_metric
+    from mrp_sumo.plugins.registry import names
+    from mrp_sumo.plugins.source import place_in_file
 
     if not 0 < options.alpha < 1:
         raise BatchError(f"--alpha: found {options.alpha:g}, expected a number between 0 and 1")
@@ -40,8 +48,10 @@ def run(options: argparse.Namespace) -> int:
         print(f"mrp-sumo: {line}", file=sys.stderr)
 
     a, b = (load_results(Path(path), told) for path in (options.first, options.second))
-    metrics = options.metric or DEFAULT_METRICS
-    found = compare(a, b, metrics, alpha=options.alpha, tolerance=options.tolerance / 100, strict=options.strict)
+    own = {name: own_metric(name)[0] for name in options.metric or () if place_in_file(name) or name in names("metrics")}
+    metrics = [own[name].name if name in own else name for name in options.metric] if options.metric else DEFAULT_METRICS
+    tolerance = options.tolerance / 100
+    found = compare(a, b, metrics, alpha=options.alpha, tolerance=tolerance, strict=options.strict, own=tuple(own.values()))
     if options.json:
         print(json.dumps({**asdict(found), "worse": found.worse}, indent=2))
         return int(found.worse)

@@ -23,6 +23,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="run folder (default: runs/<scenario>)")
     scenario_choice.arguments(parser)
     parser.add_argument("--policy", metavar="NAME", help="another execution policy; FILE.py:CLASS for one of your own")
+    parser.add_argument(
+        "--metric",
+        action="append",
+        metavar="NAME",
+        help="a metric of your own, FILE.py:FUNCTION, instead of the scenario's; may be repeated",
+    )
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")

@@ -111,6 +111,8 @@ def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]
         said["planner", "time_limit_s"] = ("--time-limit", options.time_limit)
     if getattr(options, "policy", None) is not None:
         said["execution", "policy"] = ("--policy", resolved(options.policy, Path()))
+    if getattr(options, "metric", None):
+        said["record", "metrics"] = ("--metric", [resolved(name, Path()) for name in options.metric])
     return said
 
 

@@ -399,6 +399,8 @@ def finish(
     """
     from mrp_sumo.metrics.audit import audit
     from mrp_sumo.metrics.evaluate import evaluate
+    from mrp_sumo.metrics.own import guarded
+    from mrp_sumo.metrics.registry import METRICS
 
     report = progress or _silent
     execution, note, details, broken = None, solution.result.message, solution.result.details, ""
@@ -413,6 +415,8 @@ def finish(
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start]) if execution else None
+    faults: list[PlugInError] = []
+    own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     metrics = evaluate(
         solution.problem,
         solution.result,
@@ -422,7 +426,10 @@ def finish(
         assignment_time_s=solution.assignment_time_s,
         time_limit_s=setup.settings.time_limit_s,
         tolerance_m=choice.goal_tolerance_m,
+        metrics=(*METRICS, *own),
     )
+    if faults:
+        note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
     return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details)
 

@@ -6,6 +6,7 @@ Refuses names the map does not have, robots that do not fit, goals that cannot b
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleCho
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.roadmap import cell_that_fits
+from mrp_sumo.metrics.own import own_metric
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
@@ -119,6 +121,8 @@ def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, Execution
         One line a fault, naming file and key.
     """
     scenario = file.scenario
+    for i, name in enumerate(scenario.record.metrics):
+        _located(file, ("record", "metrics", i), partial(own_metric, name, file.folder))
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
         _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, scenario.planner.parameters),
@@ -316,7 +320,7 @@ def _require_reachable(file: ScenarioFile, problem: Problem) -> None:
         raise ScenarioError(f"{file.at('robots', 'goals', int(goal))}: no robot can reach '{label(problem.goal[goal])}'")
 
 
-def _located(file: ScenarioFile, place: tuple[str, ...], make: Callable[[], Any]) -> Any:
+def _located(file: ScenarioFile, place: tuple[str | int, ...], make: Callable[[], Any]) -> Any:
     """What `make` makes; its refusal is told with file, line and key."""
     try:
         return make()

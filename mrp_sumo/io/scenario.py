@@ -235,6 +235,7 @@ class Recording(_Strict):
     )
     rmf_messages: Literal["galactic", "jazzy", "kilted"] = Field("jazzy", description="Generation of rmf_fleet_msgs in the bag.")
     robots: tuple[str, ...] = Field((), description="Robots that get topics of their own in the bag, /<robot>/odom and /<robot>/plan.")
+    metrics: list[str] = Field([], description="Metrics beside the bundled ones: FILE.py:FUNCTION, or the name that a package gives one.")
     poses: bool = Field(False, description="Put /robot_poses into the bag: what /tf says, as a PoseArray.")
 
 
@@ -400,6 +401,8 @@ def plug_ins_of(scenario: Scenario) -> Iterator[tuple[Place, str, str]]:
         place = tuple(key.split("."))
         if name := reduce(getattr, place, scenario):
             yield place, kind, str(name)
+    for i, metric in enumerate(scenario.record.metrics):
+        yield ("record", "metrics", i), "metrics", metric
 
 
 def is_plug_in(key: str) -> bool:

@@ -1,0 +1,106 @@
+"""Metrics of runs that have ended, from what their folders keep: of one run, or of all runs of a batch whose folders are archived."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.experiments.archive import ARCHIVE
+from mrp_sumo.experiments.batch import is_under_way
+from mrp_sumo.io.results import drop_tables, read_plan, read_record, record_path, write_record, write_tables
+from mrp_sumo.io.run_reader import RESULT, Run, load_run
+from mrp_sumo.metrics.evaluate import Metrics, evaluate
+from mrp_sumo.metrics.metric import Metric
+from mrp_sumo.traffic.referee import judge
+
+
+def measure_run(run: Run, metrics: Sequence[Metric]) -> Metrics:
+    """Metrics of a run folder, by name. Without a plan there is nothing to measure: all are None.
+
+    Raises
+    ------
+    MrpSumoError
+        When a file is missing or damaged.
+    """
+    plan, told, scenario = run.plan, run.metrics, run.result["scenario"]
+    if plan is None:
+        return {metric.name: told.get(metric.name) for metric in metrics}
+    execution = run.execution if run.executed else None
+    target = run.record.target if run.executed else plan.last_vertex
+    problem = Problem(
+        graph=run.graph,
+        fleet=run.fleet,
+        start=plan.vertex[plan.first[:-1]],
+        goal=target,
+        goal_of=np.arange(plan.num_robots),
+        step_s=run.result["plan"]["step_s"],
+        seed=run.result["seed"],
+    )
+    result = PlanResult(
+        Status(run.result["plan"]["status"]),
+        plan=plan,
+        planning_time_s=told["planning_time_s"],
+        prepare_time_s=told["prepare_time_s"],
+        lower_bound_steps=told["lower_bound_steps"],
+        message=run.result["plan"]["message"],
+        stats=run.result["plan"]["stats"],
+    )
+    return evaluate(
+        problem,
+        result,
+        judge(problem, plan),
+        execution,
+        run.audit,
+        assignment_time_s=told["assignment_time_s"],
+        tolerance_m=scenario["execution"]["goal_tolerance_m"],
+        time_limit_s=told.get("execution_time_limit_s") or scenario["execution"]["time_limit_s"] or 0.0,
+        metrics=metrics,
+    )
+
+
+def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str], None]) -> tuple[int, int]:
+    """Add metrics to the results of a batch, for the runs whose folders are archived; the other runs have none.
+
+    Parameters
+    ----------
+    folder
+        Of a batch that is not under way.
+    metrics
+        Which.
+    report
+        Called with a line about each folder that cannot be read.
+
+    Returns
+    -------
+    num_measured, num_runs
+        Of the runs that have ended.
+
+    Raises
+    ------
+    BatchError
+        When it is no batch, under way, or no run's folder is archived.
+    """
+    planned = read_plan(folder)["keys"]
+    keys = [key for key in planned if record_path(folder, key).is_file()]
+    if is_under_way(folder):
+        raise BatchError(f"{folder}: a batch is under way there")
+    found: dict[str, Metrics] = {}
+    for key in keys:
+        place = folder / ARCHIVE / key
+        if (place / RESULT).is_file():
+            try:
+                found[key] = measure_run(load_run(place), metrics)
+            except MrpSumoError as error:
+                report(f"{error}; left out")
+    if not found:
+        raise BatchError(f"{folder}: no run's folder is kept; `mrp-sumo batch SUITE --out {folder} --keep-worst N` makes the N worst again")
+    drop_tables(folder)
+    for key, values in found.items():
+        record = read_record(record_path(folder, key))
+        write_record(folder, {**record, "metrics": {**record["metrics"], **values}})
+    if len(keys) == len(planned):  # tables are there only where they hold every run
+        write_tables(folder, (read_record(record_path(folder, key)) for key in keys))
+    return len(found), len(keys)

@@ -1,0 +1,68 @@
+"""Metrics that users bring: of a file, `./mine.py:energy`, or of a package. What they do wrong is one line, and costs no result."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.errors import PlugInError, ScenarioError
+from mrp_sumo.metrics.metric import Evidence, Metric, is_value, metric_of
+from mrp_sumo.metrics.registry import BY_NAME
+from mrp_sumo.plugins.face import place_of
+from mrp_sumo.plugins.registry import find, target
+from mrp_sumo.plugins.source import Source, blamed
+
+
+def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
+    """A user's metric, and where it is.
+
+    Parameters
+    ----------
+    name
+        `FILE.py:FUNCTION`, or as a package registers it. What is named is a function of the evidence, with the decorator `metric` or
+        without.
+    beside
+        Where a relative path begins; the current folder by default.
+
+    Raises
+    ------
+    ScenarioError
+        For an unknown name, and for one that a bundled metric has.
+    PlugInError
+        When it cannot be loaded, or is no function.
+    """
+    source, found = find("metrics", name, beside), target("metrics", name, beside)
+    if not isinstance(found, Metric):
+        if not callable(found) or isinstance(found, type):
+            raise PlugInError(f"{place_of(found)}: {source.attribute} is {type(found).__name__}, expected a function of the run's evidence")
+        found = metric_of(found)
+    if found.name in BY_NAME and not source.ours:
+        raise ScenarioError(f"metric '{name}': '{found.name}' is the name of a bundled metric, choose another")
+    return found, source
+
+
+def guarded(name: str, beside: Path | None, report: Callable[[PlugInError], None]) -> Metric:
+    """A user's metric that never fails: where it raises, or returns what is no value, it is None, and the failure is reported."""
+    metric, source = own_metric(name, beside)
+
+    def value(evidence: Evidence) -> Any:
+        try:
+            found = metric(evidence)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            report(blamed(error, source, metric.function))
+            return None
+        found = found.tolist() if isinstance(found, np.ndarray | np.generic) else found
+        if not is_value(found):
+            report(
+                PlugInError(
+                    f"{place_of(metric.function)}: {metric.name} is {found!r:.60}, expected a finite number, true or false, a list, or None"
+                )
+            )
+            return None
+        return list(found) if isinstance(found, tuple) else found
+
+    return replace(metric, function=value)

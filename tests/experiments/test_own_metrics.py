@@ -1,0 +1,134 @@
+"""Metrics of users: a function in a file, measured with the run or later, and whatever it does costs no result."""
+
+import json
+import shutil
+
+import pytest
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.experiments.measure_later import measure_run
+from mrp_sumo.io.results import load_results
+from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.metrics.registry import METRICS
+
+MINE = '''"""Metrics of ours."""
+
+import numpy as np
+
+from mrp_sumo.metrics.metric import metric
+
+
+@metric("m", "less", "metres driven by all robots")
+def driven(run):
+    step = np.hypot(np.diff(run.execution.x_m, axis=0), np.diff(run.execution.y_m, axis=0))
+    return step.sum()
+
+
+def top_speed_mps(run):
+    """The fastest that any robot was."""
+    return float(run.execution.speed_mps.max())
+
+
+def broken(run):
+    return run.nonsense
+
+
+def text(run):
+    return "far"
+
+
+def leaves(run):
+    raise SystemExit(0)
+
+
+def soc_steps(run):
+    return 1
+
+
+LIST = [1]
+'''
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    """A folder with a file of metrics, a scenario that names two of them, and its run."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "mine.py").write_text(MINE)
+    scenario = "map: office\nrobots: {count: 3}\nplanner: pibt\nrecord: {metrics: ['./mine.py:driven', './mine.py:top_speed_mps']}\n"
+    (folder / "mine.yaml").write_text(scenario)
+    assert main(["run", str(folder / "mine.yaml"), "--out", str(folder / "run")]) == 0
+    return folder
+
+
+def metrics_of(folder):
+    return json.loads((folder / "result.json").read_text())["metrics"]
+
+
+def test_metric_of_a_file_stands_among_the_others(world):
+    found = metrics_of(world / "run")
+    assert found["driven"] > 10 and 0.2 < found["top_speed_mps"] <= 0.2201
+    assert set(found) == {m.name for m in METRICS} | {"driven", "top_speed_mps"}
+
+
+def test_every_metric_can_be_computed_later_from_the_folder(world):
+    run = load_run(world / "run")
+    assert measure_run(run, METRICS) == {name: run.metrics[name] for name in (m.name for m in METRICS)}
+
+
+def test_analyze_computes_a_metric_of_a_run(world, capsys):
+    assert main(["analyze", str(world / "run"), "--metric", f"{world}/mine.py:driven", "--metric", "soc_steps", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == {name: metrics_of(world / "run")[name] for name in ("driven", "soc_steps")}
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("broken", "mine.py:20: in broken: AttributeError: 'Evidence' object has no attribute 'nonsense'"),
+        ("text", "text is 'far', expected a finite number, true or false, a list, or None"),
+        ("leaves", "ended the program (SystemExit: 0)"),
+    ],
+)
+def test_metric_that_fails_is_one_line_and_costs_no_result(world, capsys, name, told):
+    out = world / name
+    assert main(["run", str(world / "mine.yaml"), "--metric", f"{world}/mine.py:{name}", "--out", str(out)]) == 0
+    result = json.loads((out / "result.json").read_text())
+    assert told in result["note"] and result["metrics"][name] is None and result["status"] == "completed"
+    capsys.readouterr()
+    assert main(["analyze", str(out), "--metric", f"{world}/mine.py:{name}"]) == 1
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("mine.py:drivn", "did you mean 'driven'?"),
+        ("mine.py:soc_steps", "'soc_steps' is the name of a bundled metric"),
+        ("mine.py:LIST", "LIST is list, expected a function"),
+        ("absent.py:driven", "absent.py"),
+        ("soc_stps", "unknown metric 'soc_stps' (did you mean 'soc_steps'?)"),
+    ],
+)
+def test_metric_that_is_none_is_refused_before_anything_runs(world, capsys, monkeypatch, name, told):
+    monkeypatch.chdir(world)
+    assert main(["run", "mine.yaml", "--metric", name, "--out", "refused"]) == 2
+    line = capsys.readouterr().err
+    assert told in line and "--metric" in line and "Traceback" not in line
+    assert not (world / "refused").exists()
+
+
+def test_metric_of_a_batch_is_a_column_for_the_runs_whose_folders_are_kept(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(MINE)
+    suite = "base: {map: office, planner: pibt, robots: {count: 2}}\ngrid_search: {seed: 0..2}\n"
+    (tmp_path / "study.yaml").write_text(suite)
+    out, name = tmp_path / "out", f"{tmp_path}/mine.py:driven"
+    assert main(["batch", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1"]) == 0
+    assert main(["analyze", str(out), "--metric", name]) == 2
+    assert "--keep-worst" in capsys.readouterr().err
+    assert main(["batch", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1", "--keep-worst", "2"]) == 0
+    assert main(["analyze", str(out), "--metric", name]) == 0
+    assert "driven of 2 of 3 runs" in capsys.readouterr().out
+    results = load_results(out)
+    assert results["driven"].notna().sum() == 2 and (results["driven"].dropna() > 0).all()
+    shutil.copytree(out, tmp_path / "again")
+    assert main(["compare", str(out), str(tmp_path / "again"), "--metric", name]) == 0
