@@ -1,6 +1,7 @@
 """Run one scenario: plan, judge, execute in SUMO, measure, and write the run folder.
 
-Exit code 0 when all robots reached their goals, 1 when the run finished without that, 2 for bad input.
+Exit code 0 when all robots came within the tolerance of their goals and the audit found nothing, 1 when the run finished without
+that, 2 for bad input.
 """
 
 import argparse

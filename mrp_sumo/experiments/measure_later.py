@@ -11,13 +11,13 @@ from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.experiments.archive import ARCHIVE
 from mrp_sumo.experiments.batch import is_under_way
 from mrp_sumo.io.results import drop_tables, read_plan, read_record, record_path, write_record, write_tables
-from mrp_sumo.io.run_reader import RESULT, Run, load_run
+from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
 from mrp_sumo.metrics.evaluate import Metrics, evaluate
 from mrp_sumo.metrics.metric import Metric
 from mrp_sumo.traffic.referee import judge
 
 
-def measure_run(run: Run, metrics: Sequence[Metric]) -> Metrics:
+def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
     """Metrics of a run folder, by name. Without a plan there is nothing to measure: all are None.
 
     Raises
