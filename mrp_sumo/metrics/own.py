@@ -10,7 +10,7 @@ import numpy as np
 from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.metrics.metric import Evidence, Metric, is_value, metric_of
 from mrp_sumo.metrics.registry import BY_NAME
-from mrp_sumo.plugins.face import place_of
+from mrp_sumo.plugins.face import place_of, shown
 from mrp_sumo.plugins.registry import find, target
 from mrp_sumo.plugins.source import Source, blamed
 
@@ -36,7 +36,8 @@ def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
     source, found = find("metrics", name, beside), target("metrics", name, beside)
     if not isinstance(found, Metric):
         if not callable(found) or isinstance(found, type):
-            raise PlugInError(f"{place_of(found)}: {source.attribute} is {type(found).__name__}, expected a function of the run's evidence")
+            where = shown(source.path) if source.path else source.module
+            raise PlugInError(f"{where}: {source.attribute} is {type(found).__name__}, expected a function of the run's evidence")
         found = metric_of(found)
     if found.name in BY_NAME and not source.ours:
         raise ScenarioError(f"metric '{name}': '{found.name}' is the name of a bundled metric, choose another")

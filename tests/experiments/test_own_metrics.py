@@ -111,7 +111,9 @@ def test_metric_that_fails_is_one_line_and_costs_no_result(world, capsys, name, 
 )
 def test_metric_that_is_none_is_refused_before_anything_runs(world, capsys, monkeypatch, name, told):
     monkeypatch.chdir(world)
-    assert main(["run", "mine.yaml", "--metric", name, "--out", "refused"]) == 2
+    assert main(["run", "mine.yaml", "--metric", name, "--out", "refused"]) == (
+        1 if "LIST" in name else 2
+    )  # 1: a plug-in that breaks its contract
     line = capsys.readouterr().err
     assert told in line and "--metric" in line and "Traceback" not in line
     assert not (world / "refused").exists()
