@@ -26,7 +26,6 @@ from mrp_sumo.traffic.referee import Conflict, describe
 LISTED = 8  # faults and conflicts that a verdict prints
 
 Paths = Sequence[Sequence[int]]  # a vertex per step, for each robot
-Function = Callable[[core.Problem, float], PlanResult | Plan | Paths]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,6 +78,9 @@ class Problem(core.Problem):
 
     def _repr_html_(self) -> str:
         return self._summary.html
+
+
+Function = Callable[[Problem, float], PlanResult | Plan | Paths]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -206,7 +208,12 @@ def plan(
     elif parameters:
         raise PlanError(f"plan: found {_listed(tuple(parameters))}, but a planner that is no name has its parameters already")
     setup = planned_as(problem.setup, changed(problem.setup.file, {place: (dotted(place), value) for place, value in places.items()}))
-    return runs.solve(setup if planner is None or isinstance(planner, str) else _with_own(setup, planner))
+    if planner is None or isinstance(planner, str):
+        return runs.solve(setup)
+    own = _with_own(setup, planner)
+    solution = runs.solve(replace(own, problem=problem))
+    plain = problem.setup.problem.assigned(solution.problem.goal_of)  # replanning may send it to another process
+    return replace(solution, setup=own, problem=plain)
 
 
 def judge(problem: Problem, plan: Solution | Plan) -> Judgement:
@@ -266,6 +273,7 @@ class _Own:
 
     def plan(self, problem: core.Problem, time_limit_s: float) -> PlanResult:
         began = perf_counter()
+        assert isinstance(problem, Problem)  # the caller's, with the goals assigned
         found = self.function(problem, time_limit_s)
         time_s = perf_counter() - began
         if isinstance(found, PlanResult):

@@ -20,7 +20,6 @@ SAMPLE = """\
 from pathlib import Path
 
 import mrp_sumo as ms
-from mrp_sumo.core.problem import Problem as Instance
 
 site: ms.Site = ms.load_map("office", largest_component=True)
 scenario = ms.Scenario(map=site, robots=9, planner={"name": "eecbs"}, seed=3)
@@ -35,7 +34,7 @@ reveal_type(run.executed)
 reveal_type(plan.cost_steps)
 
 
-def own(problem: Instance, time_limit_s: float) -> list[list[int]]:
+def own(problem: ms.Problem, time_limit_s: float) -> list[list[int]]:
     return [[v] for v in problem.start.tolist()]
 
 

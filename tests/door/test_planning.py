@@ -1,5 +1,6 @@
 """Problems, plans and verdicts from the front door."""
 
+import pickle
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -110,6 +111,18 @@ def test_class_in_a_file_plans(problem, tmp_path):
     place = f"{tmp_path / 'mine.py'}:Around"
     assert ms.judge(problem, ms.plan(problem, place, time_limit_s=30))
     assert not ms.judge(problem, ms.plan(problem, place, delay=6, time_limit_s=30))
+
+
+def test_planner_of_ones_own_is_given_the_problem_with_goals_assigned(problem):
+    given = []
+    ms.plan(problem, lambda problem, time_limit_s: given.append((problem, time_limit_s)) or around(problem, 1), time_limit_s=7)
+    (found, limit_s), *more = given
+    assert isinstance(found, ms.Problem) and found.target.tolist() == [4, 0] and found.starts == problem.starts
+    assert limit_s == 7 and not more
+
+
+def test_plan_of_a_function_can_be_sent_to_another_process(problem):
+    assert pickle.loads(pickle.dumps(ms.plan(problem, around).problem)).num_robots == 2
 
 
 def test_object_plans_under_its_own_name(problem):
