@@ -15,7 +15,17 @@ python=${PYTHON:-python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "setup: $("$python" --version) found, Python 3.11 or later needed" >&2; exit 2; }
 echo "setting up .venv (once; some minutes) ..." >&2
 [ -x .venv/bin/python ] || "$python" -m venv .venv
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".$extra" 2> >(grep -v '^WARNING' >&2)
+pip=(.venv/bin/python -m pip --quiet --disable-pip-version-check)
+project=(--constraint constraints.txt --editable ".$extra")
+# uv installs several times as fast; it is told where pip is told to look, and pip does what it cannot do
+setting() { "${pip[@]}" config get "global.$1" 2> /dev/null || "${pip[@]}" config get ":env:.$1" 2> /dev/null || true; }
+with_uv() {
+  "${pip[@]}" install --constraint constraints.txt uv 2> /dev/null || return
+  local index=${UV_DEFAULT_INDEX-$(setting index-url)} links=${UV_FIND_LINKS-$(setting find-links)} certificates=${SSL_CERT_FILE-$(setting cert)}
+  env ${index:+"UV_DEFAULT_INDEX=$index"} ${links:+"UV_FIND_LINKS=$links"} ${certificates:+"SSL_CERT_FILE=$certificates"} \
+    .venv/bin/uv pip install --quiet --python .venv/bin/python "${project[@]}" 2> /dev/null
+}
+with_uv || "${pip[@]}" install "${project[@]}" 2> >(grep -v '^WARNING' >&2)
 # compile ahead what the bundled scenarios use; for the tests, which run in several processes, everything
 [ -n "$extra" ] && planners=() || planners=(execution cbs)
 .venv/bin/mrp-sumo warmup --quiet ${planners[@]+"${planners[@]}"}
