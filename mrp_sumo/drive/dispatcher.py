@@ -61,7 +61,7 @@ class Dispatcher:
     def __init__(self, ledger: Ledger, world: World, settings: ExecutionSettings) -> None:
         self.ledger, self.world, self.settings = ledger, world, settings
         self.watch = DeadlockWatch()
-        self.events: list[Event] = []
+        self._events: list[Event] = []
         self._giving: list[GivingWay] = []
         self._barred_since = np.full(ledger.num_robots, np.inf)  # [R] before a closed lane
         self._ring_since: dict[tuple[int, ...], float] = {}
@@ -126,7 +126,7 @@ class Dispatcher:
         self._again_s = now_s + self.settings.patience_s
         self._num_closed = int(np.count_nonzero(self.world.closed))
         self._ring_since.clear()
-        self.events.append(Event(now_s, "resolved", -1, text=answer.text))
+        self._events.append(Event(now_s, "resolved", -1, text=answer.text))
 
     def refused(self, error: PlanError, now_s: float) -> None:
         """There is no new plan, or nobody can keep its order."""
@@ -135,11 +135,17 @@ class Dispatcher:
         self._again_s = now_s + self.settings.patience_s * 2**self._failures
         if why not in self._reported:
             self._reported.add(why)
-            self.events.append(Event(now_s, "unresolved", -1, text=why))
+            self._events.append(Event(now_s, "unresolved", -1, text=why))
 
-    def close(self, now_s: float) -> None:
-        """The run is over."""
+    def close(self, now_s: float) -> list[Event]:
+        """The run is over. Returns what has not been reported yet."""
         self._end_all(now_s)
+        return self.drain()
+
+    def drain(self) -> list[Event]:
+        """What happened since this was last asked."""
+        events, self._events = self._events, []
+        return events
 
     def _let_go(self, now_s: float) -> None:
         """Robots that have let others pass go on."""
@@ -197,7 +203,7 @@ class Dispatcher:
         self._giving.remove(giving)
         duration_s = round(now_s - giving.begin_s, 9)
         text = self._lets_pass(giving)
-        self.events.append(Event(giving.begin_s, "gave_way", giving.robot, giving.place, giving.others[0], duration_s, text))
+        self._events.append(Event(giving.begin_s, "gave_way", giving.robot, giving.place, giving.others[0], duration_s, text))
 
     def _end_all(self, now_s: float) -> None:
         for giving in list(self._giving):
@@ -235,5 +241,5 @@ class Dispatcher:
             names = self.ledger.problem.fleet.robot_name
             what = "a closed lane" if closed[ahead[0]] else f"what {names[other] if other >= 0 else 'another robot'} holds"
             vertex = int(visits.vertex[around.ahead(r)])
-            self.events.append(Event(round(now_s - waited_s, 9), "detour", r, vertex, other, waited_s, f"drives around {what}"))
+            self._events.append(Event(round(now_s - waited_s, 9), "detour", r, vertex, other, waited_s, f"drives around {what}"))
         return Replan(ways, "detour", "drives around what stays") if ways else None

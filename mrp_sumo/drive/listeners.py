@@ -1,11 +1,12 @@
 """What listens to an execution: each listener is handed every moment, and changes nothing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
+from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.engines.protocol import Engine
@@ -25,6 +26,7 @@ class Moment:
     is_last: bool
     bodies: Engine
     ledger: Ledger
+    events: Sequence[Event]  # what has happened since the moment before; some of it is known only when it is over
 
 
 class Listener(Protocol):
@@ -73,6 +75,17 @@ def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray]:
         xy = np.insert(xy, place, np.array([turn.xy for turn in turns]), axis=0)
         at_m = np.insert(at_m, place, [turn.at_m for turn in turns])
     return at_m, xy
+
+
+@dataclass
+class EventLog:
+    """Keeps what happens."""
+
+    events: list[Event] = field(default_factory=list)
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        self.events += moment.events
 
 
 @dataclass

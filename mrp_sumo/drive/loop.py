@@ -23,7 +23,7 @@ from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, replies_of
-from mrp_sumo.drive.listeners import Listener, Moment, Progress, ProgressReport, Recorder, Witness
+from mrp_sumo.drive.listeners import EventLog, Listener, Moment, Progress, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.reroute import Replan
@@ -67,11 +67,11 @@ def simulate(
     )
     drive = Drive(settings, ledger, Controller(ledger, policy, settings), world, Dispatcher(ledger, world, settings), policy)
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
-    recorder, witness = Recorder(), Witness()
+    log, recorder, witness = EventLog(), Recorder(), Witness()
     with sumo_engine(problem.graph, problem.fleet, network, dt, settings.seed, gui) as bodies:
         bodies.place(ledger.visits)
-        drive.run(bodies, [recorder, witness, *reports])
-    return _execution(drive, plan, recorder, witness)
+        drive.run(bodies, [log, recorder, witness, *reports])
+    return _execution(drive, plan, log, recorder, witness)
 
 
 @dataclass
@@ -84,7 +84,7 @@ class Drive:
     world: World
     dispatcher: Dispatcher
     chosen: Policy  # of the scenario; a new plan may be driven by another
-    events: list[Event] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
     now_s: float = 0.0
@@ -101,8 +101,12 @@ class Drive:
             self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0)
             is_sample = step % sample_every == 0
             is_last = is_sample and self._is_over()
+            if is_last:
+                self._close()
+            moment = Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger, self.events)
+            self.events = []
             for listener in listeners:
-                listener.hear(Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger))
+                listener.hear(moment)
             if is_last:
                 break
             decided = step > 0 and self._decide(step)
@@ -115,8 +119,10 @@ class Drive:
             self.now_s = round(step * dt, 9)
             self.findings += [f"{self.now_s:.2f} s: {finding}" for finding in found]
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
-        self.dispatcher.close(self.now_s)
-        self.events += self.dispatcher.events
+
+    def _close(self) -> None:
+        """What is still going on ends with the run."""
+        self.events += self.dispatcher.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
 
     def _is_over(self) -> bool:
@@ -144,6 +150,12 @@ class Drive:
         self.events += [self.controller.deadlock(self.now_s, cycle) for cycle in found]
         if found and self.settings.on_deadlock == "stop":
             self.outcome = Outcome.DEADLOCK
+        sent = self._send_others(bodies)
+        self.events += self.dispatcher.drain()
+        return sent
+
+    def _send_others(self, bodies: Engine) -> bool:
+        """Answer what is due, the mildest first, until the ledger has an answer. Returns whether it has one."""
         for need in self.dispatcher.due(self.now_s, self.controller.policy.keeps_order):
             answer = self.dispatcher.answer(need, self.now_s)
             if answer is not None and self._append(answer, bodies):
@@ -181,7 +193,7 @@ class Drive:
         return [policy_of("adg"), policy_of("open_loop")]
 
 
-def _execution(drive: Drive, plan: Plan, recorder: Recorder, witness: Witness) -> Execution:
+def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witness: Witness) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
     x, y, yaw, speed = recorder.samples(ledger)
@@ -206,7 +218,7 @@ def _execution(drive: Drive, plan: Plan, recorder: Recorder, witness: Witness) -
         sim_time_s=drive.now_s,
         wall_time_s=drive.wall_s,
         cpu_time_s=drive.cpu_s,
-        events=tuple(sorted(drive.events, key=lambda event: (event.t_s, event.robot, event.kind))),
+        events=tuple(sorted(log.events, key=lambda event: (event.t_s, event.robot, event.kind))),
         findings=tuple(drive.findings),
         booked_s=frozen(ledger.state.waits.booked_s),
         believed=believed,
