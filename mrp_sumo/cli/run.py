@@ -67,7 +67,7 @@ def _progress_bar() -> "Iterator[Progress | None]":
         task = bar.add_task("starting", total=None, clock="")
 
         def show(stage: str, done: float, of: float) -> None:
-            clock = f"{done:.0f} s simulated" if of else ""
+            clock = f"{done:.0f} s simulated" if stage.startswith("driving") else ""
             bar.update(task, description=stage, completed=done, total=of or None, clock=clock)
 
         yield show

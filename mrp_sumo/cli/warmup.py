@@ -6,9 +6,12 @@ Takes a minute or two on a machine that has never done it, seconds afterwards. N
 import argparse
 import multiprocessing
 import os
+import sys
 from time import perf_counter
 
 EXECUTION = "execution"  # the kernels of the controller and the audit, beside the planners'
+ROOMS = ("mrp_sumo/drive", "mrp_sumo/metrics", "mrp_sumo/search", "planners")
+LOOK_S = 0.2
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,17 +28,35 @@ def run(options: argparse.Namespace) -> int:
         if name != EXECUTION:
             planner_class(name)  # an unknown name is refused before anything is compiled
     names = options.planner or [EXECUTION, *planner_names()]
-    told = [_warm(names[0])]  # what the others share is compiled once
     with multiprocessing.get_context("spawn").Pool(min(len(names), os.cpu_count() or 1)) as pool:
-        told += pool.imap_unordered(_warm, names[1:])
+        preparing = pool.map_async(_warm, names, chunksize=1)
+        if sys.stderr.isatty() and not options.quiet:
+            _show_until(preparing)
+        spent = preparing.get()
     if not options.quiet:
-        for name, spent in told:
-            print(f"{name:<12} {spent:6.1f} s")
+        for name, time_s in zip(names, spent):
+            print(f"{name:<12} {time_s:6.1f} s")
     return 0
 
 
-def _warm(name: str) -> tuple[str, float]:
-    """The name, and how long it took."""
+def _show_until(preparing: "multiprocessing.pool.MapResult[float]") -> None:
+    """A bar that counts stored kernels until all are ready."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from mrp_sumo.search import _kernel
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=sum(_kernel.num_defined(room) for room in ROOMS))
+        while not preparing.ready():
+            done = sum(_kernel.num_stored(room) for room in ROOMS)
+            bar.update(task, completed=done, description=f"compiling kernels, once: {done} of {bar.tasks[0].total:.0f}")
+            preparing.wait(LOOK_S)
+
+
+def _warm(name: str) -> float:
+    """Prepare a planner, or the execution; the time it took in s."""
     from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.metrics import audit
@@ -51,6 +72,6 @@ def _warm(name: str) -> tuple[str, float]:
         try:
             chosen = planner(name, {})
         except MrpSumoError:  # an external program: it needs parameters, and has nothing to compile
-            return name, 0.0
+            return 0.0
         chosen.prepare()
-    return name, perf_counter() - began
+    return perf_counter() - began

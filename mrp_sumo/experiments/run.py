@@ -23,6 +23,7 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
 from mrp_sumo.experiments.arrivals import with_goals_within
+from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.record import RunRecord, record_of
@@ -284,23 +285,34 @@ class RunResult:
         )
 
 
-def solve(setup: SetUp) -> Solution:
-    """Assign and plan within the time limit, and judge the plan. A plug-in that fails is a result too."""
+def solve(setup: SetUp, *, execute: bool = False, progress: Progress | None = None) -> Solution:
+    """Assign and plan within the time limit, and judge the plan. A plug-in that fails is a result too.
+
+    Parameters
+    ----------
+    setup
+        Of one problem.
+    execute
+        Whether the plan will be driven: what that takes is compiled at the same time as what planning takes.
+    progress
+        Called with the stage and how far it is.
+    """
     try:
-        return _solve(setup)
+        return _solve(setup, execute, progress or _silent)
     finally:
         for plug_in in (setup.planner, setup.assigner):
             if isinstance(plug_in, Outside):
                 plug_in.close()
 
 
-def _solve(setup: SetUp) -> Solution:
+def _solve(setup: SetUp, execute: bool, report: Progress) -> Solution:
     scenario, problem = setup.scenario, setup.problem
     began = time.perf_counter()
     try:
-        distance.prepare()
-        with _located(setup.file, "planner", "parameters"):
-            setup.planner.prepare()
+        with compiling(report, execute=execute):
+            distance.prepare()
+            with _located(setup.file, "planner", "parameters"):
+                setup.planner.prepare()
         assigns = setup.planner.assigns
         if isinstance(setup.assigner, Outside) and scenario.assignment.mode == "optimal" and not assigns:
             with _located(setup.file, "assignment", "parameters"):
@@ -308,6 +320,7 @@ def _solve(setup: SetUp) -> Solution:
     except PlugInError as error:
         return Solution(setup, problem, failed(error), None, 0.0)
     prepare_time_s = time.perf_counter() - began
+    report("planning", 0.0, 0.0)
     began = time.perf_counter()
     try:
         if not assigns:
@@ -381,8 +394,7 @@ def carry_out(
     report = progress or _silent
     report("loading the map", 0.0, 0.0)
     setup = set_up(file, maps)
-    report("planning", 0.0, 0.0)
-    return finish(setup, solve(setup), maps, execute=execute, progress=progress, gui=gui)
+    return finish(setup, solve(setup, execute=execute, progress=progress), maps, execute=execute, progress=progress, gui=gui)
 
 
 def finish(

@@ -11,7 +11,8 @@ import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache, partial
 from pathlib import Path
 from shutil import rmtree
@@ -23,6 +24,7 @@ with without("scipy.linalg", "coverage"):  # for BLAS, which no kernel calls, an
     import numba.np.arraymath
 import llvmlite
 import numba
+from numba.core import event
 from numba.core.caching import Cache, CompileResultCacheImpl, _CacheLocator
 from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
@@ -30,6 +32,8 @@ from numba.core.types import unliteral
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = "mrp_sumo/search"  # kernels of all rooms may import from here
 MOST_FOLDERS = 8  # of different sources that are kept for a room; the least recently used go first
+
+_defined: list[Path] = []  # index files of the kernels that this process has defined
 
 
 def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never") -> Any:
@@ -51,12 +55,67 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never")
         return compiled
     if folder(room_of(function.__module__)):
         compiled._cache = _KernelCache(function)
+        _defined.append(Path(compiled._cache._cache_file._index_path))
     compiled.get_call_template = partial(_template_without_constants, compiled.get_call_template)
     return compiled
 
 
 def _template_without_constants(template_of, args, kws):
     return template_of([unliteral(a) for a in args], {key: unliteral(a) for key, a in kws.items()})
+
+
+class Missing:
+    """The kernels that this process has defined and that were not stored when they were first looked for."""
+
+    def __init__(self) -> None:
+        self._seen = 0
+        self._file: list[Path] = []
+
+    @property
+    def num_kernels(self) -> int:
+        self._file += [file for file in _defined[self._seen :] if not file.exists()]
+        self._seen = len(_defined)
+        return len(self._file)
+
+    @property
+    def num_stored(self) -> int:
+        """How many of them are stored by now, by whichever process."""
+        return sum(file.exists() for file in self._file)
+
+
+@contextmanager
+def each_compiled(show: Callable[[], None]) -> Iterator[None]:
+    """Call `show` before each kernel that is compiled inside."""
+    with event.install_listener("numba:compile", _Show(show)):
+        yield
+
+
+class _Show(event.Listener):
+    def __init__(self, show: Callable[[], None]) -> None:
+        self._show = show
+
+    def on_start(self, event: Any) -> None:
+        self._show()
+
+    def on_end(self, event: Any) -> None:
+        """It is not stored yet: that is for the next to show."""
+
+
+def is_empty(room: str) -> bool:
+    """Whether the kernels of a room could be stored, and none is."""
+    found = folder(room)
+    return not numba.config.DISABLE_JIT and found is not None and num_stored(room) == 0
+
+
+def num_stored(room: str) -> int:
+    """How many kernels of a room are stored."""
+    found = folder(room)
+    return sum(1 for _ in found.glob("*.nbi")) if found else 0
+
+
+def num_defined(room: str) -> int:
+    """How many kernels the sources of a room define."""
+    return sum(file.read_text(encoding="utf-8").count("\n@kernel") for file in (ROOT / room).rglob("_*.py"))
 
 
 def room_of(module: str) -> str:

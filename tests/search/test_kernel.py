@@ -85,7 +85,8 @@ def test_kernels_import_nothing_of_ours_but_what_the_state_covers():
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
-def test_constants_as_arguments_make_no_further_copies():
+def test_constants_as_arguments_make_no_further_copies(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     from mrp_sumo.search._kernel import kernel
 
     inner = kernel(_inner)
