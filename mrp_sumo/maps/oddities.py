@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.near import pairs_within
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import Building, Level
 
@@ -76,13 +77,11 @@ def _lying_on_each_other(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int
 
 
 def _almost_one(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int, float]]:
-    from scipy.spatial import cKDTree
-
     on_lanes = np.unique(lanes)
     if len(on_lanes) < 2:
         return []
     joined = {tuple(sorted(pair)) for pair in lanes.tolist()}
-    close = np.sort(on_lanes[cKDTree(xy[on_lanes]).query_pairs(SAME_PLACE_M, output_type="ndarray")], axis=1)
+    close = np.sort(on_lanes[pairs_within(xy[on_lanes], SAME_PLACE_M)], axis=1)
     return [(a, b, float(np.hypot(*(xy[a] - xy[b])))) for a, b in sorted(close.tolist()) if (a, b) not in joined]
 
 

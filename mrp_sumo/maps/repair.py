@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph
+from mrp_sumo.core.near import pairs_within
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS, check_graph, crossings, near_misses
 from mrp_sumo.maps.finding import ordered
@@ -129,8 +130,6 @@ def largest_component(nav: NavGraph) -> tuple[NavGraph, list[str]]:
 
 
 def _merged(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
-    from scipy.spatial import cKDTree
-
     target = np.arange(nav.num_vertices)
     changes = []
     driven = np.unique(np.concatenate([nav.tail, nav.head]))
@@ -138,7 +137,7 @@ def _merged(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
         on = driven[nav.level[driven] == level]
         if len(on) < 2:
             continue
-        close = on[cKDTree(nav.xy[on]).query_pairs(within_m, output_type="ndarray")]
+        close = on[pairs_within(nav.xy[on], within_m)]
         for a, b in sorted(close.tolist()):
             joined = nav.lane_between(a, b) >= 0 or nav.lane_between(b, a) >= 0
             if not joined and target[a] == a and target[b] == b:

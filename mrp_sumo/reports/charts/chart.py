@@ -140,7 +140,8 @@ def draw(
         FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
         figure.set_layout_engine("none")  # its result stays
         figure.dpi = PNG_DPI
-        FigureCanvasAgg(figure).print_png(png, metadata={"Software": None})
+        fast = {"compress_level": 2}  # a tenth larger, in two thirds of the time
+        FigureCanvasAgg(figure).print_png(png, metadata={"Software": None}, pil_kwargs=fast)
     return Chart(name, title, caption, svg.getvalue(), png.getvalue(), wide)
 
 
