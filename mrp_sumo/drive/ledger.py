@@ -209,7 +209,7 @@ class Ledger:
         if len(late):
             names, k = self.problem.fleet.robot_name, int(late[0])
             one, other = names[schedule.robot[k]], names[schedule.robot[k + 1]]
-            raise PlanError(f"at {now_s:g} s the new order lets {one} pass before {other}, which is on its way already")
+            raise PlanError(f"the new order lets {one} pass before {other}, which is on its way already")
         self._take_order(ids, schedule)
         self._show()
         return True

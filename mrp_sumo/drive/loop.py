@@ -31,7 +31,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
-from mrp_sumo.errors import PlanError
+from mrp_sumo.errors import PlanError, PlugInError
 
 
 def simulate(
@@ -139,7 +139,10 @@ class Drive:
         every_s = getattr(policy, "decides_every_s", None)
         if every_s is None or step % max(1, round(every_s / self.settings.step_length_s)):
             return False
-        changed = self.ledger.decide(cast(DecidingPolicy, policy), self.now_s)
+        try:
+            changed = self.ledger.decide(cast(DecidingPolicy, policy), self.now_s)
+        except PlanError as error:  # the policy's own doing, not the plan's
+            raise PlugInError(f"execution policy '{self.settings.policy}': decide() at {self.now_s:g} s: {error}") from error
         if changed:
             self.controller.send_again()
         return changed

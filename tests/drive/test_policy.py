@@ -5,7 +5,7 @@ from worlds import cross, drive, least_distance_m, line
 
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.policy import needs_sound_plan, policy_of
-from mrp_sumo.errors import PlanError, PlugInError, ScenarioError
+from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.plugins import registry
 
 pytestmark = pytest.mark.kernel
@@ -116,7 +116,9 @@ def test_an_order_that_passes_over_a_robot_on_its_way_is_refused(tmp_path):
     file = tmp_path / "deciding.py"
     file.write_text(DECIDING)
     paths = [[3, 2, 1, 0, 7], [6, 6, 6, 5, 4, 0, 10]]
-    with pytest.raises(PlanError, match="which is on its way already"):
+    with pytest.raises(
+        PlugInError, match="decide\\(\\) at 1 s: the new order lets robot_1 pass before robot_0, which is on its way already"
+    ):
         drive(tmp_path, cross(), paths, f"{file}:Backwards")
     with pytest.raises(PlugInError, match=r"deciding.py:\d+: decide\(\) returned str, expected a Schedule"):
         drive(tmp_path, cross(), paths, f"{file}:Careless")
