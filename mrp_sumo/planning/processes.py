@@ -8,19 +8,20 @@ import os
 import pickle
 import select
 import signal
-import socket
-import subprocess
 import sys
 import weakref
 from collections.abc import Mapping
 from contextlib import suppress
 from math import ceil
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.plugins.source import Source, definition
+
+if TYPE_CHECKING:
+    import subprocess
+    from multiprocessing.connection import Connection
 
 LOAD_LIMIT_S = 600.0  # for loading and compiling
 
@@ -50,6 +51,10 @@ class PlugInProcess:
     """
 
     def __init__(self, kind: str, source: Source, parameters: Mapping[str, Any], first: str = "load") -> None:
+        import socket  # here and below: most runs need no process
+        import subprocess
+        from multiprocessing.connection import Connection
+
         self._where = definition(source)
         ours, theirs = socket.socketpair()
         code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.planning.plug_in_process import main"
@@ -106,6 +111,8 @@ class PlugInProcess:
 
     def _ending(self) -> str:
         """How the process ended."""
+        import subprocess
+
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(2)  # it closes its socket a moment before it ends
         code = self._process.poll()
@@ -115,7 +122,7 @@ class PlugInProcess:
         return f"its process was killed by {signal.Signals(-code).name}" if code < 0 else f"ended its process with exit code {code}"
 
 
-def _end(process: subprocess.Popen[bytes], connection: Connection) -> None:
+def _end(process: "subprocess.Popen[bytes]", connection: "Connection") -> None:
     connection.close()
     if process.poll() is None:
         kill_family(process.pid)

@@ -11,21 +11,22 @@ class Kind:
     """A kind of plug-in.
 
     The face is a Protocol; each of its methods, properties and annotated attributes is one that a plug-in must have. A Protocol
-    with `__call__` is a function's. The table maps names to places ('module:attribute') or to the plug-ins themselves.
+    with `__call__` is a function's. The table maps names to places ('module:attribute') or to the plug-ins themselves; it may be one of
+    tables by kind, as other packages have it.
     """
 
     name: str  # plural: its key in tables, and its word for `mrp-sumo list`
     one: str  # in messages
     face: str = ""
-    ours: str = ""  # the table of those in this program, apart from what the entry points name
+    ours: str = ""  # the table of those that come with this program
     made: bool = True  # a class that is made with parameters; otherwise what is named is the plug-in itself
 
 
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind("planners", "planner", "mrp_sumo.planning.protocol:Planner"),
-        Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner"),
+        Kind("planners", "planner", "mrp_sumo.planning.protocol:Planner", "planners:PLUGINS"),
+        Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner", "planners:PLUGINS"),
         Kind("dispatchers", "dispatcher"),
         Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),
         Kind("metrics", "metric", ours="mrp_sumo.metrics.registry:BY_NAME", made=False),

@@ -9,9 +9,8 @@ parameter's, and plug-ins without the face of their kind.
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.plugins.face import check_face, check_methods, place_of
@@ -19,9 +18,11 @@ from mrp_sumo.plugins.kinds import KINDS, Kind
 from mrp_sumo.plugins.parameters import fitted
 from mrp_sumo.plugins.source import Source, blamed, load, place_in_file, source_in_file, source_in_module
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
 TABLES = ("mrp_sumo.plugins", "mrp_sumo.planners")  # groups whose entry points are tables by kind
 SINGLE = {"policies": "mrp_sumo.policies"}  # groups whose entry points are plug-ins of a kind
-BUNDLED = "bundled"  # the entry point of ours
 
 
 def names(kind: str) -> tuple[str, ...]:
@@ -52,6 +53,8 @@ def find(kind: str, name: str, beside: Path | None = None) -> Source:
             return source_in_file(name, beside or Path())
         except ScenarioError as error:
             raise ScenarioError(f"{one} {error}") from None
+    if name in (ours := _ours(kind)):  # without a look at what is installed, which takes a while
+        return ours[name]
     known = _registered(kind)
     if name not in known:
         raise ScenarioError(f"unknown {one} '{name}'{nearest(name, sorted(known), limit=20)}")
@@ -86,9 +89,8 @@ def make(kind: str, name: str, parameters: Mapping[str, Any], beside: Path | Non
 
 def loaded(kind: Kind, source: Source) -> Any:
     """The class, function or object at a source, as `target`."""
-    table = _named(kind.ours) if kind.ours and source.ours else {}
-    entry = table.get(source.name)
-    found = entry if entry is not None and not isinstance(entry, str) else load(source)
+    entry = _our_table(kind).get(source.name) if source.ours else None
+    found = load(source) if entry is None or isinstance(entry, str) else entry
     face = face_of(kind)
     if kind.made:
         if not isinstance(found, type):
@@ -133,28 +135,42 @@ def forget() -> None:
 
 
 @cache
+def _ours(kind: str) -> Mapping[str, Source]:
+    """Where those are that come with this program, by name."""
+    place_of_table = KINDS[kind].ours
+    if not place_of_table:
+        return {}
+    table = _our_table(KINDS[kind])
+    return {name: source_in_module(name, place if isinstance(place, str) else place_of_table, ours=True) for name, place in table.items()}
+
+
+def _our_table(kind: Kind) -> Mapping[str, Any]:
+    table = _named(kind.ours)
+    found: Mapping[str, Any] = table.get(kind.name, table)
+    return found
+
+
+@cache
 def _registered(kind: str) -> Mapping[str, Source]:
     """Where the plug-ins of a kind are, by name, of all packages; the first to claim a name has it, ours before others'."""
-    found: dict[str, Source] = {}
-    if KINDS[kind].ours:
-        for name, place in _named(KINDS[kind].ours).items():
-            found[name] = source_in_module(name, place if isinstance(place, str) else KINDS[kind].ours, ours=True)
+    from importlib.metadata import entry_points
+
+    found = dict(_ours(kind))
     tables = [entry for group in TABLES for entry in entry_points(group=group)]
-    for entry in sorted(tables, key=lambda e: (e.name != BUNDLED, e.name)):
+    for entry in sorted(tables, key=lambda e: e.name):
         for name, place in _table(entry).get(kind, {}).items():
-            ours = entry.name == BUNDLED and entry.value.startswith("planners:")
-            found.setdefault(name, source_in_module(name, place, ours=ours, package=_package(entry)))
+            found.setdefault(name, source_in_module(name, place, ours=False, package=_package(entry)))
     for entry in sorted(entry_points(group=SINGLE.get(kind, "")), key=lambda e: e.name):
         found.setdefault(entry.name, source_in_module(entry.name, entry.value, ours=False, package=_package(entry)))
     return found
 
 
-def _package(entry: EntryPoint) -> str:
+def _package(entry: "EntryPoint") -> str:
     return f"{entry.dist.name} {entry.dist.version}" if entry.dist else ""
 
 
 @cache
-def _table(entry: EntryPoint) -> Mapping[str, Mapping[str, str]]:
+def _table(entry: "EntryPoint") -> Mapping[str, Mapping[str, str]]:
     """What an entry point names."""
     table = load(source_in_module(entry.name, entry.value, ours=False))
     if not isinstance(table, Mapping) or set(table) - set(KINDS):

@@ -32,7 +32,7 @@ class Source:
     name: str  # as the scenario says
     module: str  # '' for a file
     attribute: str
-    path: Path | None  # of the module or file; None where the module cannot be found
+    path: Path | None  # of the module or file; None for ours, and where the module cannot be found
     ours: bool
     package: str = ""  # name and version of the installed package that brings it
 
@@ -89,7 +89,7 @@ def source_in_file(name: str, beside: Path) -> Source:
 def source_in_module(name: str, place: str, *, ours: bool, package: str = "") -> Source:
     """The source of 'module:attribute' of an installed package."""
     module, _, attribute = place.partition(":")
-    return Source(name, module, attribute, _module_path(module), ours, package)
+    return Source(name, module, attribute, None if ours else _module_path(module), ours, package)
 
 
 def load(source: Source) -> Any:
