@@ -66,7 +66,7 @@ def _check(options: argparse.Namespace) -> int:
 
     path = find_map(options.file, Path())
     try:
-        map_ = load_map(path, meters_per_pixel=options.meters_per_pixel)
+        map_ = load_map(path, meters_per_pixel=options.meters_per_pixel, reader=options.reader)
         findings, notes = map_.findings, oddities(map_.building) if map_.building else ()
     except MapError as error:
         findings, notes = findings_of(error), ()

@@ -36,6 +36,8 @@ def run(options: argparse.Namespace) -> int:
         _print(entries)
     else:
         print(f"no {options.what}")
+    if options.what == "maps" and not options.json:
+        print(f"Other maps are read from files: {_formats()}")
     for line in faults:
         print(f"mrp-sumo: {line}", file=sys.stderr)
     return 1 if faults else 0
@@ -83,6 +85,14 @@ def _files(what: str) -> list[Entry]:
         {"name": one.name, "map": one.map.file, "robots": one.robots.count or len(one.robots.starts or ()), "planner": one.planner.name}
         for one in scenarios
     ]
+
+
+def _formats() -> str:
+    """The formats of all map readers."""
+    from mrp_sumo.plugins.registry import make, names
+
+    readers = [make("readers", name, {}) for name in names("readers")]
+    return ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in readers)
 
 
 def _print(entries: list[Entry]) -> None:

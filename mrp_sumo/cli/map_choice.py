@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 def add_choice(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add = parser.add_argument
+    add("--reader", metavar="NAME", help="map reader; FILE.py:CLASS for one of your own (default: the one that recognises the file)")
     add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
     add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
     add("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
@@ -35,6 +36,7 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
         level=options.level,
         meters_per_pixel=options.meters_per_pixel,
         cell_m=options.cell,
+        reader=options.reader,
         **radius,
     )
     if options.snap is None and not options.split_crossings and not options.largest_component:

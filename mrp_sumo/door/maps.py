@@ -168,7 +168,7 @@ def load_map(
         "split_crossings": split_crossings,
         "largest_component": largest_component,
     }
-    from mrp_sumo.maps.readers.ros_map import ROBOT_RADIUS_M
+    from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M
 
     choice = validated(Document(Path("load_map"), values, {}), MapChoice)
     return site_of(shared_maps().map(choice, Path(), cell_m, ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m), choice)

@@ -36,6 +36,7 @@ class MapCache:
         from mrp_sumo.maps.catalogue import find_map
         from mrp_sumo.maps.load import load_map
         from mrp_sumo.maps.repair import repair
+        from mrp_sumo.plugins.source import resolved
 
         path = find_map(choice.file, folder)
         state = path.stat()
@@ -48,13 +49,16 @@ class MapCache:
                 meters_per_pixel=choice.meters_per_pixel,
                 cell_m=cell_m,
                 robot_radius_m=robot_radius_m,
+                reader=choice.reader,
+                beside=folder,
             )
             repaired, _ = repair(
                 map_, snap_m=choice.snap_m, split_at_crossings=choice.split_crossings, only_largest=choice.largest_component
             )
             return repaired
 
-        return self._once((path.resolve(), state.st_mtime_ns, state.st_size, choice, cell_m, robot_radius_m), make)
+        reader = choice.reader and resolved(choice.reader, folder)
+        return self._once((path.resolve(), state.st_mtime_ns, state.st_size, choice, reader, cell_m, robot_radius_m), make)
 
     def graph(self, map_: "Map", choice: "Discretisation") -> "PlanGraph":
         """The nav graph of a map as it is planned on."""

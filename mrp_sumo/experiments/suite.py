@@ -341,7 +341,7 @@ class _Inputs:
         whole = ScenarioFile(scenario, self._file.document, self._file.places)
         choices(whole)
         try:
-            paths = list(files_of(find_map(scenario.map.file, self._file.folder)))
+            paths = list(files_of(find_map(scenario.map.file, self._file.folder), scenario.map.reader, self._file.folder))
         except MrpSumoError as error:
             raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
         if isinstance(name := scenario.robots.type, str):
@@ -354,6 +354,14 @@ class _Inputs:
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:
-    """What a scenario names: files, planner, assigner, policy."""
-    parts = (scenario.map.file, scenario.robots.type, scenario.planner, scenario.assignment, scenario.execution, scenario.record)
+    """What a scenario names: files, map reader, planner, assigner, policy, metrics."""
+    parts = (
+        scenario.map.file,
+        scenario.map.reader,
+        scenario.robots.type,
+        scenario.planner,
+        scenario.assignment,
+        scenario.execution,
+        scenario.record,
+    )
     return tuple(str(part) for part in parts)

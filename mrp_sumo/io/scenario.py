@@ -32,6 +32,7 @@ class MapChoice(_Strict):
     """Which part of which map."""
 
     file: str = Field(description="A map file, relative to the scenario, or the name of a bundled map.")
+    reader: str | None = Field(None, description="A map reader by name, or FILE.py:CLASS; by default the one that recognises the file.")
     level: str | None = Field(None, description="Only this level; all levels by default.")
     graph: GraphIndex | tuple[GraphIndex, ...] | Literal["all"] | None = Field(
         None, description="Nav graph index; several, or 'all', are united. The lowest with lanes by default."
@@ -388,6 +389,7 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
 
 
 PLUG_INS = {  # keys that name plug-ins, and their kinds
+    "map.reader": "readers",
     "planner.name": "planners",
     "assignment.solver": "assigners",
     "execution.policy.name": "policies",

@@ -30,6 +30,6 @@ KINDS = {
         Kind("dispatchers", "dispatcher"),
         Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),
         Kind("metrics", "metric", ours="mrp_sumo.metrics.registry:BY_NAME", made=False),
-        Kind("readers", "map reader"),
+        Kind("readers", "map reader", "mrp_sumo.maps.readers.reader:Reader", "mrp_sumo.maps.readers.registry:OURS"),
     )
 }

@@ -7,12 +7,15 @@ has it. Refuses other headers and characters, and rows that are missing or of a 
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph, frozen
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.reader import MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.yaml_text import Text, read_text
 
 FREE, BLOCKED = b".GS", b"@OTW"
@@ -27,6 +30,43 @@ class ProblemSet:
     height: int
     start: IntArray  # [N, 2] column and row, the highest row is 0
     goal: IntArray  # [N, 2]
+
+
+@dataclass(frozen=True)
+class MovingAiMap:
+    """MovingAI's grids."""
+
+    name: ClassVar[str] = "MovingAI grid"
+    suffixes: ClassVar[tuple[str, ...]] = (".map",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Its first word."""
+        return is_grid(file.text)
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The grid, with cells of the selection."""
+        refuse_choice(file.source, graph=selection.graph, level=selection.level, meters_per_pixel=selection.meters_per_pixel)
+        return grid_map(file.source, *read_grid(file.source, map_name(file.path), selection.cell_m))
+
+
+@dataclass(frozen=True)
+class MovingAiScen:
+    """MovingAI's problem sets: the grid beside them."""
+
+    name: ClassVar[str] = "MovingAI problem set"
+    suffixes: ClassVar[tuple[str, ...]] = (".scen",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Its first line."""
+        return is_problem_set(file.text)
+
+    def files(self, file: MapFile) -> tuple[Path, ...]:
+        """Itself, and the grid."""
+        return file.path, map_of_problem_set(file.source)
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The grid, with cells of the selection."""
+        return MovingAiMap().read(MapFile(read_text(map_of_problem_set(file.source))), selection)
 
 
 def is_grid(text: str) -> bool:

@@ -8,20 +8,44 @@ mode `raw`, and maps without any place to stand.
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import Text
 
-ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
 MAX_PIXELS = 50_000_000
 MODES = ("trinary", "scale")
+
+
+@dataclass(frozen=True)
+class RosMap:
+    """ROS occupancy maps."""
+
+    name: ClassVar[str] = "ROS map_server YAML"
+    suffixes: ClassVar[tuple[str, ...]] = (".yaml",)
+
+    def detects(self, file: MapFile) -> bool:
+        """An image and its resolution."""
+        return is_ros_map(file.document)
+
+    def files(self, file: MapFile) -> tuple[Path, ...]:
+        """Itself, and the image."""
+        return file.path, image_of(file.document, file.source)
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """A grid over the image, where a robot of the selection's radius has room."""
+        refuse_choice(file.source, graph=selection.graph, level=selection.level, meters_per_pixel=selection.meters_per_pixel)
+        name, cell_m, radius_m = map_name(file.path), selection.cell_m, selection.robot_radius_m
+        return grid_map(file.source, *read_ros_map(file.document, file.source, name, cell_m, radius_m))
 
 
 def is_ros_map(document: Any) -> bool:

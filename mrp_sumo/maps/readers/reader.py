@@ -1,0 +1,103 @@
+"""What a map reader is: one class for each format, which recognises it by content and makes a `Map` of it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from mrp_sumo.core.graph import BoolArray, PlanGraph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.check import check_graph
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.yaml_text import Text, parse, read_text
+
+GraphChoice = int | tuple[int, ...] | Literal["all"] | None
+
+ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What of a map file is taken; see `load_map`."""
+
+    graph: GraphChoice = None
+    level: str | None = None
+    meters_per_pixel: float | None = None
+    cell_m: float = 0.4
+    robot_radius_m: float = ROBOT_RADIUS_M
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """A map file as readers see it."""
+
+    source: Text
+
+    @property
+    def path(self) -> Path:
+        return self.source.path
+
+    @property
+    def text(self) -> str:
+        return self.source.text
+
+    @cached_property
+    def document(self) -> Any:
+        """The text as YAML, which JSON is too; None where it is neither."""
+        return None if isinstance(self._parsed, MapError) else self._parsed
+
+    @property
+    def fault(self) -> MapError | None:
+        """Why it is no YAML."""
+        return self._parsed if isinstance(self._parsed, MapError) else None
+
+    @cached_property
+    def _parsed(self) -> Any:
+        try:
+            return parse(self.source)
+        except MapError as error:
+            return error
+
+
+class Reader(Protocol):
+    """A map format. A reader may also have `files(file)`, the paths that the map is read from where there are more than its own."""
+
+    @property
+    def name(self) -> str:
+        """In messages: 'RMF building'."""
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Of its files, for people: the content decides."""
+
+    def detects(self, file: MapFile) -> bool:
+        """Whether a file is meant as this format."""
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The map. Raises MapError where the format allows none."""
+
+
+def map_file(path: Path) -> MapFile:
+    """A file to be read. Raises MapError when it is missing, or no text."""
+    return MapFile(read_text(path))
+
+
+def map_name(path: Path) -> str:
+    """The name a map goes by: its file's, without the suffixes."""
+    name = path.name
+    for suffix in (".yaml", ".building", ".nav", ".map"):
+        name = name.removesuffix(suffix)
+    return name
+
+
+def grid_map(source: Text, nav: PlanGraph, free: BoolArray) -> Map:
+    """The map of a grid and its free cells [H, W]."""
+    pieces = tuple(finding for finding in check_graph(nav) if finding.kind == "several_components")
+    return Map(name=nav.name, path=source.path, nav=nav, findings=pieces, free=free)
+
+
+def refuse_choice(source: Text, *, graph: GraphChoice = None, level: str | None = None, meters_per_pixel: float | None = None) -> None:
+    """Refuse to choose what this kind of map does not have."""
+    for what, given in (("graph", graph), ("level", level), ("scale in metres per pixel", meters_per_pixel)):
+        if given is not None and not (what == "graph" and given in (0, "all")):
+            raise source.fault(f"this kind of map has no {what} to choose")

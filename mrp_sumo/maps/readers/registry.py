@@ -1,0 +1,10 @@
+"""The bundled map readers, in the order in which they are asked whether a file is theirs."""
+
+OURS = {
+    "movingai_scen": "mrp_sumo.maps.readers.movingai:MovingAiScen",
+    "movingai_map": "mrp_sumo.maps.readers.movingai:MovingAiMap",
+    "rmf_building": "mrp_sumo.maps.readers.rmf.reader:RmfBuilding",
+    "rmf_nav_graph": "mrp_sumo.maps.readers.rmf.reader:RmfNavGraph",
+    "ros_map": "mrp_sumo.maps.readers.ros_map:RosMap",
+}
+OF_TEXT = ("movingai_scen", "movingai_map")  # those that look at the text alone, which is quicker than YAML

@@ -1,0 +1,125 @@
+"""Open-RMF's formats: buildings as traffic-editor draws them, and the nav graphs that it generates."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.check import check_building, check_graph
+from mrp_sumo.maps.finding import RefusedMap, ordered
+from mrp_sumo.maps.levels import joined_by_lifts, level_choice, side_by_side
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
+from mrp_sumo.maps.readers.reader import GraphChoice, MapFile, Selection, map_name, refuse_choice
+from mrp_sumo.maps.readers.rmf.building_yaml import building_of, is_building
+from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
+from mrp_sumo.maps.yaml_text import Text
+
+REMEDY = {
+    "no_lanes": "no lanes in any level: nothing to drive on ({})",
+    "reference_level_without_measurement": "no measurement, coordinates would be pixels ({}): state the scale with --meters-per-pixel",
+    "level_not_a_mapping": "{}, expected a mapping with vertices and lanes",
+    "level_without_fiducials": "{}, so it cannot be placed: choose --level or add fiducials",
+}
+
+
+@dataclass(frozen=True)
+class RmfBuilding:
+    """Open-RMF buildings, as traffic-editor writes them."""
+
+    name: ClassVar[str] = "RMF building"
+    suffixes: ClassVar[tuple[str, ...]] = (".building.yaml",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Levels with typed parameters."""
+        return is_building(file.document)
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The chosen graphs of the chosen levels."""
+        building = building_of(file.document, file.source, selection.meters_per_pixel)
+        return _from_building(building, selection.graph, selection.level)
+
+
+@dataclass(frozen=True)
+class RmfNavGraph:
+    """Open-RMF nav graphs, as its generator writes them."""
+
+    name: ClassVar[str] = "RMF nav graph"
+    suffixes: ClassVar[tuple[str, ...]] = (".yaml",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Levels with plain options."""
+        return isinstance(file.document, Mapping) and "levels" in file.document and not is_building(file.document)
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The chosen levels."""
+        refuse_choice(file.source, graph=selection.graph, meters_per_pixel=selection.meters_per_pixel)
+        return _from_nav_graph(file.document, file.source, selection.level)
+
+
+def _from_building(building: Building, graph: GraphChoice, level: str | None) -> Map:
+    building = replace(building, findings=ordered(building.findings + check_building(building)))
+    _refuse(building, level)
+    levels = level_choice(building.levels, level, building.path.name)
+    counts: dict[int, int] = {}
+    for name in levels:
+        for lane in building.levels[name].lanes:
+            counts[lane.graph] = counts.get(lane.graph, 0) + 1
+    if not counts:
+        with_lanes = ", ".join(f"'{n}'" for n, lv in building.levels.items() if lv.lanes)
+        raise MapError(f"{building.path.name}: level '{level}' has no lane; levels with lanes: {with_lanes}")
+    if graph == "all":
+        chosen = tuple(sorted(counts))
+    elif graph is None:
+        chosen = (min(counts),)
+    else:
+        chosen = (graph,) if isinstance(graph, int) else tuple(sorted(set(graph)))
+    if missing := [g for g in chosen if g not in counts]:
+        where = f"level '{level}' of " if level else ""
+        graphs = ", ".join(f"{g} ({n} lanes)" for g, n in sorted(counts.items()))
+        raise MapError(f"{where}{building.path.name} has no lane in graph {missing[0]}; graphs with lanes: {graphs}")
+    documents = {g: d for g, d in nav_graph_documents(building).items() if g in chosen}
+    name, source = map_name(building.path), str(building.path)
+    if len(documents) == 1:
+        nav = graph_of_document(documents[chosen[0]], name, levels=levels, origin_m=building.origin_m, source=source)
+    else:
+        nav = united_graph(documents.values(), name, levels=levels, origin_m=building.origin_m, source=source)
+    shift = side_by_side(nav, building)
+    return Map(
+        name=name,
+        path=building.path,
+        nav=joined_by_lifts(nav, shift, {n: lv.elevation_m for n, lv in building.levels.items()}),
+        building=building.moved(shift),
+        findings=building.findings,
+        graphs=tuple(building.graphs),
+        chosen=chosen,
+        documents=documents,
+        origin_m=building.origin_m,
+        level_shift_m=shift,
+    )
+
+
+def _refuse(building: Building, level: str | None) -> None:
+    for finding in building.findings:
+        if finding.severity == "refuse":
+            if finding.kind == "level_without_fiducials" and level is not None:
+                continue  # levels are not put together
+            message = REMEDY[finding.kind].format(finding.details[0])
+            raise RefusedMap(f"{building.path.name}: {message}", building.findings)
+
+
+def _from_nav_graph(document: Mapping[str, Any], source: Text, level: str | None) -> Map:
+    levels = level_choice(document["levels"] or {}, level, source.path.name)
+    try:
+        origin_m = origin_of_document(document)
+        nav = graph_of_document(document, map_name(source.path), levels=levels, origin_m=origin_m, source=str(source.path))
+    except Misplaced as fault:
+        raise source.fault(str(fault), *fault.keys) from None
+    if not nav.num_lanes:
+        raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
+    shift = side_by_side(nav, None)
+    nav = joined_by_lifts(nav, shift, {})
+    return Map(
+        name=nav.name, path=source.path, nav=nav, findings=check_graph(nav), documents={0: document}, origin_m=origin_m, level_shift_m=shift
+    )
