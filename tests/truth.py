@@ -4,12 +4,11 @@ from heapq import heappop, heappush
 from itertools import product
 
 import numpy as np
+from worlds import on_a_circle
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.roadmap import cut_lanes
 
 ROBOT = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 
@@ -66,9 +65,7 @@ def random_problem(seed, *, directed=None, most_robots=3, side=4):
         for _ in range(int(rng.integers(1, 2 * size))):
             a, b = rng.choice(size, 2, replace=False).tolist()
             pairs |= {(a, b)} if rng.random() < 0.5 else {(a, b), (b, a)}
-        turn = np.arange(size) * 2 * np.pi / size
-        nav = nav_graph(name="lanes", xy=np.column_stack([np.cos(turn), np.sin(turn)]), lanes=sorted(pairs), length_m=np.ones(len(pairs)))
-        graph = cut_lanes(nav, 1.0)
+        graph = on_a_circle(sorted(pairs), size)
     else:
         height, width = rng.integers(2, side + 1, 2).tolist()
         free = rng.random((height, width)) > 0.25

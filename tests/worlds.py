@@ -19,6 +19,7 @@ from mrp_sumo.io.run_folder import write_run
 from mrp_sumo.io.scenario import Scenario
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.traffic.referee import judge
 
 BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84, 0.1)
@@ -56,6 +57,13 @@ def square_grid(n, cell_m=CELL_M):
     index = np.arange(n * n).reshape(n, n)
     pairs = [*zip(index[:, :-1].flat, index[:, 1:].flat), *zip(index[:-1].flat, index[1:].flat)]
     return graph_of([(x * cell_m, y * cell_m) for y in range(n) for x in range(n)], pairs, cell_m)
+
+
+def on_a_circle(lanes, num_vertices):
+    """Directed lanes of length 1 between vertices on a circle."""
+    turn = np.arange(num_vertices) * 2 * np.pi / num_vertices
+    nav = nav_graph(name="lanes", xy=np.column_stack([np.cos(turn), np.sin(turn)]), lanes=lanes, length_m=np.ones(len(lanes)))
+    return cut_lanes(nav, 1.0)
 
 
 def problem_of(graph, paths, robot=BURGER, step_s=3.0):

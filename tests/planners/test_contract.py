@@ -4,14 +4,13 @@ from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
+from worlds import on_a_circle
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.planning.registry import planner, planner_class, planner_names
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
@@ -44,10 +43,8 @@ def world(picture, *, seed=0):
 
 def lanes(pairs, start, goal, num_vertices):
     """A Problem on a graph of directed lanes between vertices on a circle."""
-    turn = np.arange(num_vertices) * 2 * np.pi / num_vertices
-    nav = nav_graph(name="lanes", xy=np.column_stack([np.cos(turn), np.sin(turn)]), lanes=pairs, length_m=np.ones(len(pairs)))
     return Problem(
-        graph=cut_lanes(nav, 1.0),
+        graph=on_a_circle(pairs, num_vertices),
         fleet=fleet_of(ROBOT, len(start)),
         start=np.array(start, np.int64),
         goal=np.array(goal, np.int64),

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
+from worlds import graph_of, problem_of
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
-from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.plan import plan_of_paths
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.passages import Needs, order_of
 from mrp_sumo.traffic.schedule import schedule_of, waiting_cycle
@@ -16,12 +14,7 @@ ROBOT = RobotType("cube", 0.2, 0.2, 0.5, 1.0, 1.0, 2.0)
 
 def world(xy, pairs, paths):
     """A problem on two-way lanes and the plan of these paths, a second a step."""
-    lanes = [lane for a, b in pairs for lane in ((a, b), (b, a))]
-    nav = nav_graph(name="world", xy=xy, lanes=lanes)
-    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
-    start, goal = (np.array([p[k] for p in paths]) for k in (0, -1))
-    problem = Problem(graph, fleet_of(ROBOT, len(paths)), start, goal, np.arange(len(paths)), 1.0)
-    return problem, plan_of_paths(paths, 1.0)
+    return problem_of(graph_of(xy, pairs, cell_m=1.0), paths, ROBOT, step_s=1.0)
 
 
 def line(n):
