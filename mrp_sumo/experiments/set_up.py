@@ -162,7 +162,10 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
     _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
     recovery, replanner = execution.recovery, execution.recovery.replanner or ""
     if replanner:
-        _plug_in(file, ("execution", "recovery", "replanner"), "planners", planner, replanner, {})
+        place = ("execution", "recovery", "replanner")
+        _located(file, place, lambda: find("planners", replanner, file.folder))
+        if execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
+            _plug_in(file, place, "planners", planner, replanner, {})
     settings: ExecutionSettings = _located(
         file,
         ("execution",),
