@@ -285,7 +285,7 @@ class Messages:
         """(ns, message) of each event, by time; each message holds one JSON object."""
         for event in sorted(self.record.execution.events, key=lambda e: e.t_s):
             ns = EPOCH_NS + max(0, round(event.t_s * 1e9))
-            level = {"deadlock": 40, "collision": 40, "blocked": 30}.get(event.kind, 20)
+            level = {"deadlock": 40, "collision": 40, "blocked_for_good": 40, "blocked": 30}.get(event.kind, 20)
             text = json.dumps(event_document(event, self.record.fleet, self.record.graph), ensure_ascii=False, allow_nan=False)
             name = self.robots[event.robot] if event.robot >= 0 else FLEET_NAME
             yield ns, self.serialised(self.make("rcl_interfaces/Log", self.time(ns), level, name, text, "", "", 0))

@@ -67,6 +67,7 @@ class Dispatcher:
         self._ring_since: dict[tuple[int, ...], float] = {}
         self._asked: Counter[frozenset[int]] = Counter()
         self._reported: set[str] = set()
+        self._reported_blocked = np.zeros(ledger.num_robots, np.bool_)  # [R]
         self._failures = 0
         self._again_s = 0.0  # no planner is asked before
         self._cut_off = False  # a robot waits for a lane to open
@@ -76,6 +77,24 @@ class Dispatcher:
         """Whether all robots stand where their tasks end, and have nothing more to do."""
         visits = self.ledger.visits
         return bool((visits.reached == visits.last).all() and self.ledger.state.home.all())
+
+    def finally_blocked(self, now_s: float) -> list[Event]:
+        """Robots that have come to be blocked for good since the last look: by one that is broken, done, or has given up."""
+        for_good = self._for_good(np.zeros(self.ledger.num_robots, np.bool_)) & (self.ledger.state.grants.cause == _causes.OTHER)
+        new = np.flatnonzero(for_good & ~self._reported_blocked).tolist()
+        self._reported_blocked = for_good
+        return [self._blocked_for_good(now_s, r) for r in new]
+
+    def _blocked_for_good(self, now_s: float, robot: int) -> Event:
+        state, names = self.ledger.state, self.ledger.problem.fleet.robot_name
+        other = int(state.grants.other[robot])
+        last = other
+        while state.waits.since_s[last] < np.inf and state.grants.other[last] >= 0:
+            last = int(state.grants.other[last])
+        why = "is broken" if self.world.broken[last] else "stays at its goal" if self.ledger.state.home[last] else "stays"
+        behind = f"behind {names[other]}" + (f", which waits for {names[last]}" if last != other else "")
+        vertex = int(self.ledger.column("vertex")[state.grants.wanted[robot]])
+        return Event(now_s, "blocked_for_good", robot, vertex, other, 0.0, f"{behind}, which {why}")
 
     def due(self, now_s: float, keeps_order: bool) -> Iterator[Need]:
         """What has to be decided now, the mildest first; none of it once one has been answered."""

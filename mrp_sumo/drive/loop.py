@@ -148,10 +148,12 @@ class Drive:
         return changed
 
     def _dispatch(self, bodies: Engine) -> bool:
-        """Report new deadlocks, and send robots that do not get on other ways. Returns whether any were sent."""
+        """Report new deadlocks and final blockings, and send robots that do not get on other ways. Returns whether any were sent."""
         found = self.dispatcher.watch.look(self.ledger.state)
         self.events += [self.controller.deadlock(self.now_s, cycle) for cycle in found]
-        if found and self.settings.on_deadlock == "stop":
+        blocked = self.dispatcher.finally_blocked(self.now_s) if self.settings.on_deadlock != "resolve" else []
+        self.events += blocked
+        if (found or blocked) and self.settings.on_deadlock == "stop":
             self.outcome = Outcome.DEADLOCK
         sent = self._send_others(bodies)
         self.events += self.dispatcher.drain()

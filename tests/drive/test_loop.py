@@ -102,6 +102,17 @@ def test_who_stands_at_its_goal_blocks_the_others_for_good(tmp_path):
     blocked = next(event for event in run.events if event.kind == "blocked")
     assert (blocked.robot, blocked.other, blocked.vertex) == (1, 0, 2)
     assert run.x_m[-1, 1] == pytest.approx(0.4, abs=0.002)
+    final = next(event for event in run.events if event.kind == "blocked_for_good")
+    assert (final.robot, final.other, final.text) == (1, 0, "behind robot_0, which stays at its goal")
+    assert 10.0 < final.t_s < 13.0  # no progress within the window of 10 s
+
+
+def test_a_final_blocking_ends_the_run_where_that_is_asked_for(tmp_path):
+    # robot_2 is behind robot_1, which is behind robot_0
+    run = drive(tmp_path, line(6), [[3], [1, 2, 3, 4], [0, 1, 2]], "open_loop", time_limit_s=100.0, on_deadlock="stop")
+    assert run.outcome is Outcome.DEADLOCK and run.sim_time_s < 15.0
+    texts = [event.text for event in run.events if event.kind == "blocked_for_good"]
+    assert "behind robot_0, which stays at its goal" in texts
 
 
 @pytest.mark.parametrize("policy", ["adg", "adg_timed"])

@@ -138,8 +138,8 @@ export class Panel {
   /* What happened, without the robot. */
   eventText(i) {
     const { run, events } = this.app, kind = events.kinds[events.kind[i]];
-    const words = [{ goal: "reached its goal", blocked: "is blocked", waited: "waits", yielded: "yields", deadlock: "is in a deadlock", started: "sets off", disturbance: "is disturbed" }[kind] || kind];
-    if (events.other[i] !== NEVER) words.push(kind === "yielded" ? "to" : kind === "deadlock" ? "with" : kind === "blocked" ? "by" : "for", run.robots[events.other[i]]);
+    const words = [{ goal: "reached its goal", blocked: "is blocked", blocked_for_good: "is blocked for good", waited: "waits", yielded: "yields", deadlock: "is in a deadlock", started: "sets off", disturbance: "is disturbed" }[kind] || kind];
+    if (events.other[i] !== NEVER) words.push(kind === "yielded" ? "to" : kind === "deadlock" ? "with" : kind.startsWith("blocked") ? "by" : "for", run.robots[events.other[i]]);
     if (events.vertex[i] !== NEVER && run.vertices[events.vertex[i]]) words.push("at", run.vertices[events.vertex[i]]);
     if (events.text[i]) words.push(`(${events.text[i]})`);
     return words.join(" ");
