@@ -50,15 +50,15 @@ def run(options: argparse.Namespace) -> int:
     """Print the metrics."""
     if options.metric:
         return _measure(options)
-    told = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
+    found = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
     if options.json:
-        print(json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False))
         return 0
     for key, unit in ROWS.items():
-        value = told[key]
+        value = found[key]
         text = f"{value:.3f}" if isinstance(value, float) else str(value)
         print(f"{key:35} {text} {unit}".rstrip())
-    blocked = sorted((v, k) for k, v in told["timeBlockedPerAgent"].items() if v > 0)
+    blocked = sorted((v, k) for k, v in found["timeBlockedPerAgent"].items() if v > 0)
     for value, name in blocked[::-1][:10]:
         print(f"  blocked {name:25} {value:.3f} s")
     return 0
@@ -112,7 +112,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
     folder = bag / "bag" if (bag / "bag" / "metadata.yaml").is_file() else bag
     if folder.is_file() and (folder.parent / "metadata.yaml").is_file():
         folder = folder.parent
-    constants, places = _told(folder, config)
+    constants, places = _recorded(folder, config)
     log = read_fleet_log(folder, generation)
     constants = {**DEFAULTS, **constants, **{key: value for key, value in given.items() if value is not None}}
     for key, value in constants.items():
@@ -147,7 +147,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
     return found
 
 
-def _told(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, Any]]:
+def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, Any]]:
     """Constants, and (start, goal) of robots, from the files that are there."""
     import yaml
 

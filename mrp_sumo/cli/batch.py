@@ -1,4 +1,4 @@
-"""Make the runs of a suite: in parallel, resumable, one result a run.
+"""Make the runs of a suite: in parallel, resumable, with one result per run.
 
 Started again with the same suite and folder, it goes on where it was. Ctrl-C ends it after the runs under
 way, a second Ctrl-C at once. Exit code 0 when every run has a result, 1 when some crashed, took too much or
@@ -91,7 +91,7 @@ def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse
     if file.suite.description:
         print(" ".join(file.suite.description.split()))
     for key, values in file.axes:
-        listed = [_told(value) for value in values]
+        listed = [_shown(value) for value in values]
         print(f"  {key}: {', '.join(listed if len(listed) <= 8 else [*listed[:3], '...', listed[-1]])} ({len(listed)})")
     if file.suite.repeat > 1:
         print(f"  each {file.suite.repeat} times")
@@ -116,9 +116,9 @@ def _differs(batch: "BatchFolder", planned: Any) -> str:
     return " ".join(parts + ([f"repeat={planned.repeat}"] if batch.file.suite.repeat > 1 else []))
 
 
-def _told(value: object) -> str:
+def _shown(value: object) -> str:
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_told(inner)}" for key, inner in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {_shown(inner)}" for key, inner in value.items()) + "}"
     return str(value)
 
 
@@ -148,7 +148,7 @@ def _stoppable() -> Iterator[Callable[[], int]]:
 
 
 class _Quiet:
-    """For a pipe: what a person should know, and no more."""
+    """For a pipe: warnings only."""
 
     def begin(self, num_runs: int, num_done: int) -> None:
         if num_done:

@@ -44,10 +44,10 @@ def run(options: argparse.Namespace) -> int:
     if not options.tolerance >= 0:
         raise BatchError(f"--tolerance: found {options.tolerance:g}, expected 0 or more")
 
-    def told(line: str) -> None:
+    def warn(line: str) -> None:
         print(f"mrp-sumo: {line}", file=sys.stderr)
 
-    a, b = (load_results(Path(path), told) for path in (options.first, options.second))
+    a, b = (load_results(Path(path), warn) for path in (options.first, options.second))
     own = {name: own_metric(name)[0] for name in options.metric or () if place_in_file(name) or name in names("metrics")}
     metrics = [own[name].name if name in own else name for name in options.metric] if options.metric else DEFAULT_METRICS
     tolerance = options.tolerance / 100

@@ -21,8 +21,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo export`."""
     parser.add_argument("run", metavar="RUN", help="run folder")
     wanted = parser.add_mutually_exclusive_group(required=True)
-    for name, (_, told) in FORMATS.items():
-        wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=told)
+    for name, (_, about) in FORMATS.items():
+        wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=about)
     parser.add_argument("--out", metavar="PATH", type=Path, help="file or folder to make")
     parser.add_argument("--storage", default="mcap", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
     parser.add_argument("--rmf", default="jazzy", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")

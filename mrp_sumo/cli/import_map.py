@@ -1,4 +1,4 @@
-"""Make a nav graph, a SUMO network and a picture of a map, and tell its key facts.
+"""Make a nav graph, a SUMO network and a picture of a map, and print its key facts.
 
 FILE is an RMF building or nav graph, a MovingAI .map or .scen, a ROS map_server YAML, or the name of a bundled
 map. --out gets NAME.net.xml (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each
@@ -48,13 +48,13 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         _require_replaceable(options.out)
     map_ = chosen_map(options.file, options)
-    told = facts(map_, options.cell)
+    known = facts(map_, options.cell)
     if options.out is not None:
-        _write(map_, told, options.out)
+        _write(map_, known, options.out)
     if options.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(known, indent=2))
     else:
-        _print(map_, told, options.out)
+        _print(map_, known, options.out)
     return 0
 
 
@@ -89,7 +89,7 @@ def _require_replaceable(out: Path) -> None:
         raise MapError(f"{out} exists and is no folder of an earlier import: choose another --out")
 
 
-def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
+def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.engines.sumo.network import build_network
     from mrp_sumo.maps.readers.nav_graph import write_nav_graph
@@ -106,7 +106,7 @@ def _write(map_: "Map", told: dict[str, Any], out: Path) -> None:
                     write_nav_graph(document, work / f"{name}.nav.yaml")
                 draw_map(map_, work / f"{map_.name}.png", work / f"{map_.name}.svg")
                 network.result()
-            (work / FACTS).write_text(json.dumps({**told, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
+            (work / FACTS).write_text(json.dumps({**known, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
             if out.exists():
                 shutil.rmtree(out)
             work.replace(out)
@@ -132,8 +132,8 @@ def _frame(map_: "Map") -> dict[str, Any]:
     }
 
 
-def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
-    """A short table a person likes to read."""
+def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
+    """A short table."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -149,19 +149,19 @@ def _print(map_: "Map", told: dict[str, Any], out: Path) -> None:
         table.add_row(name, escape(text))
 
     row("file", str(map_.path))
-    row("level", ", ".join(told["levels"]))
+    row("level", ", ".join(known["levels"]))
     if map_.level_shift_m:
         row("", "side by side: " + ", ".join(f"{name} at x + {x:g} m" for name, (x, _) in map_.level_shift_m.items()))
     chosen, graphs = (", ".join(map(str, numbers)) for numbers in (map_.chosen, map_.graphs))
     row("graph", chosen if chosen == graphs else f"{chosen} of {graphs}; --graph chooses")
-    row("extent", "{:.2f} x {:.2f} m, lanes {:.2f} x {:.2f} m".format(*told["extent_m"], *told["lane_extent_m"]))
-    row("vertices", str(told["vertices"]))
-    row("edges", str(told["edges"]))
-    row("components", str(told["components"]))
-    if grid := told["grid"]:
+    row("extent", "{:.2f} x {:.2f} m, lanes {:.2f} x {:.2f} m".format(*known["extent_m"], *known["lane_extent_m"]))
+    row("vertices", str(known["vertices"]))
+    row("edges", str(known["edges"]))
+    row("components", str(known["components"]))
+    if grid := known["grid"]:
         row("grid", "{width} x {height} cells of {cell_m:g} m, {free} of {total} free".format(**grid))
     for finding in map_.findings:
-        table.add_row(*_told(finding))
+        table.add_row(*_shown(finding))
     for note in _shortened(oddities(map_.building) if map_.building else ()):
         table.add_row("note", f"[dim]{escape(note)}[/]")
     row("files", str(out))
@@ -172,7 +172,7 @@ def _shortened(notes: tuple[str, ...]) -> tuple[str, ...]:
     return notes if len(notes) <= NOTES else (*notes[:NOTES], f"and {len(notes) - NOTES} more; --check lists them")
 
 
-def _told(finding: "Finding") -> tuple[str, str]:
+def _shown(finding: "Finding") -> tuple[str, str]:
     from rich.markup import escape
 
     colour = "yellow" if finding.severity == "warn" else "dim"

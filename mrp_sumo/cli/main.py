@@ -1,7 +1,7 @@
 """The command `mrp-sumo`: finds the subcommand's module, turns expected failures into one line and an exit code.
 
 0: done. 1: the run finished without all robots at their goals, or a check failed. 2: bad input.
-A subcommand is a module of this folder with `HELP`, `arguments(parser)` and `run(options) -> exit code`.
+A subcommand is a module of this folder with `arguments(parser)` and `run(options) -> exit code`.
 """
 
 import argparse
@@ -41,7 +41,7 @@ DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse, with one line an error."""
+    """argparse, whose errors are one line each."""
 
     def error(self, message: str) -> NoReturn:
         raise MrpSumoError(f"{message}; see `{self.prog} --help`")

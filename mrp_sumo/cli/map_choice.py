@@ -1,4 +1,4 @@
-"""Arguments that every command about a map file has: what of it is taken, and how it is repaired."""
+"""Arguments that all commands about a map file share: which part of it is used, and how it is repaired."""
 
 import argparse
 import sys
@@ -24,7 +24,7 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_map(file: str, options: argparse.Namespace) -> "Map":
-    """The map named on the command line, as chosen and repaired; repairs are told on stderr."""
+    """The map named on the command line, as chosen and repaired; repairs are reported on stderr."""
     from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.load import load_map
     from mrp_sumo.maps.repair import repair

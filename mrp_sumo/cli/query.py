@@ -1,4 +1,4 @@
-"""Ask the results of a batch in SQL (DuckDB); they are the table `results`, a row a run.
+"""Ask the results of a batch in SQL (DuckDB); the table is `results`, with one row per run.
 
     mrp-sumo query DIR "select planner, avg(makespan_s) from results group by planner"
 
@@ -22,13 +22,13 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.errors import BatchError, nearest
     from mrp_sumo.io.results import load_results, query, read_plan
 
-    def told(line: str) -> None:
+    def warn(line: str) -> None:
         print(f"mrp-sumo: {line}", file=sys.stderr)
 
     folder = Path(options.folder)
     views = read_plan(folder)["views"] if folder.is_dir() else {}
     if options.sql is None:
-        frame = load_results(folder, told)
+        frame = load_results(folder, warn)
         print(f"{len(frame)} rows; columns:")
         for name, kind in frame.dtypes.items():
             print(f"  {name}  ({kind})")
@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if len(options.sql.split()) == 1 and options.sql not in views:
         raise BatchError(f"'{options.sql}' is neither SQL nor a view of the suite{nearest(options.sql, views)}")
-    frame = query(folder, views.get(options.sql, options.sql), told)
+    frame = query(folder, views.get(options.sql, options.sql), warn)
     if options.csv:
         frame.to_csv(sys.stdout, index=False)
         return 0

@@ -1,4 +1,4 @@
-"""Write a page about a batch or a run: tables and charts that stand alone, for a browser, a phone, paper or a paper.
+"""Write a page about a batch or a run: tables and charts that stand alone, for a browser, a phone, printing or a paper.
 
 OUT gets index.html, which needs no network, figures/ as SVG and PNG, and tables/ as CSV, Markdown and LaTeX.
 """

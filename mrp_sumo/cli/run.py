@@ -74,7 +74,7 @@ def _progress_bar() -> "Iterator[Progress | None]":
 
 
 def _print(result: "RunResult", out: Path, verbose: bool) -> None:
-    """A short table a person likes to read."""
+    """A short table."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table

@@ -1,4 +1,4 @@
-"""What the command line says instead of a scenario: the same words for every command that reads one."""
+"""Options that override values of a scenario, shared by the commands that read one."""
 
 import argparse
 import math

@@ -1,4 +1,4 @@
-"""Say how a batch stands: how many runs ended how, and whether it is under way.
+"""Print the state of a batch: how many runs ended how, and whether it is under way.
 
 Exit code 0 when every run has a result, 1 when some are missing, 2 for bad input.
 """

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
 
     if (options.map is None) == (options.scenario is None):
         raise MrpSumoError("expected either --map (with --scen) or --scenario")
-    text_of(options.plan)  # a plan that cannot be read is told before the map is loaded
+    text_of(options.plan)  # a plan that cannot be read is reported before the map is loaded
     if options.map is not None:
         from mrp_sumo.formats.instances import read_instance
 
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     lines = [*verdict.faults, *(describe(c, problem) for c in sorted(conflicts, key=lambda c: c.t_s))]
     cost = float(plan.end_s.sum() / problem.step_s) if not verdict.faults else None
     if options.json:
-        told = {
+        summary = {
             "valid": valid,
             "faults": list(verdict.faults),
             "conflicts": lines[len(verdict.faults) :][: options.limit],
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
             "cost": cost,
             "robots": plan.num_robots,
         }
-        print(json.dumps(told, allow_nan=False))
+        print(json.dumps(summary, allow_nan=False))
     elif valid:
         print(f"valid: {plan.num_robots} robots, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
     else:

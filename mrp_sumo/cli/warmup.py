@@ -1,4 +1,4 @@
-"""Compile all kernels into the cache, so that no first plan and no first drive pays for it.
+"""Compile all kernels into the cache, so that the first plan and the first drive need not wait for it.
 
 Takes a minute or two on a machine that has never done it, seconds afterwards. Needed again after an update.
 """

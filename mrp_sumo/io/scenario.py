@@ -220,7 +220,7 @@ class ExecutionChoice(_Strict):
     )
     disturbances: DisturbanceChoice = DisturbanceChoice()
 
-    @field_validator("policy", mode="before")
+    @field_validator("policy", mode="before", json_schema_input_type=str | PolicyChoice)
     @classmethod
     def _short_form(cls, found: Any) -> Any:
         return {"name": found} if isinstance(found, str) else found

@@ -1,5 +1,5 @@
-"""Answers that all planners give alike: goals out of reach, goals held twice, robots that cannot pass each other, before
-they search; no memory left, while they do.
+"""Answers that all planners share: goals out of reach, goals held twice and robots that cannot pass each other, before the
+search; memory that runs out, during it.
 
 Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
 """
@@ -64,7 +64,7 @@ def goals_clash(problem: Problem) -> PlanResult | None:
 
 
 def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:
-    """What a planner comes to; GAVE_UP where it is refused memory.
+    """The result of a planner; GAVE_UP where it runs out of memory.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanRes
 
 
 def require_limit(time_limit_s: float) -> None:
-    """Refuse a time limit that is no time.
+    """Refuse a time limit that is not above 0.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What it costs each robot to serve each goal: the matrix that assigners minimise over.
+"""The cost of each robot for each goal: the matrix that assigners minimise over.
 
 A goal that a robot cannot reach costs inf, whatever the kind of cost.
 """
@@ -13,7 +13,7 @@ from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 CostKind = Literal["euclidean", "manhattan", "path"]
-GOALS_AT_ONCE = 8  # between looks at the clock
+GOALS_AT_ONCE = 8  # between checks of the clock
 
 
 def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:

@@ -66,14 +66,14 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
     problem
         With an assignment unless the program `assigns`. Grids are written in all formats, other graphs only to {yaml} and {yaml_free}.
     time_limit_s
-        Wall time. A program that ends by itself at the limit may still write its plan; what is left 4 % later (at least 0.08 s) is killed.
+        Wall time. A program that ends by itself at the limit may still write its plan; what runs 4 % later (at least 0.08 s) is killed.
 
     Returns
     -------
     PlanResult
         SOLVED with a plan that has been read (the message says if the referee finds fault with it), TIMED_OUT, with a plan where
         a valid one was written before the end, or GAVE_UP with the last line that the program printed. `stats` has the
-        process's `cpu_s`, and `own_time_s` where the program's output tells its solver's clock.
+        process's `cpu_s`, and `own_time_s` where the program's output has its solver's own time.
 
     Raises
     ------
@@ -111,8 +111,8 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
             return late
         status = Status.INFEASIBLE if SAYS_INFEASIBLE.search(ran.said) else Status.GAVE_UP
         lines = ran.said.strip().splitlines()
-        told = f": {lines[-1][:200]}" if lines else ""
-        message = f"{program} wrote no plan, exit code {ran.exit_code}{told}"
+        last_line = f": {lines[-1][:200]}" if lines else ""
+        message = f"{program} wrote no plan, exit code {ran.exit_code}{last_line}"
         return PlanResult(status, planning_time_s=ran.time_s, stats=stats, message=message)
     try:
         plan = read_paths(text, problem, cells, program)

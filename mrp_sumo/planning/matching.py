@@ -16,10 +16,10 @@ LARGEST = 1 << 52  # of the sum of whole costs: exact in a float, far from the e
 
 
 def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArray, IntArray]:
-    """The pairs a solver may choose from, at whole costs.
+    """The pairs that a solver may choose from, with integer costs.
 
-    A bottleneck is the least threshold under which all can be served; among the assignments that keep
-    to it the one of least sum is wanted, so the solver sees a sum either way.
+    A bottleneck is the least threshold under which all can be served; among the assignments within
+    it the one of least sum is wanted, so the solver minimises a sum either way.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Planners and assigners from outside: they look like ours, and run in a process of their own that can be killed.
 
-Nothing is loaded before `prepare`, `plan` or `assign` is called. Refuses nothing by itself: what goes wrong is told by the process.
+Nothing is loaded before `prepare`, `plan` or `assign` is called.
 """
 
 from collections.abc import Mapping

@@ -35,7 +35,7 @@ class _Server:
         return {"places": places, **{name: getattr(self.plug_in, name, None) for name in ("assigns", "guarantee")}}
 
     def describe(self, kind: str, source: Source, parameters: dict[str, Any]) -> dict[str, Any]:
-        """What a person wants to know of it."""
+        """What `mrp-sumo list` prints about it."""
         self.source = source
         return {"described": describe(KINDS[kind], source)}
 

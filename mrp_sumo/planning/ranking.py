@@ -1,7 +1,7 @@
-"""Assignments in the order of their cost, each found when it is asked for.
+"""Assignments in the order of their cost, each computed when it is asked for.
 
 Source: Murty, "An algorithm for ranking all the assignments in order of increasing cost", Operations Research
-1968: the assignments other than the best are parted by the first robot that differs, and each part's best is
+1968: the assignments other than the best are partitioned by the first robot that differs, and each part's best is
 the next candidate.
 """
 
@@ -49,12 +49,12 @@ def ranked_assignments(cost: FloatArray, check_clock: Callable[[], None] = lambd
 
     check_clock()
     consider(square, 0)
-    told: set[bytes] = set()
+    seen: set[bytes] = set()
     while queue:
         total, _, choice, matrix, fixed = heappop(queue)
         goal_of = np.where(choice < num_goals, choice, -1).astype(np.int64)
-        if goal_of.tobytes() not in told:  # robots without a goal are told apart by the matrix only
-            told.add(goal_of.tobytes())
+        if goal_of.tobytes() not in seen:  # they differ in which spare goal a robot without a goal has
+            seen.add(goal_of.tobytes())
             yield total, goal_of
         rest = matrix
         for robot in range(fixed, num_robots):

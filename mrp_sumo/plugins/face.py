@@ -88,7 +88,7 @@ def place_of(target: Any) -> str:
 
 
 def shown(path: Path) -> str:
-    """A path as a person in the current folder would write it."""
+    """A path relative to the current folder, where it is inside."""
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 

@@ -89,7 +89,7 @@ def fitted(what: str, target: Callable[..., Any], values: Mapping[str, Any]) -> 
 
 
 def in_words(hint: Any) -> str:
-    """A type as a person would say it."""
+    """A type in plain words."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Literal:
         return "one of " + ", ".join(repr(v) for v in inside)
