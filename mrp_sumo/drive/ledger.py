@@ -319,7 +319,7 @@ class Ledger:
         columns, motion = self._columns, self.state.motion
         stands = self._of_robot["reached"][robots] == joint
         back = np.array([way.back for way in ways], np.bool_)
-        lane = columns["lane"][columns["next"][joint]]
+        lane = np.where(back, columns["lane"][columns["next"][joint]], 0)  # a last visit has no next one, and no lane to it
         return Departure(
             at_m=columns["at_m"][joint],
             heading_rad=np.where(stands, motion.yaw_rad[robots], columns["heading_rad"][joint]),
