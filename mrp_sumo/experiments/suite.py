@@ -33,7 +33,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Limits(_Strict):
+class RunLimits(_Strict):
     """What one run may take before it is killed with its children."""
 
     wall_s: Annotated[float, Field(gt=0)] | None = Field(
@@ -58,7 +58,7 @@ class Suite(_Strict):
     )
     repeat: Annotated[int, Field(ge=1, le=100_000)] = Field(1, description="How often each run is made.")
     until: Until = Field("execution", description="How far runs go: 'map' loads and counts it, 'plan' does not drive.")
-    limits: Limits = Limits()
+    limits: RunLimits = RunLimits()
     views: dict[str, str] = Field({}, description="Named SQL queries on the table `results`, for `mrp-sumo query`.")
 
 
