@@ -17,6 +17,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.outside_policy import OutsidePolicy
 from mrp_sumo.plugins import registry
+from mrp_sumo.plugins.face import check_face
 from mrp_sumo.traffic.passages import Needs, Schedule
 from mrp_sumo.traffic.schedule import schedule_of
 
@@ -150,7 +151,11 @@ def policy_of(name: str, parameters: Mapping[str, Any] | None = None, beside: Pa
     """
     policy = registry.make("policies", name, parameters or {}, beside)
     source = registry.find("policies", name, beside)
-    return cast(Policy, policy if source.ours else OutsidePolicy(policy, source))
+    if source.ours:
+        return cast(Policy, policy)
+    if hasattr(policy, "decide") or hasattr(policy, "decides_every_s"):
+        check_face(policy, DecidingPolicy, "policy that decides while driving")
+    return cast(Policy, OutsidePolicy(policy, source))
 
 
 def needs_sound_plan(name: str) -> bool:

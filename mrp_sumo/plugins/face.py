@@ -57,7 +57,8 @@ def check_face(made: Any, face: type, one: str) -> None:
         if not hasattr(made, name):
             raise PlugInError(f"{place_of(made)}: {what} is no {one}: it has no attribute '{name}'")
         value = getattr(made, name)
-        if kind in (bool, int, float, str) and (not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool)):
+        fits = isinstance(value, int | float if kind is float else kind) if kind in (bool, int, float, str) else True
+        if not fits or (isinstance(value, bool) and kind in (int, float)):
             raise PlugInError(f"{place_of(made)}: {what} is no {one}: '{name}' is {value!r}, expected {kind.__name__}")
 
 

@@ -190,6 +190,34 @@ def test_policy_that_lacks_a_method_is_named(folder, capsys):
     assert capsys.readouterr().err == f"mrp-sumo: policy failed: {line}\n"
 
 
+DECIDES = (
+    POLICY
+    + """
+    decides_every_s = 1
+
+    def decide(self, problem, plan, needs, now_s):
+        return None
+"""
+)
+
+
+def test_policy_of_a_file_may_decide_while_robots_drive(folder, capsys):
+    (folder / "mine.yaml").write_text(SCENARIO + "planner: lacam\n")
+    (folder / "mine.py").write_text(DECIDES)
+    assert main(["run", "mine.yaml", "--policy", "mine.py:Mine", "--out", "out"]) == 0
+    for wrong, says in {
+        "return 1 / 0": "mine.py:12: in decide: ZeroDivisionError",
+        "return 3": "mine.py:11: decide() returned int, expected a Schedule",
+    }.items():
+        (folder / "mine.py").write_text(DECIDES.replace("return None", wrong))
+        assert main(["run", "mine.yaml", "--policy", "mine.py:Mine", "--out", "out"]) == 1
+        assert f"mrp-sumo: policy failed: {says}" in capsys.readouterr().err
+    (folder / "mine.py").write_text(DECIDES.replace("= 1\n", "= 'often'\n"))
+    assert main(["run", "mine.yaml", "--policy", "mine.py:Mine", "--out", "out"]) == 1
+    says = "mine.py:5: Mine is no policy that decides while driving: 'decides_every_s' is 'often', expected float"
+    assert capsys.readouterr().err == f"mrp-sumo: policy failed: {says}\n"
+
+
 def test_validate_executes_no_plug_in(folder, capsys):
     assert main(["plan", "mine.yaml", "--planner", "cbs", "--out", "plan.json"]) == 0
     (folder / "mine.py").write_text(f"open('{folder}/executed', 'w')\n" + PLANNER)
