@@ -22,11 +22,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Prepare them on all cores; one line each."""
-    from mrp_sumo.planning.registry import planner_class, planner_names
+    from mrp_sumo.planning.registry import planner_names
+    from mrp_sumo.plugins.registry import find
 
     for name in options.planner:
         if name != EXECUTION:
-            planner_class(name)  # an unknown name is refused before anything is compiled
+            find("planners", name)  # an unknown name is refused before anything is compiled
     names = options.planner or [EXECUTION, *planner_names()]
     with multiprocessing.get_context("spawn").Pool(min(len(names), os.cpu_count() or 1)) as pool:
         preparing = pool.map_async(_warm, names, chunksize=1)
@@ -58,7 +59,7 @@ def _show_until(preparing: "multiprocessing.pool.MapResult[float]") -> None:
 def _warm(name: str) -> float:
     """Prepare a planner, or the execution; the time it took in s."""
     from mrp_sumo.drive import warm
-    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.errors import MrpSumoError, PlugInError
     from mrp_sumo.metrics import audit
     from mrp_sumo.planning.registry import planner
     from mrp_sumo.search import distance
@@ -73,5 +74,8 @@ def _warm(name: str) -> float:
             chosen = planner(name, {})
         except MrpSumoError:  # an external program: it needs parameters, and has nothing to compile
             return 0.0
-        chosen.prepare()
+        try:
+            chosen.prepare()
+        except PlugInError as error:  # one plug-in that fails must not keep the others cold
+            print(f"mrp-sumo: planner '{name}': {error}", file=sys.stderr)
     return perf_counter() - began
