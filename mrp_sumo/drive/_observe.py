@@ -36,7 +36,7 @@ def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
     book(dt, visits, state)
     count = watch_progress(now, dt, s_m, rules, visits, state.waits, log, 0)
     count = watch_waits(now, dt, rules, state.grants, state.waits, log, count)
-    count = arrive(now, dt, s_m, rules, visits, state, log, count)
+    count = arrive(now, dt, s_m, visits, state, log, count)
     release(s_m, visits, needs, state.grants)
     state.motion.s_m[:] = s_m
     return count
@@ -132,7 +132,7 @@ def watch_waits(now, dt, rules, grants, waits, log, count):
 
 
 @kernel
-def arrive(now, dt, s_m, rules, visits, state, log, count):
+def arrive(now, dt, s_m, visits, state, log, count):
     """Departures, arrivals, and who has come to stand where its tasks end."""
     was, moved, turned_back, claims = state.motion.s_m, state.motion.moved_m, state.grants.turned_back, state.grants.claims
     reached, following, last, at, lane, arrived = visits.reached, visits.next, visits.last, visits.at_m, visits.lane, visits.arrived_s
@@ -150,12 +150,9 @@ def arrive(now, dt, s_m, rules, visits, state, log, count):
                 turned_back[r] = False
             reached[r] = k
             k = following[k]
-        if goal[r] != goal[r] and home[r]:
-            end = last[r]
-            near = s_m[r] >= at[end] - rules.goal_tolerance_m and moved[r] <= AT_REST_M and (k < 0 or k == end)
-            if k < 0 or near:
-                goal[r] = arrived[end] if k < 0 else now
-                count = note(log, count, ARRIVED_AT_GOAL, r, FREE, end, -1, goal[r], goal[r])
+        if goal[r] != goal[r] and home[r] and k < 0:
+            goal[r] = arrived[last[r]]
+            count = note(log, count, ARRIVED_AT_GOAL, r, FREE, last[r], -1, goal[r], goal[r])
     return count
 
 

@@ -44,9 +44,7 @@ class Controller:
         """Grant by this policy from now on."""
         self.policy = policy
         settings = self._settings
-        self._rules = Rules(
-            *(self._cell_m, settings.blocking_window_s, settings.goal_tolerance_m, WAIT_LEAST_S), policy.look_ahead, policy.paced
-        )
+        self._rules = Rules(*(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S), policy.look_ahead, policy.paced)
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""

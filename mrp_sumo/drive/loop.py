@@ -18,6 +18,7 @@ from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.arrivals import with_goals_within
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher
@@ -210,7 +211,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
     arrived_s = ledger.column("arrived_s")[: plan.num_visits].copy()
     ends = plan.first[1:] - 1  # where a way was given up, robots still reach the ends
     arrived_s[ends] = np.where(np.isfinite(arrived_s[ends]), arrived_s[ends], goal_s)
-    return Execution(
+    driven = Execution(
         t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
         x_m=frozen(x),
         y_m=frozen(y),
@@ -231,3 +232,4 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         sumo_xy_m=frozen(np.array(witness.xy_m)),
         replies=replies_of(ledger),
     )
+    return with_goals_within(driven, ledger.graph.xy, ledger.end_of_tasks, settings.goal_tolerance_m)

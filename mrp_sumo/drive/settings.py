@@ -20,7 +20,7 @@ class ExecutionSettings:
     policy_parameters: Mapping[str, Any] = field(default_factory=dict)
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated
-    goal_tolerance_m: float = 0.0  # a robot is at its goal once it has arrived there; who came near enough is asked afterwards
+    goal_tolerance_m: float = 0.0  # a robot that stands this near its goal when the run ends has reached it
     record_period_s: float = 0.1  # a whole number of steps
     seed: int = 0
     blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked

@@ -103,7 +103,6 @@ class Rules(NamedTuple):
 
     cell_m: float  # progress by less is none
     window_s: float  # without progress in it a robot is blocked
-    goal_tolerance_m: float
     wait_least_s: float  # shorter waits are booked, but are no events
     look_ahead: int  # how many visits ahead of its position a robot may claim at most
     paced: bool  # whether a robot that is early drives slower

@@ -22,7 +22,6 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
-from mrp_sumo.experiments.arrivals import with_goals_within
 from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up, with_time_limit
@@ -477,7 +476,6 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: Progress, 
             report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
         run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
-        run = with_goals_within(run, solution.problem, setup.scenario.execution.goal_tolerance_m)
         return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:

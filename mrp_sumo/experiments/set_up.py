@@ -175,6 +175,7 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             step_length_s=execution.step_length_s,
             time_limit_s=execution.time_limit_s or LEAST_TIME_LIMIT_S,
             blocking_window_s=execution.blocking_window_s,
+            goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
             seed=file.scenario.seed,
             on_deadlock=execution.on_deadlock,

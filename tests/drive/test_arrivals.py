@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from worlds import BURGER, line
+from worlds import line
 
 from mrp_sumo.core.execution import Execution, Outcome
-from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.problem import Problem
-from mrp_sumo.experiments.arrivals import with_goals_within
+from mrp_sumo.drive.arrivals import with_goals_within
 
 T = np.arange(0.0, 5.0)
 
@@ -15,12 +13,11 @@ T = np.arange(0.0, 5.0)
 def ended(x, speed=0.0, goal_s=np.nan):
     """One robot on a corridor from x = 0 to x = 4, and where it is second by second."""
     graph = line(5, 1.0)
-    problem = Problem(graph, fleet_of(BURGER, 1), np.array([0]), np.array([4]), np.array([0]), 3.0)
     along = np.array(x, np.float64)[:, None]
     still = np.zeros_like(along)
     moving = np.full_like(along, speed)
     run = Execution(T, along, still, still, moving, np.zeros(0), np.array([goal_s]), Outcome.TIME_LIMIT, "adg", 4.0, 0.0, 0.0)
-    return with_goals_within(run, problem, 0.7)
+    return with_goals_within(run, graph.xy, np.array([4]), 0.7)
 
 
 def test_robot_that_comes_to_rest_within_the_tolerance_has_reached_its_goal_since_then():

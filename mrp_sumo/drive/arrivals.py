@@ -8,33 +8,34 @@ from dataclasses import replace
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution
-from mrp_sumo.core.graph import frozen
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 
 AT_REST_MPS = 1e-6
 
 
-def with_goals_within(execution: Execution, problem: Problem, tolerance_m: float) -> Execution:
+def with_goals_within(execution: Execution, xy_m: FloatArray, end: IntArray, tolerance_m: float) -> Execution:
     """The execution in which robots at rest within the tolerance of their goals at the end have reached them, since they stand there.
 
     Parameters
     ----------
     execution
         Of R robots.
-    problem
-        With their goals.
+    xy_m
+        [V, 2] of the vertices.
+    end
+        [R] vertices where the robots' tasks end.
     tolerance_m
-        `execution.goal_tolerance_m` of the scenario.
+        How near is near enough.
     """
-    if execution.all_at_goal or not len(execution.t_s):
+    if execution.all_at_goal or not len(execution.t_s) or not tolerance_m:
         return execution
-    goal_m = problem.graph.xy[problem.target]
+    goal_m = xy_m[end]
     away_m = np.hypot(execution.x_m - goal_m[:, 0], execution.y_m - goal_m[:, 1])
     there = (away_m < tolerance_m) & (np.abs(execution.speed_mps) <= AT_REST_MPS)  # [T, R]
     goal_s, events = execution.goal_s.copy(), list(execution.events)
     for robot in np.flatnonzero(np.isnan(goal_s) & there[-1]).tolist():
         elsewhere = np.flatnonzero(~there[:, robot])
         goal_s[robot] = execution.t_s[elsewhere[-1] + 1 if len(elsewhere) else 0]
-        events.append(Event(float(goal_s[robot]), "goal", robot, int(problem.target[robot]), text="within the tolerance of its goal"))
+        events.append(Event(float(goal_s[robot]), "goal", robot, int(end[robot]), text="within the tolerance of its goal"))
     events.sort(key=lambda event: (event.t_s, event.robot, event.kind))
     return replace(execution, goal_s=frozen(goal_s), events=tuple(events))
