@@ -2,7 +2,7 @@
 
 Started again with the same suite and folder, it goes on where it was. Ctrl-C ends it after the runs under
 way, a second Ctrl-C at once. Exit code 0 when every run has a result, 1 when some crashed, took too much or
-cannot be run, 2 for bad input, 130 when it was interrupted.
+cannot be run, or --keep-worst kept none, 2 for bad input, 130 when it was interrupted.
 """
 
 import argparse
@@ -58,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
     if options.dry_run:
         _print_plan(file, folder, workers, options)
         return 0
+    kept_none = False
     with _stoppable() as stop, _watcher() as watcher:
         batch = run_batch(
             file,
@@ -73,13 +74,14 @@ def run(options: argparse.Namespace) -> int:
         if options.keep_worst and len(batch.status) == len(batch.runs):
             page = "mrp_sumo.reports.replay.page:write_replay"
             num_kept = archive_worst(batch, options.keep_worst, watcher.told, write_page=page, workers=workers, stop=stop)
-            watcher.told(f"{num_kept} of the worst runs are kept in {folder / ARCHIVE}")
+            kept_none = not num_kept
+            watcher.told(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
         again = f"mrp-sumo batch {options.suite} --out {folder}"
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)
         return 130
     print(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
-    return 1 if any(batch.counts()[status] for status in BROKEN) else 0
+    return 1 if kept_none or any(batch.counts()[status] for status in BROKEN) else 0
 
 
 def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse.Namespace) -> None:

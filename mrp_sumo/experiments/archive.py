@@ -21,7 +21,7 @@ REPLAY = "replay.html"
 
 def worst(batch: BatchFolder, count: int) -> list[BatchRecord]:
     """Records of the executed runs that did not succeed, then of those that were blocked longest."""
-    driven = [r for r in records_in(batch.folder, lambda line: None) if r["metrics"].get("time_blocked_total_s") is not None]
+    driven = [r for r in records_in(batch.folder, lambda line: None) if isinstance(r["metrics"].get("time_blocked_total_s"), int | float)]
     ours = [r for r in driven if r["key"] in batch.status]
     return sorted(ours, key=lambda r: (r["success"], -r["metrics"]["time_blocked_total_s"], r["key"]))[:count]
 
@@ -53,6 +53,8 @@ def archive_worst(
     """
     chosen = {record["key"]: record for record in worst(batch, count)}
     places = {key: (batch.folder / ARCHIVE / key).resolve() for key in chosen}
+    if not chosen:
+        report("no run was driven, so there is none to keep")
     todo = [run for run in batch.runs if run.key in chosen and not (places[run.key] / REPLAY).is_file()]
     num_archived = len(chosen) - len(todo)
     if not todo:

@@ -23,7 +23,6 @@ from mrp_sumo.experiments.suite import PlannedRun, SuiteFile, runs_of
 from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
 from mrp_sumo.io.results import (
     PLAN,
-    TABLE,
     BatchRecord,
     drop_tables,
     read_plan,
@@ -31,6 +30,7 @@ from mrp_sumo.io.results import (
     record_path,
     records_in,
     standings_in,
+    tables_are_whole,
     write_record,
     write_tables,
     write_whole,
@@ -158,7 +158,7 @@ def run_batch(
                     _make(batch, todo, makers, watcher, log, retries, wall_s, memory_mb, stop)
                 finally:
                     makers.close()
-            if len(batch.status) == len(batch.runs) and not (folder / TABLE).is_file():
+            if len(batch.status) == len(batch.runs) and not tables_are_whole(folder):
                 write_tables(folder, _in_order(batch))
             log.add(", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
         except OSError as error:

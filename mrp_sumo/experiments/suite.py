@@ -24,6 +24,7 @@ from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.plugins.source import place_in_file
 
 MAX_RUNS = 1_000_000
+MAX_NAME_BYTES = 200
 _RANGE = re.compile(r"(\d+)\.\.(\d+)")
 
 Until = Literal["map", "plan", "execution"]
@@ -121,6 +122,8 @@ def read_suite(path: Path) -> SuiteFile:
     """
     document = read_document(path)
     suite = validated(document, Suite)
+    if (name := suite.name or document.path.stem) in (".", "..") or len(name.encode()) > MAX_NAME_BYTES:
+        raise ScenarioError(f"{document.at(('name',))}: found {name[:40]!r}, expected a name for a folder")
     if not suite.grid_search and suite.repeat == 1:
         raise ScenarioError(f"{document.at(('grid_search',))}: nothing to vary; give lists by key, or repeat")
     faults: list[str] = []

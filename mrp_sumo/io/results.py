@@ -3,13 +3,15 @@
     DIR/plan.json             what the batch is: suite, versions, the keys of its runs in order
     DIR/runs/ab/abcd....json  the record of a run, with its checksum; written whole, never changed but by a retry
     DIR/results.parquet, .csv one row per run; there only when they cover every record
+    DIR/results.sha256        their checksums, as `sha256sum --check` reads them
     DIR/quarantine/           files of runs/ that could not be read
 
-A record is complete when it is there: it is written under another name, synced, and renamed.
+A record is complete when it is there: it is written under another name, synced, and renamed. Other files are left alone.
 """
 
 import csv
 import gc
+import hashlib
 import json
 import os
 import re
@@ -20,13 +22,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError
+from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import parameter_columns
 
 if TYPE_CHECKING:
     import pandas
     import pyarrow
 
-PLAN, TABLE, CSV = "plan.json", "results.parquet", "results.csv"
+PLAN, TABLE, CSV, SUMS = "plan.json", "results.parquet", "results.csv", "results.sha256"
 MACHINE_COLUMNS = ("attempts", "machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb", "ended_at")  # differ from run to run
 _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
 _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
@@ -112,12 +115,12 @@ def standings_in(folder: Path, report: Callable[[str], None], *, quarantine: boo
         report(f"{reason}; moved to quarantine, the run is made again")
 
     if quarantine:
-        for pattern in ("runs/*/.*.json.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV))):
+        for pattern in ("runs/*/.*.json.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV, SUMS))):
             for left in folder.glob(pattern):
                 left.unlink(missing_ok=True)
     for body in _bodies(folder, aside):
         begin = _BEGIN.match(body)
-        assert begin  # it has its checksum
+        assert begin  # its content was checked
         yield begin[1].decode(), begin[2].decode(), int(begin[3])
 
 
@@ -125,9 +128,9 @@ def _bodies(folder: Path, spoiled: Callable[[Path, str], None]) -> Iterator[byte
     """The records of a folder as JSON, their checksums checked. Paths are strings here: there may be 100,000."""
     if not (folder / "runs").is_dir():
         return
-    for shard in sorted(entry.path for entry in os.scandir(folder / "runs")):
-        for name in sorted(entry.name for entry in os.scandir(shard)):
-            if name.startswith("."):  # left by a process that was killed while it wrote, or being written
+    for shard in sorted(entry.path for entry in os.scandir(folder / "runs") if entry.is_dir()):
+        for name in sorted(entry.name for entry in os.scandir(shard) if entry.is_file()):
+            if name.startswith(".") or not name.endswith(".json"):  # one being written, or left by a killed process; a stranger's
                 continue
             path = f"{shard}/{name}"
             try:
@@ -139,14 +142,19 @@ def _bodies(folder: Path, spoiled: Callable[[Path, str], None]) -> Iterator[byte
 
 
 def _read_body(path: str, name: str) -> bytes:
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123
-        data = file.read()
+    try:
+        with open(path, "rb", buffering=0) as file:  # noqa: PTH123
+            data = file.read()
+    except OSError as error:
+        raise BatchError(f"{name}: cannot be read: {error.strerror}") from None
     size = len(_HEAD % 0)
     body = data[size : -len(_TAIL)]
     if data[:size] != _HEAD % zlib.crc32(body) or not data.endswith(_TAIL) or not (begin := _BEGIN.match(body)):
         raise BatchError(f"{name}: {len(data)} bytes, not a whole record")
     if begin[1].decode() + ".json" != name:
         raise BatchError(f"{name}: the record of another run, {begin[1].decode()}")
+    if fault := fault_of_record(body):
+        raise BatchError(f"{name}: not a record: {fault}")
     return body
 
 
@@ -162,12 +170,16 @@ def read_plan(folder: Path) -> dict[str, Any]:
     try:
         plan = json.loads(path.read_bytes())
         if plan["format"] != 1:
-            raise BatchError(f"{path}: format {plan['format']}, expected 1")
+            raise BatchError(f"{path}: format {plan['format']!r:.20}, expected 1")
+        if not all(isinstance(plan[key], str) for key in ("suite", "code")) or not all(isinstance(key, str) for key in plan["keys"]):
+            raise TypeError
+        if not all(isinstance(text, str) for pair in plan["views"].items() for text in pair):
+            raise TypeError
     except FileNotFoundError:
         raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}") from None
     except OSError as error:
         raise BatchError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BatchError(f"{path}: not the plan of a batch; move it away and start the batch again, no result is lost") from None
     return dict(plan)
 
@@ -201,15 +213,33 @@ def write_tables(folder: Path, records: Iterable[BatchRecord]) -> None:
     writer.writerow(table.column_names)
     columns = [[json.dumps(v) if isinstance(v, list) else v for v in column.to_pylist()] for column in table.columns]
     writer.writerows(zip(*columns, strict=True))
-    write_whole(folder / CSV, text.getvalue().encode())
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd")
-    write_whole(folder / TABLE, sink.getvalue())
+    contents = {CSV: text.getvalue().encode(), TABLE: sink.getvalue()}
+    for name, content in contents.items():
+        write_whole(folder / name, content)
+    write_whole(folder / SUMS, b"".join(_sum(name, content) for name, content in contents.items()))
+
+
+def tables_are_whole(folder: Path) -> bool:
+    """Whether the tables are there as they were written."""
+    return all(_is_whole(folder, name) for name in (CSV, TABLE))
+
+
+def _is_whole(folder: Path, name: str) -> bool:
+    try:
+        return _sum(name, (folder / name).read_bytes()) in (folder / SUMS).read_bytes()
+    except OSError:
+        return False
+
+
+def _sum(name: str, content: bytes) -> bytes:
+    return f"{hashlib.sha256(content).hexdigest()}  {name}\n".encode()
 
 
 def drop_tables(folder: Path) -> None:
     """Remove the tables, before there is a record that they do not cover."""
-    for name in (TABLE, CSV):
+    for name in (SUMS, TABLE, CSV):
         (folder / name).unlink(missing_ok=True)
 
 
@@ -269,12 +299,13 @@ def _load_table(path: Path, report: Callable[[str], None]) -> "pyarrow.Table":
     import pyarrow.parquet as pq
 
     file = path / TABLE if path.is_dir() else path
-    if file.is_file():
+    damaged = path.is_dir() and (path / SUMS).exists() and not _is_whole(path, TABLE)
+    if file.is_file() and not damaged:
         try:
             return pq.read_table(file)
-        except (pa.ArrowInvalid, OSError) as error:
+        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             if not path.is_dir():
-                raise BatchError(f"{file}: not a Parquet file: {str(error).splitlines()[0]}") from None
+                raise BatchError(f"{file}: not a Parquet file: {' '.join(str(error).split())[:120]}") from None
     if not path.is_dir():
         raise BatchError(f"{path}: no such folder")
     order = {key: i for i, key in enumerate(read_plan(path)["keys"])}
@@ -337,4 +368,7 @@ def _column(values: list[Any]) -> "pyarrow.Array":
         return pa.array([v if v is None or isinstance(v, str) else json.dumps(v) for v in values], pa.string())
     if not kinds:
         return pa.array(values, pa.float64())
-    return pa.array(values)
+    try:
+        return pa.array(values)
+    except (pa.ArrowException, OverflowError):  # lists of several kinds, numbers beyond 64 bits
+        return pa.array([None if v is None else json.dumps(v) for v in values], pa.string())

@@ -167,3 +167,27 @@ def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_p
     assert "ending after the runs under way" in told
     assert f"to go on: mrp-sumo batch {tmp_path / 'long.yaml'} --out {tmp_path / 'out'}" in told
     assert len(mrp_sumo.load_results(tmp_path / "out")) >= 2
+
+
+def test_keeping_none_of_the_worst_is_said_and_fails(tmp_path, capsys):
+    suite, out = tmp_path / "planned.yaml", tmp_path / "out"
+    suite.write_text("base: {map: office, robots: 2}\nuntil: plan\ngrid_search: {seed: [0]}\n")
+    assert main(["batch", str(suite), "--out", str(out), "--workers", "1", "--keep-worst", "1"]) == 1
+    errors = capsys.readouterr().err.splitlines()
+    assert errors == ["mrp-sumo: no run was driven, so there is none to keep", f"mrp-sumo: none of the worst runs are kept in {out}/kept"]
+
+
+def test_status_leaves_files_of_strangers_alone(study, capsys):
+    (study / "out" / "runs" / ".DS_Store").write_bytes(b"\x00")
+    assert main(["status", str(study / "out")]) == 0
+    assert capsys.readouterr().out.startswith("study: 6 of 6 runs done")
+
+
+@pytest.mark.parametrize("name", ["..", ".", "a" * 300])
+def test_name_of_a_batch_is_a_folder_of_its_own(tmp_path, name, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.yaml").write_text(f"name: {name}\nbase: office_5\ngrid_search: {{seed: [0]}}\n")
+    assert main(["batch", "study.yaml", "--dry-run"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"mrp-sumo: study.yaml:1: name: found '{name[:40]}")
+    assert len(error.splitlines()) == 1

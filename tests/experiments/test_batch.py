@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 
 import fake_runs
@@ -18,7 +19,7 @@ from mrp_sumo import load_results
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.experiments.batch import FINISH, GO_ON, open_batch, run_batch
-from mrp_sumo.io.results import MACHINE_COLUMNS, read_record, record_path, records_in
+from mrp_sumo.io.results import MACHINE_COLUMNS, drop_tables, read_record, record_path, records_in, write_record
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 
@@ -156,6 +157,90 @@ def test_spoiled_record_is_put_aside_and_made_again(tmp_path, spoil):
     assert "moved to quarantine" in watcher.lines[0]
     assert (tmp_path / "out" / "quarantine" / path.name).exists()
     assert told_by(tmp_path / "out") == whole
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("metrics", []),
+        ("scenario", {"robots": 3}),
+        ("scenario", {"robots": {"count": None, "starts": None}}),
+        ("success", "yes"),
+        ("reason", None),
+        ("run_wall_s", "long"),
+        ("repeat", 2.5),
+        ("status", "completed\n"),
+    ],
+)
+def test_record_with_right_checksum_and_wrong_content_is_put_aside_and_made_again(tmp_path, key, value):
+    file = suite(tmp_path, "grid_search: {seed: 0..2}\n")
+    batch = make(file, tmp_path / "out")
+    whole = told_by(tmp_path / "out")
+    record = read_record(record_path(tmp_path / "out", batch.runs[1].key))
+    write_record(tmp_path / "out", record | {key: value})
+    assert len(list(records_in(tmp_path / "out", lambda line: None))) == 2  # status, load_results and report read the rest
+    watcher = Telling()
+    make(file, tmp_path / "out", watcher)
+    assert watcher.begun == (3, 2)
+    assert "moved to quarantine, the run is made again" in watcher.lines[0]
+    assert told_by(tmp_path / "out") == whole
+
+
+def test_nested_too_deep_is_no_record(tmp_path):
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
+    path = record_path(tmp_path / "out", batch.runs[0].key)
+    begin, _, rest = path.read_bytes()[len(b'{"crc32":"00000000","record":') : -2].partition(b'"metrics":{')
+    body = begin + b'"metrics":{"deep":' + b"[" * 100_000 + b"]" * 100_000 + b"," + rest
+    path.write_bytes(b'{"crc32":"%08x","record":' % zlib.crc32(body) + body + b"}\n")
+    lines = []
+    assert len(list(records_in(tmp_path / "out", lines.append))) == 1
+    assert "not a record" in lines[0]
+
+
+def test_files_of_strangers_among_the_records_are_left_alone(tmp_path):
+    file = suite(tmp_path, "grid_search: {seed: 0..2}\n")
+    runs = make(file, tmp_path / "out").folder / "runs"
+    whole = told_by(tmp_path / "out")
+    strange = [runs / ".DS_Store", runs / "README", next(runs.iterdir()) / "notes.txt"]
+    for path in strange:
+        path.write_text("by somebody else")
+    (next(path for path in runs.iterdir() if path.is_dir()) / "folder.json").mkdir()
+    watcher = Telling()
+    make(file, tmp_path / "out", watcher)
+    assert (watcher.begun, watcher.lines) == ((3, 3), [])
+    assert told_by(tmp_path / "out") == whole
+    assert all(path.read_text() == "by somebody else" for path in strange)
+
+
+@pytest.mark.parametrize("table", ["results.parquet", "results.csv"])
+@pytest.mark.parametrize("spoil", ["cut", "flipped", "emptied", "removed"])
+def test_damaged_table_of_a_finished_batch_is_not_believed_and_written_again(tmp_path, table, spoil):
+    file = suite(tmp_path, "grid_search: {seed: 0..2}\n")
+    make(file, tmp_path / "out")
+    path = tmp_path / "out" / table
+    whole = path.read_bytes()
+    middle = len(whole) // 2
+    if spoil == "removed":
+        path.unlink()
+    else:
+        path.write_bytes(
+            {"cut": whole[:middle], "flipped": whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :], "emptied": b""}[spoil]
+        )
+    assert list(load_results(tmp_path / "out")["seed"]) == [0, 1, 2]
+    watcher = Telling()
+    make(file, tmp_path / "out", watcher)
+    assert watcher.begun == (3, 3)
+    assert path.read_bytes() == whole
+
+
+def test_metrics_of_any_kind_have_a_column(tmp_path):
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..1}\n"), tmp_path / "out")
+    record = read_record(record_path(tmp_path / "out", batch.runs[0].key))
+    write_record(tmp_path / "out", record | {"metrics": {"soc_steps": 2**70, "mixed": [1, "a"], "within": {"a": 1}}})
+    drop_tables(tmp_path / "out")
+    table = load_results(tmp_path / "out")
+    assert next(iter(table["mixed"])) == '[1, "a"]'
+    assert next(iter(table["soc_steps"])) == str(2**70)
 
 
 def test_record_under_the_name_of_another_is_put_aside(tmp_path):
