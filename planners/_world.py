@@ -18,7 +18,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import goals_clash
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from planners._compass import extend_all
-from planners.configuration._pibt import Scratch, World
+from planners.configuration._pibt import PibtInstance, PibtScratch
 
 TABLE_BYTES = 400_000_000  # tables of steps larger than this are packed
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes
@@ -66,8 +66,8 @@ def tiled(problem: Problem) -> tuple[Problem, IntArray]:
 
 def build_world(
     problem: Problem, deadline_s: float, *, packed: bool, following: bool = False, rotations: bool = True
-) -> tuple[World, IntArray] | None:
-    """World and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
+) -> tuple[PibtInstance, IntArray] | None:
+    """The instance and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def build_world(
     packed
         Whether to keep two bits a vertex; all lanes must have opposites.
     following, rotations
-        See World.
+        See PibtInstance.
     """
     graph, target = problem.graph, np.array(problem.target)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
@@ -104,7 +104,7 @@ def build_world(
         table = found
         steps[:] = table[np.arange(num_robots), problem.start]
         steps[steps >= UNREACHABLE] = -1
-    world = World(
+    world = PibtInstance(
         first=graph.first,
         head=graph.head,
         goal=target,
@@ -136,11 +136,18 @@ def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
     return parts[0] if len(parts) == 1 else frozen(np.concatenate([np.zeros((0, problem.graph.num_vertices), np.int32), *parts]))
 
 
-def build_scratch(world: World) -> Scratch:
+def whole_table(problem: Problem) -> np.ndarray:
+    """As `steps_table`, however long it takes."""
+    table = steps_table(problem, math.inf)
+    assert table is not None
+    return table
+
+
+def build_scratch(world: PibtInstance) -> PibtScratch:
     """Room for PIBT's steps."""
     num_vertices, num_robots = len(world.first) - 1, len(world.goal)
     width = int(np.diff(world.first).max(initial=0)) + 1
-    return Scratch(
+    return PibtScratch(
         now=np.full(num_vertices, -1, np.int64),
         next=np.full(num_vertices, -1, np.int64),
         stack=np.zeros(num_robots + 1, np.int64),

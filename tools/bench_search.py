@@ -54,19 +54,19 @@ def focal(problem: Problem) -> tuple[int, float]:
     root = tree.root(W)
     assert root is not None
     for _ in range(6):  # so much room that no search is broken off for want of it
-        tree._tables.grow_scratch()
-    store, occupancy, scratch = tree._tables.store, tree._tables.occupancy, tree._tables.scratch
+        tree._buffers.grow_scratch()
+    store, occupancy, scratch = tree._buffers.store, tree._buffers.occupancy, tree._buffers.scratch
     seconds, before = 0.0, int(scratch.number[EXPANSIONS])
     for robot, record in enumerate(root.records.tolist()):
         install_all(store, occupancy, root.records, -1)
         uninstall(store, occupancy, robot)
-        load(tree.world, store, scratch, record)
-        least = int(tree.world.distance[robot, tree.world.start[robot]])
+        load(tree.instance, store, scratch, record)
+        least = int(tree.instance.distance[robot, tree.instance.start[robot]])
         began = process_time()
-        find_path(tree.world, store, occupancy, scratch, robot, least, int(W * least), False, PLENTY)
+        find_path(tree.instance, store, occupancy, scratch, robot, least, int(W * least), False, PLENTY)
         seconds += process_time() - began
         began = process_time()  # what the call from Python costs is not the search's: one that may do nothing is taken off
-        find_path(tree.world, store, occupancy, scratch, robot, least, int(W * least), False, 0)
+        find_path(tree.instance, store, occupancy, scratch, robot, least, int(W * least), False, 0)
         seconds -= process_time() - began
         before += 1
     return int(scratch.number[EXPANSIONS]) - before, seconds
@@ -76,8 +76,8 @@ def earliest(problem: Problem) -> tuple[int, float]:
     """(expansions, seconds) of SIPP."""
     tree = Tree(problem, limits(np.inf, 4000))
     for _ in range(4):
-        tree._tables.grow_scratch()
-    world, store, scratch = tree.world, tree._tables.store, tree._tables.scratch
+        tree._buffers.grow_scratch()
+    world, store, scratch = tree.instance, tree._buffers.store, tree._buffers.scratch
     seconds = 0.0
     for robot in range(problem.num_robots):
         least, goal = int(world.distance[robot, world.start[robot]]), int(world.goal[robot])
@@ -93,7 +93,7 @@ def earliest(problem: Problem) -> tuple[int, float]:
 def lns(problem: Problem) -> tuple[int, float]:
     """(labels, seconds) of large neighbourhood search, laying out its tables not counted."""
     tree = Tree(problem, limits(np.inf, 4000))
-    other = Incumbent(problem, tree.world.distance, np.inf)
+    other = Incumbent(problem, tree.instance.distance, np.inf)
     other.work(1, 0.0)
     before, began = other.labels, process_time()
     other.work(400_000, 0.0)

@@ -167,16 +167,6 @@ def only(store, record, step):
 
 
 @kernel
-def contains(store, record, step, vertex):
-    """Whether a vertex is in a level."""
-    k = store.meta[record, MDD0] + step
-    found = False
-    for m in range(store.level[k], store.level[k + 1]):
-        found |= store.member[m] == vertex
-    return found
-
-
-@kernel
 def raises_cost(world, store, scratch, record, row0, row1):
     """Whether these constraints cut through all paths of the record's MDD. Unknown, told as False, when it is too large."""
     mdd = store.meta[record, MDD0]

@@ -27,7 +27,7 @@ class Intervals(NamedTuple):
     count: np.ndarray  # [1] int64, intervals in use
 
 
-class Search(NamedTuple):
+class SippScratch(NamedTuple):
     """Scratch of a search, by interval."""
 
     arrival: np.ndarray  # [N] int64
@@ -37,7 +37,7 @@ class Search(NamedTuple):
     searches: np.ndarray  # [1] int64
 
 
-def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, Search]:
+def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, SippScratch]:
     """Intervals of a graph without robots after `reset`, and scratch, with room for `capacity` intervals."""
     capacity = max(capacity, num_vertices)
     intervals = Intervals(
@@ -47,7 +47,7 @@ def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, Search]:
         np.zeros(capacity, np.int64),
         np.zeros(1, np.int64),
     )
-    scratch = Search(
+    scratch = SippScratch(
         np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),

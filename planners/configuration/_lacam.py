@@ -19,13 +19,13 @@ from mrp_sumo.search._kernel import kernel
 from planners.configuration._pibt import nearer, reorder, step
 
 NONE = -1
-# positions in Search.count
+# positions in LacamMemory.count
 NODES, BRANCHES, EDGES, OPEN, GOAL, EXPANSIONS = 0, 1, 2, 3, 4, 5
 # what `search` returns
 RUNNING, REACHED, EXHAUSTED, FULL = 0, 1, 2, 3
 
 
-class Search(NamedTuple):
+class LacamMemory(NamedTuple):
     """The search's memory. N nodes, B branches of constraint trees, E edges; all are room, of which `count` says how much is used."""
 
     config: np.ndarray  # [N, R] int32 where every robot is

@@ -16,7 +16,7 @@ from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN, extend, read_code
 
 
-class World(NamedTuple):
+class PibtInstance(NamedTuple):
     """What does not change while planning. V vertices, L lanes, R robots; arrays are only read (but `code`, which grows)."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
@@ -36,7 +36,7 @@ class World(NamedTuple):
     rotations: bool  # rings of robots may move at once
 
 
-class Scratch(NamedTuple):
+class PibtScratch(NamedTuple):
     """Room for a step. `now` and `next` are -1 everywhere between calls."""
 
     now: np.ndarray  # [V] robot on each vertex
@@ -99,7 +99,7 @@ def step(world, scratch, here, to, order, hindrance, rng):
     Parameters
     ----------
     world, scratch
-        See there.
+        See `PibtInstance` and `PibtScratch`.
     here
         [R] where robots are.
     to

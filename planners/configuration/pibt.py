@@ -15,9 +15,6 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from planners._world import SLICE_S, build_scratch, gave_up, small_problem, timed_out
-from planners.configuration import _pibt
-from planners.configuration._opening import opened
 
 CHANCE = 11  # purpose of the stream of chance
 
@@ -42,6 +39,8 @@ class Pibt:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
+        from planners._world import small_problem
+
         for packed in (False, True):
             self._plan(small_problem(), np.inf, packed)
 
@@ -50,31 +49,37 @@ class Pibt:
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
-        opening = opened(problem, time_limit_s, CHANCE, flow=self.flow, following=self.following, rotations=self.rotations, packed=packed)
-        if isinstance(opening, PlanResult):
-            return opening
-        steps, rng, num_robots = opening.steps, opening.rng, problem.num_robots
+        from planners._world import SLICE_S, build_scratch, gave_up, timed_out
+        from planners.configuration import _pibt
+        from planners.configuration._search_start import search_start
+
+        start = search_start(
+            problem, time_limit_s, CHANCE, flow=self.flow, following=self.following, rotations=self.rotations, packed=packed
+        )
+        if isinstance(start, PlanResult):
+            return start
+        steps, rng, num_robots = start.steps, start.rng, problem.num_robots
         max_steps = self.max_steps or int(min(max(1000, 20 * steps.max() + 10 * num_robots), 20_000))
-        scratch = build_scratch(opening.world)
+        scratch = build_scratch(start.world)
         base_order = np.argsort(-steps, kind="stable")
         at_once = 1
         for attempt in range(1, self.num_attempts + 1):
             order = base_order.copy()
             path = np.empty((min(max_steps, 2 * int(steps.max()) + 64) + 1, num_robots), np.int32)
-            path[0] = opening.problem.start
+            path[0] = start.problem.start
             t = 0
             while t < max_steps:
-                if perf_counter() > opening.deadline_s:
-                    return timed_out(opening.begin_s, opening.lower_bound, f"no solution within {time_limit_s:g} s", attempts=attempt)
+                if perf_counter() > start.deadline_s:
+                    return timed_out(start.begin_s, start.lower_bound, f"no solution within {time_limit_s:g} s", attempts=attempt)
                 if t == len(path) - 1:
                     path = np.concatenate((path, np.empty((min(len(path), max_steps + 1 - len(path)), num_robots), np.int32)))
                 slice_s = perf_counter()
                 last = t
-                world, until = (opening.guided, opening.num_guided) if t < opening.num_guided else (opening.world, max_steps)
+                world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
                 until = min(t + at_once, len(path) - 1, until)
                 t, home = _pibt.run(world, scratch, path, t, until, order, base_order, self.hindrance, rng)
                 if home:
-                    return opening.solved(path[: t + 1], attempts=attempt)
+                    return start.solved(path[: t + 1], attempts=attempt)
                 at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
         message = f"no solution in {self.num_attempts} attempts of {max_steps} steps each"
-        return gave_up(opening.begin_s, opening.lower_bound, message, attempts=self.num_attempts)
+        return gave_up(start.begin_s, start.lower_bound, message, attempts=self.num_attempts)

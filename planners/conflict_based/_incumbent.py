@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
-from planners._world import small_problem, steps_table, sum_of_costs
+from planners._world import small_problem, sum_of_costs, whole_table
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._refinement import Refinement, room_bytes, room_to_repair, task_of
@@ -102,7 +102,7 @@ def _horizon(problem: Problem, table: np.ndarray) -> int:
 def prepare() -> None:
     """Compile or load the kernels."""
     problem = small_problem()
-    table = steps_table(problem, np.inf)
+    table = whole_table(problem)
     task = task_of(problem, table)
     traffic, labels, hood = room_to_repair(task, 32, 2)
     _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))

@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.plan import Status
@@ -20,9 +21,9 @@ from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, P
 from mrp_sumo.search._constraints import EXPANSIONS
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
+from planners.conflict_based._buffers import Buffers
 from planners.conflict_based._nodes import branch, same_path
 from planners.conflict_based._pairs import cover, pair_weight
-from planners.conflict_based._room import Room
 from planners.conflict_based._symmetry import choose
 
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
@@ -44,7 +45,7 @@ class OutOfReach(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class SearchLimits:
     """What a search may take, from now on."""
 
     time_limit_s: float
@@ -59,7 +60,7 @@ class Limits:
             raise OutOfReach(Status.GAVE_UP, f"no plan within {self.memory_mb} MB")
 
 
-def limits(time_limit_s: float, memory_mb: int) -> Limits:
+def limits(time_limit_s: float, memory_mb: int) -> SearchLimits:
     """Limits that begin now.
 
     Raises
@@ -68,22 +69,21 @@ def limits(time_limit_s: float, memory_mb: int) -> Limits:
         When the time is not above 0.
     """
     require_limit(time_limit_s)
-    return Limits(time_limit_s, memory_mb, perf_counter() + time_limit_s)
+    return SearchLimits(time_limit_s, memory_mb, perf_counter() + time_limit_s)
 
 
 @dataclass(slots=True, eq=False)
 class Node:
-    """A node of the tree: a record a robot, and the conflicts of their paths."""
+    """A node of a tree: one record for each robot, and the conflicts of their paths."""
 
+    tree: "Tree"
     records: IntArray  # [R]
-    conflicts: IntArray  # [K, WIDTH]
+    conflicts: NDArray[np.int32]  # [K, WIDTH]
     cost: int  # sum of the paths' costs
     bound: int  # sum of the paths' lower bounds
     h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
     looked_at: bool = False  # h is the node's own, not its parent's
     depth: int = 0
-    distance_error: float = 0.0  # of the step to this node, for EECBS
-    cost_error: float = 0.0
 
     @property
     def f(self) -> int:
@@ -91,15 +91,15 @@ class Node:
 
 
 class Tree:
-    """Makes nodes of one problem with one assignment; several may share their tables."""
+    """Makes nodes of one problem with one assignment; several may share their buffers."""
 
     def __init__(
-        self, problem: Problem, limits: Limits, *, following: bool = False, symmetries: bool = True, like: "Tree | None" = None
+        self, problem: Problem, limits: SearchLimits, *, following: bool = False, symmetries: bool = True, like: "Tree | None" = None
     ) -> None:
         tables = distances(problem.graph)
         target = problem.target
-        column, line = (like.world.column, like.world.line) if like else _cells(problem.graph)
-        self.world = st.World(
+        column, line = (like.instance.column, like.instance.line) if like else _cells(problem.graph)
+        self.instance: st.Instance = st.Instance(
             tables.first,
             tables.head,
             tables.first_in,
@@ -115,44 +115,44 @@ class Tree:
         self.limits = limits
         self.symmetries = symmetries
         self.num_robots = problem.num_robots
-        longest = int(self.world.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
-        self._tables = like._tables if like else Room(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
+        longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
+        self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = like._weights if like else {}
         # (robot, goal) -> its record without constraints: what is known of one tree's serves the others
         self._free: dict[tuple[int, int], int] = like._free if like else {}
         self.generated = 0
-        self._problem, self._num_split, self._unsolvable = problem, 0, False
+        self.problem, self._num_split, self._unsolvable = problem, 0, False
 
     def again(self) -> "Tree":
         """Another tree of the same problem, in the same room."""
-        return Tree(self._problem, self.limits, following=bool(self.world.following), symmetries=self.symmetries, like=self)
+        return Tree(self.problem, self.limits, following=bool(self.instance.following), symmetries=self.symmetries, like=self)
 
     @property
     def least(self) -> int:
         """What the shortest ways cost in sum: a lower bound before there is a node."""
-        return int(self.world.distance[np.arange(self.num_robots), self.world.start].sum())
+        return int(self.instance.distance[np.arange(self.num_robots), self.instance.start].sum())
 
     @property
     def expansions(self) -> int:
         """Low-level expansions so far."""
-        return int(self._tables.scratch.number[EXPANSIONS])
+        return int(self._buffers.scratch.number[EXPANSIONS])
 
     @property
     def work(self) -> int:
         """Work done, counted in low-level expansions, or about as much work of other kinds."""
-        return self.expansions + NODE_WORK * self._tables.generated
+        return self.expansions + NODE_WORK * self._buffers.generated
 
     def root(self, w: float = 1.0) -> Node | None:
         """The node without constraints: each robot's path, disturbing those before it least. None when there is none."""
-        node = Node(np.full(self.num_robots, -1), NO_CONFLICTS, 0, 0)
+        node = Node(self, np.full(self.num_robots, -1, np.int64), NO_CONFLICTS, 0, 0)
         for robot in range(self.num_robots):
             child = self._branch(node, robot, 0, 0, w)
             if child is None:
                 return None
             node = child
             record = int(node.records[robot])
-            meta = self._tables.store.meta
-            free = self._free.setdefault((robot, int(self.world.goal[robot])), record)
+            meta = self._buffers.store.meta
+            free = self._free.setdefault((robot, int(self.instance.goal[robot])), record)
             meta[record, st.ORIGIN], meta[record, st.MDD0] = free, meta[free, st.MDD0]
         node.depth = 0
         return node
@@ -161,11 +161,11 @@ class Tree:
         """The row of the conflict to split on."""
         while True:
             self.check_clock()
-            tables = self._tables
-            code, chosen = choose(self.world, tables.store, tables.scratch, node.records, node.conflicts, self.symmetries)
+            buffers = self._buffers
+            code, chosen = choose(self.instance, buffers.store, buffers.scratch, node.records, node.conflicts, self.symmetries)
             if code == st.OK:
                 return int(chosen)
-            self._make_room(code, 0)
+            self._enlarge(code, 0)
 
     def split(self, node: Node, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[Node]:
         """The children: one side's constraints each."""
@@ -178,7 +178,9 @@ class Tree:
         ]
         return [child for child in children if child is not None]
 
-    def children(self, node: Node, w: float = 1.0, lower: int | None = None, *, bypass: bool = True, disjoint: bool = False) -> list[Node]:
+    def children(
+        self, node: Node, w: float = 1.0, lower: float | None = None, *, bypass: bool = True, disjoint: bool = False
+    ) -> list[Node]:
         """Split on the best conflict, unless a child shows a way to end it within the bounds: then look again (bypass).
 
         Parameters
@@ -197,7 +199,7 @@ class Tree:
         """
         self._num_split += 1
         if self._num_split == SPLITS_BEFORE_DOUBT:
-            self._unsolvable = unsolvable(self._problem, bool(self.world.following))
+            self._unsolvable = unsolvable(self.problem, bool(self.instance.following))
         if self._unsolvable:
             return []
         while True:
@@ -216,7 +218,7 @@ class Tree:
         robot = int(np.flatnonzero(node.records != child.records)[0])
         old, new = int(node.records[robot]), int(child.records[robot])
         record = self._record(old, robot, new, old, 0, 0)
-        store = self._tables.store
+        store = self._buffers.store
         node.cost += int(store.meta[record, st.COST] - store.meta[old, st.COST])
         node.records = node.records.copy()
         node.records[robot] = record
@@ -224,12 +226,12 @@ class Tree:
         node.conflicts = child.conflicts
         node.conflicts[(node.conflicts[:, ONE] == robot) | (node.conflicts[:, OTHER] == robot), PRIORITY] = -1
 
-    def _may_adopt(self, node: Node, child: Node, w: float, lower: int | None) -> bool:
+    def _may_adopt(self, node: Node, child: Node, w: float, lower: float | None) -> bool:
         """Whether the node stays within the bounds, its robots' and the tree's, with its child's paths."""
         if lower is None:
             return child.cost == node.cost
         robot = int(np.flatnonzero(node.records != child.records)[0])
-        meta = self._tables.store.meta
+        meta = self._buffers.store.meta
         cost, bound = meta[child.records[robot], st.COST], meta[node.records[robot], st.BOUND]
         return bool(child.cost <= w * lower + 1e-9 and cost <= w * bound + 1e-9)
 
@@ -238,20 +240,20 @@ class Tree:
         if self._unsolvable:
             return 0
         weight = np.zeros((self.num_robots, self.num_robots), np.int64)
-        origin = self._tables.store.meta[:, st.ORIGIN]
+        origin = self._buffers.store.meta[:, st.ORIGIN]
         for i, j in sorted({(min(a, b), max(a, b)) for a, b in node.conflicts[:, :2].tolist()}):
             one, other = int(node.records[i]), int(node.records[j])
             key = (int(origin[one]), int(origin[other]))
             found = self._weights.get(key)
             if found is None:
                 found = self._weights[key] = self._pair_weight(one, other)
-                origin = self._tables.store.meta[:, st.ORIGIN]
+                origin = self._buffers.store.meta[:, st.ORIGIN]
             weight[i, j] = weight[j, i] = found
         return int(cover(weight))
 
     def paths(self, node: Node) -> list[IntArray]:
         """[R] the vertex of each robot at each step."""
-        store = self._tables.store
+        store = self._buffers.store
         found = []
         for record in node.records:
             begin, cost = store.meta[record, st.PATH0], store.meta[record, st.COST]
@@ -260,32 +262,32 @@ class Tree:
 
     def check_clock(self) -> None:
         """Raise OutOfReach when the time is up or memory runs short."""
-        self.limits.check(self._tables.num_bytes)
+        self.limits.check(self._buffers.num_bytes)
 
     def _branch(self, node: Node, robot: int, row0: int, row1: int, w: float) -> Node | None:
-        store = self._tables.store
+        store = self._buffers.store
         old = int(node.records[robot])
         lower = int(store.meta[old, st.BOUND]) if old >= 0 else 0
         found = self._call(
             branch, node.records, node.conflicts, robot, row0, row1, w, lower, min(PATIENCE + self._num_split, MOST_PATIENCE), budget=True
         )
         self.generated += 1
-        self._tables.generated += 1
+        self._buffers.generated += 1
         if found is None:
             return None
         record, conflicts = found
-        self._tables.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
-        store = self._tables.store
+        self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
+        store = self._buffers.store
         records = node.records.copy()
         records[robot] = record
         cost = node.cost + int(store.meta[record, st.COST]) - (int(store.meta[old, st.COST]) if old >= 0 else 0)
-        return Node(records, conflicts, cost, self._bound(records), depth=node.depth + 1)
+        return Node(self, records, conflicts, cost, self._bound(records), depth=node.depth + 1)
 
     def _bound(self, records: IntArray) -> int:
         """Sum of the lower bounds: asked anew, since building an MDD may raise a record's."""
-        return int(self._tables.store.meta[records[records >= 0], st.BOUND].sum())
+        return int(self._buffers.store.meta[records[records >= 0], st.BOUND].sum())
 
-    def _split_disjoint(self, node: Node, row: IntArray, w: float) -> list[Node]:
+    def _split_disjoint(self, node: Node, row: NDArray[np.int32], w: float) -> list[Node]:
         """One child where a robot is not there then, one where it is and nobody else (Li et al., ICAPS 2019)."""
         one, other = int(row[ONE]), int(row[OTHER])
         children = [self._branch(node, one, int(row[A0]), int(row[A1]), w)]
@@ -297,7 +299,7 @@ class Tree:
             barred += [(st.RANGE, tail, -1, step - 1, step - 1), (st.EDGE, tail, at, step, step)]
         bar = self._rows(barred)
         record = self._record(int(node.records[one]), one, int(node.records[one]), -1, *must)
-        child: Node | None = Node(node.records.copy(), node.conflicts, node.cost, node.bound, depth=node.depth + 1)
+        child: Node | None = Node(self, node.records.copy(), node.conflicts, node.cost, node.bound, depth=node.depth + 1)
         assert child is not None
         child.records[one] = record
         breaks = []
@@ -320,54 +322,54 @@ class Tree:
         return [made for made in children if made is not None]
 
     def _place(self, node: Node, robot: int, step: int) -> int:
-        return int(st.place(self._tables.store, int(node.records[robot]), step))
+        return int(st.place(self._buffers.store, int(node.records[robot]), step))
 
     def _rows(self, rows: list[tuple[int, int, int, int, int]]) -> tuple[int, int]:
-        store = self._tables.store
+        store = self._buffers.store
         while store.used[st.ROWS] + len(rows) > len(store.rows):
-            self._tables.grow_store()
-            store = self._tables.store
+            self._buffers.grow_store()
+            store = self._buffers.store
         begin = int(store.used[st.ROWS])
         store.rows[begin : begin + len(rows)] = rows
         store.used[st.ROWS] += len(rows)
         return begin, begin + len(rows)
 
     def _record(self, parent: int, robot: int, path_of: int, like: int, row0: int, row1: int) -> int:
-        while (record := int(same_path(self._tables.store, parent, robot, path_of, like, row0, row1))) < 0:
-            self._tables.grow_store()
+        while (record := int(same_path(self._buffers.store, parent, robot, path_of, like, row0, row1))) < 0:
+            self._buffers.grow_store()
         return record
 
     def _pair_weight(self, one: int, other: int) -> int:
-        tables = self._tables
+        buffers = self._buffers
         budget = FIRST_BUDGET
         while True:
             self.check_clock()
-            code, weight = pair_weight(self.world, tables.store, tables.pair, tables.scratch, one, other, PAIR_NODES, budget)
+            code, weight = pair_weight(self.instance, buffers.store, buffers.pair, buffers.scratch, one, other, PAIR_NODES, budget)
             if code == st.OK:
                 return int(weight)
-            budget = self._make_room(code, budget)
+            budget = self._enlarge(code, budget)
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any, budget: bool = False) -> Any:
         """What the kernel returns after its code, None for NO_PATH."""
-        tables = self._tables
+        buffers = self._buffers
         allowed = FIRST_BUDGET
         while True:
             self.check_clock()
             more = (allowed,) if budget else ()
-            code, *found = kernel(self.world, tables.store, tables.occupancy, tables.scratch, *arguments, *more)
+            code, *found = kernel(self.instance, buffers.store, buffers.occupancy, buffers.scratch, *arguments, *more)
             if code == st.OK:
                 return found
             if code == st.NO_PATH:
                 return None
-            allowed = self._make_room(code, allowed)
+            allowed = self._enlarge(code, allowed)
 
-    def _make_room(self, code: int, budget: int) -> int:
+    def _enlarge(self, code: int, budget: int) -> int:
         if code == st.STORE_FULL:
-            self._tables.grow_store()
+            self._buffers.grow_store()
         elif code == st.SCRATCH_FULL:
-            self._tables.grow_scratch()
+            self._buffers.grow_scratch()
         elif code == st.TOO_LATE:
-            self._tables.grow_horizon()
+            self._buffers.grow_horizon()
         else:
             self.limits.check()
             left = self.limits.deadline - perf_counter()

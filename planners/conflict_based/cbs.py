@@ -6,15 +6,11 @@ symmetries: Li et al., AIJ 2021; disjoint splitting: Li et al., ICAPS 2019.
 """
 
 from dataclasses import dataclass
-from heapq import heappop, heappush
-from itertools import count
-from time import perf_counter
 from typing import ClassVar
 
-from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible
+from planners.conflict_based._parameters import check
 
 
 @dataclass(frozen=True)
@@ -32,8 +28,7 @@ class Cbs:
     guarantee: ClassVar[str] = "optimal"
 
     def __post_init__(self) -> None:
-        if self.memory_mb < 1:
-            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
+        check(self.memory_mb)
 
     def prepare(self) -> None:
         """See `Planner`."""
@@ -43,52 +38,14 @@ class Cbs:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners.conflict_based._tree import Node, OutOfReach, Tree, limits
+        from planners.conflict_based._best_first import BestFirst
+        from planners.conflict_based._frame import search
 
-        began = perf_counter()
-        limit = limits(time_limit_s, self.memory_mb)
-        if refusal := impossible(problem):
-            return refusal
-        number = count()
-        best, expanded = None, 0
-        tree = Tree(problem, limit, following=self.following, symmetries=self.symmetries)
-        lower = tree.least
-        open_nodes: list[tuple[int, int, int, Node]] = []
-
-        def insert(node: Node) -> None:
-            heappush(open_nodes, (node.f, len(node.conflicts), -next(number), node))
-
-        status, message = Status.SOLVED, ""
-        try:
-            if root := tree.root():
-                lower = max(lower, root.cost)
-                insert(root)
-            while open_nodes:
-                tree.check_clock()
-                f, _, _, node = heappop(open_nodes)
-                lower = max(lower, f)
-                if not len(node.conflicts):
-                    best = node
-                    break
-                if self.heuristic and not node.looked_at:
-                    node.looked_at = True
-                    node.h = max(node.h, tree.heuristic(node))
-                    if node.f > f:
-                        insert(node)
-                        continue
-                expanded += 1
-                for child in tree.children(node, bypass=self.bypass, disjoint=self.disjoint):
-                    child.h = max(0, node.f - child.cost)
-                    insert(child)
-            if best is None:
-                status, message = Status.INFEASIBLE, "no plan exists: every way to end the conflicts fails"
-        except OutOfReach as reached:
-            status, message = reached.status, str(reached)
-        return PlanResult(
-            status,
-            plan=plan_of_paths(tree.paths(best), problem.step_s) if best else None,
-            planning_time_s=perf_counter() - began,
-            lower_bound_steps=float(lower),
-            stats={"expanded": expanded, "generated": tree.generated, "low_level_expansions": tree.expansions},
-            message=message,
+        return search(
+            problem,
+            time_limit_s,
+            lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass, disjoint=self.disjoint),
+            following=self.following,
+            symmetries=self.symmetries,
+            memory_mb=self.memory_mb,
         )

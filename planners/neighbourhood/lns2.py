@@ -15,22 +15,6 @@ from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import order_clash
-from mrp_sumo.search.distance import UNREACHABLE
-from planners._world import (
-    SLICE_S,
-    checked_deadline,
-    gave_up,
-    small_problem,
-    solved,
-    steps_table,
-    sum_of_costs,
-    timed_out,
-    without_search,
-)
-from planners.neighbourhood import _lns
-from planners.neighbourhood._collisions import find_collisions
-from planners.neighbourhood._refinement import Refinement, polishing_labels, room_bytes, room_to_repair, task_of
-from planners.neighbourhood._traffic import path_of
 
 CHANCE = 13  # purpose of the stream of chance
 
@@ -56,8 +40,16 @@ class Lns2:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
+        from planners._world import (
+            small_problem,
+            whole_table,
+        )
+        from planners.neighbourhood import _lns
+        from planners.neighbourhood._collisions import find_collisions
+        from planners.neighbourhood._refinement import Refinement, room_to_repair, task_of
+
         problem = small_problem()
-        task = task_of(problem, steps_table(problem, np.inf))
+        task = task_of(problem, whole_table(problem))
         rng = np.random.default_rng(0)
         traffic, labels, hood = room_to_repair(task, 32, 2)
         _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2)
@@ -67,6 +59,22 @@ class Lns2:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
+        from mrp_sumo.search.distance import UNREACHABLE
+        from planners._world import (
+            SLICE_S,
+            checked_deadline,
+            gave_up,
+            solved,
+            steps_table,
+            sum_of_costs,
+            timed_out,
+            without_search,
+        )
+        from planners.neighbourhood import _lns
+        from planners.neighbourhood._collisions import find_collisions
+        from planners.neighbourhood._refinement import Refinement, polishing_labels, room_bytes, room_to_repair, task_of
+        from planners.neighbourhood._traffic import path_of
+
         begin_s = perf_counter()
         deadline_s = checked_deadline(time_limit_s)
         if 4 * problem.num_robots * problem.graph.num_vertices > self.memory_mb * 1_000_000:

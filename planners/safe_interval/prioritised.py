@@ -7,7 +7,7 @@ The low level is SIPP (Phillips, Likhachev, ICRA 2011).
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -114,11 +114,11 @@ class Prioritised:
         )
 
 
-def _doubled(intervals, scratch, path):
-    """Twice the room, with the same intervals in use."""
+def _doubled(intervals: Any, scratch: Any, path: IntArray) -> Any:
+    """Twice the length, with the same intervals in use."""
     longer = [type(group)(*(_longer(a) if len(a) > 1 else a for a in group)) for group in (intervals, scratch)]
     return longer[0], longer[1], _longer(path)
 
 
-def _longer(array):
+def _longer(array: Any) -> Any:
     return np.concatenate([array, np.zeros_like(array)])

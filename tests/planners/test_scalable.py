@@ -23,7 +23,7 @@ from mrp_sumo.traffic.schedule import schedule_of
 from planners._compass import UNKNOWN, read_code
 from planners._world import build_scratch, build_world, steps_table, sum_of_costs, tiled
 from planners.configuration import _flow, _pibt
-from planners.configuration._opening import opened
+from planners.configuration._search_start import search_start
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
 from planners.neighbourhood import _lns, _sipps, _traffic
@@ -328,7 +328,7 @@ def test_guide_leads_round_lanes_that_others_come_along():
     ring = roadmap([lane for i in range(10) for lane in ((i, (i + 1) % 10), ((i + 1) % 10, i))], 10)
     for seed in range(4):
         problem = problem_on(ring, [0, 5], [5, 0], seed)
-        opening = opened(problem, np.inf, 0, flow=1, following=False, rotations=True, packed=False)
+        opening = search_start(problem, np.inf, 0, flow=1, following=False, rotations=True, packed=False)
         guide = opening.guided.guide
         assert guide[[0, 1], [5, 0]].tolist() == [0, 0]
         assert (guide[0, 1] < guide[0, 9]) == (guide[1, 6] < guide[1, 4])
@@ -337,9 +337,9 @@ def test_guide_leads_round_lanes_that_others_come_along():
 
 def test_costs_left_are_those_of_the_cheapest_way():
     problem = random_problem(9, 3, 1)
-    opening = opened(problem, np.inf, 0, flow=0, following=False, rotations=True, packed=False)
+    opening = search_start(problem, np.inf, 0, flow=0, following=False, rotations=True, packed=False)
     assert not opening.guided.guided
-    guide = opened(problem, np.inf, 0, flow=2, following=False, rotations=True, packed=False).guided.guide
+    guide = search_start(problem, np.inf, 0, flow=2, following=False, rotations=True, packed=False).guided.guide
     graph, steps = problem.graph, opening.world.table
     assert (guide >= _flow.STEP * steps).all()
     for robot in range(3):

@@ -56,7 +56,7 @@ def test_bits_tell_none_one_and_more_however_robots_leave(order):
     """Three robots cross the middle of a plus at the same step."""
     plus = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
     tree, root = root_of(plus, [0, 1, 3], [4, 3, 1])
-    store, occupancy = tree._tables.store, tree._tables.occupancy
+    store, occupancy = tree._buffers.store, tree._buffers.occupancy
     paths = [path_of(store, record) for record in root.records]
     assert [path[1] for path in paths] == [2, 2, 2]
     install_all(store, occupancy, root.records, -1)
@@ -73,15 +73,15 @@ def test_bits_tell_none_one_and_more_however_robots_leave(order):
 def test_search_disturbs_as_many_as_can_be_counted_on_its_path(seed, following):
     chance = np.random.default_rng(seed)
     tree, root = root_of(np.ones((5, 5), bool), chance.permutation(25)[:14], chance.permutation(25)[:14], following=following)
-    store, occupancy, scratch = tree._tables.store, tree._tables.occupancy, tree._tables.scratch
+    store, occupancy, scratch = tree._buffers.store, tree._buffers.occupancy, tree._buffers.scratch
     paths = [path_of(store, record) for record in root.records]
     seen = 0
     for robot, record in enumerate(root.records.tolist()):
         install_all(store, occupancy, root.records, -1)
         uninstall(store, occupancy, robot)
-        assert load(tree.world, store, scratch, record) == st.OK
-        least = int(tree.world.distance[robot, tree.world.start[robot]])
-        code, end = find_path(tree.world, store, occupancy, scratch, robot, least, least + 2, False, 1 << 20)
+        assert load(tree.instance, store, scratch, record) == st.OK
+        least = int(tree.instance.distance[robot, tree.instance.start[robot]])
+        code, end = find_path(tree.instance, store, occupancy, scratch, robot, least, least + 2, False, 1 << 20)
         assert code == st.OK
         state = scratch.state
         if state[end, LABEL] & 3 == FINISH:  # counts besides who comes to the goal later

@@ -12,21 +12,21 @@ from mrp_sumo.planning.answers import order_clash
 from planners._world import build_world, checked_deadline, is_large, solved, sum_of_costs, tiled, timed_out, without_search
 from planners.configuration import _flow
 from planners.configuration._flow import Flow
-from planners.configuration._pibt import World
+from planners.configuration._pibt import PibtInstance
 
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides larger than this take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow
 
 
 @dataclass(frozen=True)
-class Opening:
+class SearchStart:
     """Where a search begins."""
 
     given: Problem
     problem: Problem  # the same, or with its vertices renumbered
     original: IntArray | None  # [V] the given number of each vertex, None where they are the same
-    world: World  # without a guide
-    guided: World  # with one, or the same
+    world: PibtInstance  # without a guide
+    guided: PibtInstance  # with one, or the same
     steps: IntArray  # [R] from start to goal
     rng: np.random.Generator
     begin_s: float
@@ -51,9 +51,9 @@ class Opening:
         return solved(self.given, path, self.begin_s, self.lower_bound, **stats)
 
 
-def opened(
+def search_start(
     problem: Problem, time_limit_s: float, chance: int, *, flow: int, following: bool, rotations: bool, packed: bool | None
-) -> Opening | PlanResult:
+) -> SearchStart | PlanResult:
     """Where the search for a problem begins, or the result where none is needed or the time is up already.
 
     Parameters
@@ -65,7 +65,7 @@ def opened(
     flow
         Rounds of giving ways for the guide, 0 for none.
     following, rotations
-        See World.
+        See `PibtInstance`.
     packed
         Whether to pack distances; None to see for itself.
     """
@@ -87,7 +87,7 @@ def opened(
     if flow and not packed and problem.num_robots > 1 and problem.num_robots * problem.graph.num_vertices <= GUIDE_CELLS:
         guide = _guide(problem, flow, deadline_s, rng)
     guided = world if guide is None else world._replace(guided=True, guide=guide)
-    return Opening(given, problem, original, world, guided, steps, rng, begin_s, deadline_s)
+    return SearchStart(given, problem, original, world, guided, steps, rng, begin_s, deadline_s)
 
 
 def _guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:

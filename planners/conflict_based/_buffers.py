@@ -1,4 +1,4 @@
-"""The room that the kernels of a constraint tree work in, made larger where it does not suffice."""
+"""The buffers that the kernels of a constraint tree work in, made larger where they do not suffice."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ DELAYS = 256  # states of a vertex that can be told apart, at first
 MOST_VISITED = 1 << 24  # states of all vertices, at first
 
 
-class Room:
+class Buffers:
     """Tables by what makes them too small; what is in the store stays, the rest begins anew when it grows."""
 
     def __init__(self, num_vertices: int, num_robots: int, horizon: int) -> None:
@@ -31,6 +31,7 @@ class Room:
         self._members = 1 << 16
         self._visited = max(num_vertices, min(DELAYS * num_vertices, MOST_VISITED))
         self._number = np.zeros(4, np.int64)
+        self._pair: Occupancy | None = None
         self._by_horizon()
 
     @property
@@ -49,7 +50,7 @@ class Room:
     def grow_store(self) -> None:
         """Twice the room in every pool that is a quarter full."""
         *pools, used = self.store
-        self.store = Store(*(_longer(pool) if 4 * used[k] > len(pool) else pool for k, pool in enumerate(pools)), used)
+        self.store = Store._make([*(_longer(pool) if 4 * used[k] > len(pool) else pool for k, pool in enumerate(pools)), used])
         self._measure()
 
     def grow_scratch(self) -> None:
@@ -66,7 +67,7 @@ class Room:
 
     def _by_horizon(self) -> None:
         self.occupancy = empty_occupancy(self._num_vertices, self._num_robots, self._horizon)
-        self._pair: Occupancy | None = None
+        self._pair = None
         self._make_scratch()
 
     def _make_scratch(self) -> None:
@@ -93,7 +94,7 @@ class Room:
 
     def _measure(self) -> None:
         tables = (*self.store, *self.scratch, *self.occupancy, *(self._pair or ()))
-        self._table_bytes = sum(array.nbytes for array in tables)
+        self._table_bytes: int = sum(array.nbytes for array in tables)
 
 
 def _longer(array: Any) -> Any:

@@ -1,0 +1,236 @@
+"""The search of LaCAM: its memory, driven by the clock, and what improves its solutions."""
+
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
+from planners.configuration import _lacam
+from planners.configuration._lacam import LacamMemory
+from planners.configuration._search_start import SearchStart, search_start
+from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, task_of
+from planners.neighbourhood._traffic import Task
+
+CHANCE = 12  # purpose of the stream of chance
+
+
+def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
+    """See `Lacam.plan`.
+
+    Parameters
+    ----------
+    lacam
+        A `Lacam`, whose module imports this one.
+    problem, time_limit_s
+        As given to it.
+    packed
+        See `search_start`.
+    """
+    start = search_start(
+        problem, time_limit_s, CHANCE, flow=lacam.flow, following=lacam.following, rotations=lacam.rotations, packed=packed
+    )
+    if isinstance(start, PlanResult):
+        return start
+    begin_s, deadline_s, lower_bound = start.begin_s, start.deadline_s, start.lower_bound
+    search, state = _first(lacam, start)
+    if state == _lacam.EXHAUSTED:
+        message = "the search has seen every configuration that can be reached"
+        return PlanResult(Status.INFEASIBLE, None, None, perf_counter() - begin_s, 0.0, np.inf, search.counters(), message)
+    if state != _lacam.REACHED:
+        why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{lacam.memory_mb} MB"
+        return timed_out(begin_s, lower_bound, f"no solution within {why}", **search.counters())
+    path = search.path()
+    cost = sum_of_costs(path, start.world.goal)
+    stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
+    task = None if start.world.packed else task_of(start.problem, start.world.table)
+    if task and room_bytes(task, len(path) + SPARE_STEPS) > lacam.memory_mb * 1_000_000:
+        task = None
+    if task and lacam.polish and cost > lower_bound:
+        polished = _refinement(lacam, task, path, start)
+        polished.until(deadline_s - _to_write(path), most_labels=polishing_labels(lacam.polish, problem.num_robots))
+        path, cost = polished.path(), polished.cost
+        stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": float(cost)}
+    if lacam.anytime and cost > lower_bound:
+        path = _improved(lacam, search, task, path, start)
+    return start.solved(path, **stats, **search.counters())
+
+
+def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
+    """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING.
+
+    Where it wanders about it begins anew with other chances, each time after twice as many expansions, so that it
+    stays complete.
+    """
+    expansions = 200 + 10 * start.num_guided
+    while True:
+        search = LacamSearch(lacam, start)
+        state = search.until(start.deadline_s, first=True, expansions=expansions)
+        if state != _lacam.RUNNING or perf_counter() >= start.deadline_s:
+            return search, state
+        expansions *= 2
+
+
+def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) -> Refinement:
+    return Refinement(task, path, lacam.neighbourhood, start.rng, following=lacam.following, rotations=lacam.rotations)
+
+
+def _improved(lacam: Any, search: "LacamSearch", task: Task | None, path: np.ndarray, start: SearchStart) -> np.ndarray:
+    """The best path at the deadline, or when none can be better."""
+    lower_bound, deadline_s = start.lower_bound, start.deadline_s
+    refinement = _refinement(lacam, task, path, start) if task else None
+    best = sum_of_costs(path, search.world.goal)
+    told = 0
+    searching = True
+    deadline_s -= _to_write(path)
+    while perf_counter() < deadline_s and best > lower_bound and (searching or refinement):
+        now_s = perf_counter()
+        if searching and refinement and told != best and len(path) < 4000:
+            search.learn(refinement.path())
+            told = best
+        if searching:
+            state = search.until(min(deadline_s, now_s + (0.25 if refinement else 10.0) * 0.2), first=False)
+            if state == _lacam.REACHED:
+                found = search.path()
+                cost = sum_of_costs(found, search.world.goal)
+                if cost < best:
+                    path, best = found, cost
+                    refinement = _refinement(lacam, task, path, start) if task else None
+            elif state == _lacam.EXHAUSTED:
+                break
+            searching = state != _lacam.FULL
+        if refinement:
+            refinement.until(min(deadline_s, perf_counter() + 0.5))
+            if refinement.cost < best:
+                path, best = refinement.path(), refinement.cost
+    return path
+
+
+def _to_write(path: np.ndarray) -> float:
+    """Seconds, about, that it takes to make a plan of a path."""
+    return 0.01 + 1e-7 * path.size
+
+
+class LacamSearch:
+    """LaCAM's search, as it stands."""
+
+    def __init__(self, settings: Any, start: SearchStart) -> None:
+        self.world, self.scratch = start.world, build_scratch(start.world)
+        self._settings, self._rng, self._guided, self._num_guided = settings, start.rng, start.guided, start.num_guided
+        num_robots = len(start.steps)
+        self._base_order = np.argsort(-start.steps, kind="stable").astype(np.int32)
+        self._to, self._best = np.empty(num_robots, np.int32), np.empty(num_robots, np.int32)
+        self._memory = _memory(num_robots, self.scratch.candidate.shape[1], nodes=256)
+        self._at_once = 1
+        _lacam.begin(self.world, self._memory, start.problem.start.astype(np.int32), self._base_order, int(start.steps.sum()))
+
+    def until(self, deadline_s: float, *, first: bool, expansions: int = FOREVER) -> int:
+        """Search until the deadline or so many expansions in all.
+
+        REACHED at the first solution, or at the end if a better one was found; else RUNNING, EXHAUSTED, FULL.
+        """
+        given = self._settings
+        better = False
+        while (slice_s := perf_counter()) < deadline_s and (before := int(self._memory.count[_lacam.EXPANSIONS])) < expansions:
+            world, most = (self._guided, self._num_guided) if before < self._num_guided else (self.world, expansions)
+            state: int = _lacam.search_on(
+                world, self.scratch, self._memory, self._base_order, self._to, self._best,
+                given.num_tries, given.hindrance, min(self._at_once, most - before), self._rng,
+            )  # fmt: skip
+            if state == _lacam.REACHED and first:
+                return state
+            if state == _lacam.EXHAUSTED:
+                return _lacam.REACHED if better else state
+            if state == _lacam.FULL and not self._grow():
+                return _lacam.REACHED if better else state
+            better = better or state == _lacam.REACHED
+            done = self._memory.count[_lacam.EXPANSIONS] - before
+            self._at_once = max(1, int(done * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
+        return _lacam.REACHED if better else _lacam.RUNNING
+
+    def learn(self, path: np.ndarray) -> None:
+        """Make a solution found elsewhere part of the search."""
+        while not _lacam.insert_path(self.world, self.scratch, self._memory, path, self._base_order):
+            if not self._grow():
+                return
+
+    def path(self) -> np.ndarray:
+        """[T, R] configurations from the start to the goal."""
+        memory = self._memory
+        nodes = [memory.count[_lacam.GOAL]]
+        while memory.parent[nodes[-1]] >= 0:
+            nodes.append(memory.parent[nodes[-1]])
+        return memory.config[nodes[::-1]]
+
+    def counters(self) -> dict[str, float]:
+        """For the result's statistics."""
+        count = self._memory.count
+        return {"nodes": float(count[_lacam.NODES]), "expansions": float(count[_lacam.EXPANSIONS])}
+
+    def _grow(self) -> bool:
+        larger = _larger(self._memory, self._settings.memory_mb)
+        if larger is not None:
+            self._memory = larger
+        return larger is not None
+
+
+def _memory(num_robots: int, width: int, nodes: int) -> LacamMemory:
+    """Memory for a number of nodes, and in proportion for the rest; `width` is the most candidates of a robot."""
+    branches, edges, opened = nodes * (width + 2) + width, 3 * nodes, 4 * nodes
+    return LacamMemory(
+        config=np.empty((nodes, num_robots), np.int32),
+        order=np.empty((nodes, num_robots), np.int32),
+        **{
+            name: np.empty(nodes, np.int64) for name in ("g", "h", "parent", "digest", "first_branch", "last_branch", "first_edge", "relax")
+        },
+        relaxing=np.empty(nodes, np.bool_),
+        **{name: np.empty(branches, np.int64) for name in ("branch_parent", "branch_next")},
+        **{name: np.empty(branches, np.int32) for name in ("branch_vertex", "branch_depth")},
+        edge_to=np.empty(edges, np.int64),
+        edge_cost=np.empty(edges, np.int32),
+        edge_next=np.empty(edges, np.int64),
+        slot=np.full(1 << (2 * nodes - 1).bit_length(), -1, np.int64),
+        open=np.empty(opened, np.int64),
+        count=np.zeros(6, np.int64),
+    )
+
+
+def _larger(search: LacamMemory, memory_mb: int) -> LacamMemory | None:
+    """The same search with twice the room where room is short; None when that is more memory than allowed."""
+    n = search.count
+    num_nodes, num_robots = search.config.shape
+    groups = {
+        (n[_lacam.NODES], num_nodes): (
+            "config",
+            "order",
+            "g",
+            "h",
+            "parent",
+            "first_branch",
+            "last_branch",
+            "first_edge",
+            "relax",
+            "digest",
+            "relaxing",
+        ),
+        (n[_lacam.BRANCHES], len(search.branch_next)): ("branch_parent", "branch_next", "branch_vertex", "branch_depth"),
+        (n[_lacam.EDGES], len(search.edge_to)): ("edge_to", "edge_cost", "edge_next"),
+        (n[_lacam.OPEN] + n[_lacam.NODES], len(search.open)): ("open",),
+    }
+    grown: dict[str, np.ndarray] = {}
+    for (used, room), names in groups.items():
+        if 4 * used < 3 * room:
+            continue
+        for name in names:
+            old = getattr(search, name)
+            if name in ("config", "order") and 2 * 2 * room * num_robots * 4 > memory_mb * 1_000_000:
+                return None
+            grown[name] = np.concatenate((old, np.empty_like(old)))
+    if "config" in grown:
+        grown["slot"] = np.empty(2 * len(search.slot), np.int64)
+    larger = search._replace(**grown)
+    if "config" in grown:
+        _lacam.fill_slots(larger)
+    return larger

@@ -1,0 +1,53 @@
+"""The order of CBS and CBS-TA: best first by f = g + h, g the node's cost and h the WDG heuristic, among equals the fewest conflicts."""
+
+from heapq import heappop, heappush
+from itertools import count
+
+from planners.conflict_based._frame import Forest
+from planners.conflict_based._tree import Node
+
+
+class BestFirst:
+    """OPEN of the paper; h is looked up when a node is taken out, which is put back where that makes it worse."""
+
+    def __init__(self, forest: Forest, *, heuristic: bool, bypass: bool, disjoint: bool = False) -> None:
+        self.lower = 0.0
+        self._forest = forest
+        self._heuristic, self._bypass, self._disjoint = heuristic, bypass, disjoint
+        self._number = count()
+        self._open: list[tuple[int, int, int, Node]] = []  # (f, conflicts, newest first, node)
+
+    def select(self) -> Node | None:
+        """See `Order`. A root is made when no node is better than its assignment."""
+        while True:
+            self._forest.check_clock()
+            next_cost = self._forest.next_cost
+            if next_cost is not None and (not self._open or self._open[0][0] > next_cost):
+                self.lower = max(self.lower, next_cost)
+                if root := self._forest.plant():
+                    self._insert(root)
+                continue
+            if not self._open:
+                return None
+            f, _, _, node = heappop(self._open)
+            self.lower = max(self.lower, float(f))
+            if not self._heuristic or node.looked_at or not len(node.conflicts):
+                return node
+            node.looked_at = True
+            node.h = max(node.h, node.tree.heuristic(node))
+            if node.f <= f:
+                return node
+            self._insert(node)
+
+    def expand(self, node: Node) -> None:
+        """See `Order`. No solution below a child costs less than below its parent."""
+        for child in node.tree.children(node, bypass=self._bypass, disjoint=self._disjoint):
+            child.h = max(0, node.f - child.cost)
+            self._insert(child)
+
+    def counters(self) -> dict[str, float]:
+        """See `Order`."""
+        return {}
+
+    def _insert(self, node: Node) -> None:
+        heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))

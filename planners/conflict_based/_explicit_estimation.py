@@ -1,0 +1,156 @@
+"""The order of EECBS: CLEANUP by lower bound, OPEN by estimated cost, FOCAL by number of conflicts (Li et al., AAAI 2021, section 4)."""
+
+from heapq import heappop, heappush
+from itertools import count
+
+from planners.conflict_based._frame import Forest, Paths
+from planners.conflict_based._incumbent import Incumbent
+from planners.conflict_based._tree import Node, Tree
+
+LABELS = 2  # of the incumbent for each unit of the tree's work
+ROOTS = 3  # the incumbent's first turn comes when the tree has done this many times the work of its root
+
+
+class ExplicitEstimation:
+    """The open nodes, what has been learned about conflicts, and the incumbent whose turn comes now and then."""
+
+    def __init__(self, forest: Forest, w: float, *, bypass: bool, incumbent: bool) -> None:
+        tree = forest.tree
+        self.lower = float(tree.least)
+        self.chosen_for_bound = 0
+        self.from_incumbent = False
+        self._forest, self._tree, self._w, self._bypass = forest, tree, w, bypass
+        self._bound = LowerBound(tree)
+        self._incumbent = Incumbent(forest.problem, tree.instance.distance, forest.limits.deadline) if incumbent else None
+        self._turn = 0  # work of the tree at which the incumbent's turn comes
+        self._number = count()
+        self._cleanup: list[tuple[int, int, int, Node]] = []  # (f, conflicts, serial, node)
+        self._open: list[tuple[float, int, int, Node]] = []  # (f^, conflicts, serial, node)
+        self._beyond: list[tuple[float, int, int, Node]] = []  # those of OPEN that are not in FOCAL
+        self._focal: list[tuple[int, float, int, Node]] = []  # (conflicts, f^, serial, node) with f^ <= w best f^
+        self._closed: set[int] = set()
+        self._num_steps, self._distance_error, self._cost_error = 0, 0.0, 0.0  # mean one-step errors
+
+    def select(self) -> Node | Paths | None:
+        """See `Order`."""
+        incumbent, tree = self._incumbent, self._tree
+        if self._forest.next_cost is not None:
+            if root := self._forest.plant(self._w):
+                self._insert(root)
+            self._turn = max(ROOTS * tree.work, incumbent.entry if incumbent else 0)
+        tree.check_clock()
+        if incumbent and tree.work >= self._turn:
+            self._turn = 2 * tree.work
+            incumbent.work(LABELS * tree.work, self._w * self.lower)
+        node = self._take_best()
+        if incumbent and incumbent.cost is not None and incumbent.cost <= self._w * self.lower + 1e-9:
+            self.from_incumbent = True
+            return incumbent.paths()
+        return node
+
+    def expand(self, node: Node) -> None:
+        """See `Order`."""
+        children = self._tree.children(node, self._w, self.lower, bypass=self._bypass)
+        self._learn(node, children)
+        for child in children:
+            self._insert(child)
+
+    def counters(self) -> dict[str, float]:
+        """For the result's statistics."""
+        counted = {"chosen_for_bound": self.chosen_for_bound, "from_incumbent": float(self.from_incumbent)}
+        return counted | (self._incumbent.counters() if self._incumbent else {})
+
+    def _insert(self, node: Node) -> None:
+        """Add a node; its estimate is made with what is known now."""
+        serial, conflicts = next(self._number), len(node.conflicts)
+        estimate = max(node.cost + conflicts * self._cost_of_a_conflict(), node.bound + node.h)
+        heappush(self._cleanup, (node.bound + node.h, conflicts, serial, node))
+        heappush(self._open, (estimate, conflicts, serial, node))
+        heappush(self._beyond, (estimate, conflicts, serial, node))
+
+    def _take_best(self) -> Node | None:
+        """Take the next node to expand (section 4.1), None when there is none."""
+        while self._cleanup and self._cleanup[0][2] in self._closed:
+            heappop(self._cleanup)
+        while self._open and self._open[0][2] in self._closed:
+            heappop(self._open)
+        if not self._cleanup:
+            return None
+        self.lower = max(self.lower, self._cleanup[0][0], self._bound.lower)
+        limit = self._w * self.lower + 1e-9
+        reach = self._w * self._open[0][0] + 1e-9
+        self._move_within(reach)
+        if not (self._focal and self._focal[0][3].cost <= limit) and self._open[0][3].cost > limit:
+            self._bound.improve()
+            self.lower = max(self.lower, self._bound.lower)
+            limit = self._w * self.lower + 1e-9
+        if self._focal and self._focal[0][3].cost <= limit:
+            _, _, serial, node = heappop(self._focal)
+        elif self._open[0][3].cost <= limit:
+            _, _, serial, node = heappop(self._open)
+        else:
+            _, _, serial, node = heappop(self._cleanup)
+            self.chosen_for_bound += 1
+        self._closed.add(serial)
+        return node
+
+    def _move_within(self, reach: float) -> None:
+        """Let FOCAL hold the open nodes with estimates up to `reach`."""
+        while self._beyond and self._beyond[0][0] <= reach:
+            estimate, conflicts, serial, node = heappop(self._beyond)
+            if serial not in self._closed:
+                heappush(self._focal, (conflicts, estimate, serial, node))
+        while self._focal and (self._focal[0][2] in self._closed or self._focal[0][1] > reach):
+            conflicts, estimate, serial, node = heappop(self._focal)
+            if serial not in self._closed:
+                heappush(self._beyond, (estimate, conflicts, serial, node))
+
+    def _learn(self, node: Node, children: list[Node]) -> None:
+        """One-step errors from a node to its best child (section 4.2)."""
+        if not children:
+            return
+        best = min(children, key=lambda c: (c.cost + len(c.conflicts), len(c.conflicts)))
+        self._num_steps += 1
+        self._distance_error += (len(best.conflicts) - (len(node.conflicts) - 1) - self._distance_error) / self._num_steps
+        self._cost_error += (best.cost - node.cost - self._cost_error) / self._num_steps
+
+    def _cost_of_a_conflict(self) -> float:
+        if self._distance_error >= 1:
+            return max(0.0, self._cost_error) * 100
+        return max(0.0, self._cost_error) / (1 - self._distance_error)
+
+
+class LowerBound:
+    """A lower bound by conflict-based search with shortest paths and WDG, one node at a call."""
+
+    def __init__(self, tree: Tree) -> None:
+        self.lower = 0
+        self._like = tree
+        self._tree: Tree | None = None
+        self._number = count()
+        self._open: list[tuple[int, int, int, Node]] = []
+
+    def improve(self) -> None:
+        """Expand the node of least cost; the next one's is a lower bound of all solutions."""
+        if self._tree is None:
+            self._tree = self._like.again()
+            if root := self._tree.root():
+                self._insert(root)
+        while self._open:
+            f, _, _, node = self._open[0]
+            self.lower = max(self.lower, f)
+            if not len(node.conflicts):
+                return
+            heappop(self._open)
+            if not node.looked_at:
+                node.looked_at = True
+                node.h = max(node.h, self._tree.heuristic(node))
+                self._insert(node)
+                continue
+            for child in self._tree.children(node):
+                child.h = max(0, node.f - child.cost)
+                self._insert(child)
+            return
+
+    def _insert(self, node: Node) -> None:
+        heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))
