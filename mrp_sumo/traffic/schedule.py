@@ -73,8 +73,9 @@ def _fault(problem: Problem, plan: Plan, schedule: Schedule) -> str:
 def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
     """Visits each of which has to wait for the next, the last for the first; none if the order can be kept.
 
-    Waiting goes along two kinds of arcs between visits: a robot's visits one after the other; and where a
-    passage of i is directly before one of j, j's first visit waits for the visit at whose arrival i has left.
+    Of all circles with the earliest visit that is in one, the shortest: it explains best. Waiting goes along two kinds of
+    arcs between visits: a robot's visits one after the other; and where a passage of i is directly before one of j, j's first
+    visit waits for the visit at whose arrival i has left.
     """
     source, target = waiting_arcs(plan, schedule)
     if not has_cycle(plan.num_visits, source, target):
@@ -83,14 +84,12 @@ def waiting_cycle(plan: Plan, schedule: Schedule) -> IntArray:
     size = np.bincount(component)
     inside: BoolArray = (component[source] == component[target]) & (size[component[source]] > 1)
     source, target = source[inside], target[inside]
-    # a visit of the same component that each waits for; of two the later in the list, which is another robot's
-    before = dict(zip(target.tolist(), source.tolist()))
-    at = int(target[np.argmin(plan.arrive_s[target])])
-    seen: dict[int, int] = {}
-    while at not in seen:
-        seen[at] = len(seen)
-        at = before[at]
-    return np.array(list(seen)[seen[at] :], np.int64)
+    import networkx as nx  # slow to load, and seldom needed
+
+    waits_for = nx.DiGraph(zip(target.tolist(), source.tolist()))
+    earliest = int(target[np.argmin(plan.arrive_s[target])])
+    back = min((nx.shortest_path(waits_for, visit, earliest) for visit in waits_for[earliest]), key=len)
+    return np.array([earliest, *back[:-1]], np.int64)
 
 
 def _about_staying(problem: Problem, plan: Plan, leaves: IntArray, waits: IntArray) -> str:
