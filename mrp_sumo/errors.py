@@ -4,6 +4,7 @@ Every error carries one finished sentence for a person: the file or key, what wa
 expected and, where it helps, the nearest right name. Nothing else in the package prints or exits.
 """
 
+import errno
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -42,6 +43,35 @@ class PlugInError(MrpSumoError):
     def __init__(self, line: str, details: str = "") -> None:
         super().__init__(line)
         self.details = details
+
+
+_SENTENCES = {
+    errno.ENOENT: "no such file or directory",
+    errno.ENOTDIR: "a part of the path is a file, expected a folder",
+    errno.EISDIR: "is a folder, expected a file",
+    errno.EEXIST: "is there already",
+    errno.ENOTEMPTY: "the folder is not empty",
+    errno.EACCES: "no permission",
+    errno.EPERM: "no permission",
+    errno.EROFS: "cannot be written to: the file system is read-only",
+    errno.ENAMETOOLONG: "the name is too long",
+    errno.ELOOP: "its symbolic links lead in a circle",
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file would be larger than is allowed",
+    errno.EMFILE: "too many files are open",
+    errno.ENFILE: "too many files are open",
+    errno.EIO: "the disk reports an error",
+    errno.ENOMEM: "out of memory",
+    errno.EXDEV: "lies on another disk",
+}
+
+
+def sentence(error: OSError) -> str:
+    """What the system reports, in words for people; where a message is about a path, it goes before."""
+    if error.errno is None:
+        return " ".join(str(error).split()) or type(error).__name__
+    return _SENTENCES.get(error.errno, (error.strerror or str(error)).lower())
 
 
 def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:

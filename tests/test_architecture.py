@@ -13,6 +13,7 @@ PACKAGE = PROJECT / "mrp_sumo"
 
 FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"errors"},
+    {"files"},
     {"core", "plugins"},
     {"traffic", "search", "maps"},
     {"formats", "engines"},

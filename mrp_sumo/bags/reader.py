@@ -18,9 +18,11 @@ from mrp_sumo.bags.messages import GENERATIONS, typestore
 from mrp_sumo.bags.paths import plain_path
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.files.reading import require_regular
 
 FLEET_STATES = "/fleet_states"
 PATH_REQUESTS = "/robot_path_requests"
+MAX_BYTES = 2**40  # of a bag, which is read message by message
 CHECKED = 20  # messages that are encoded again to recognise the generation
 EMPTY_BYTES = 100  # a fleet without robots looks the same in all of them
 Place = tuple[float, float]
@@ -56,6 +58,9 @@ def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
     typestore(known[0])  # refuses an unknown one
     if not path.exists():
         raise MrpSumoError(f"{path}: no such bag")
+    for file in sorted(path.iterdir()) if path.is_dir() else (path,):
+        if not file.is_dir():
+            require_regular(file, MAX_BYTES)
     reasons = []
     for name in known:
         try:

@@ -149,20 +149,14 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
 
 def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, Any]]:
     """Constants, and (start, goal) of robots, from the files that are there."""
-    import yaml
-
     from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.maps.yaml_text import parse, read_text
 
     beside = [bag.with_name(bag.name + suffix) for suffix in (".yaml", ".yml")]
     path = config or next((p for p in beside if p.is_file()), None)
     if path is None:
         return _constants_in(bag / "metadata.yaml"), {}
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MrpSumoError(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MrpSumoError(f"{path}: not YAML: {str(error).splitlines()[0]}") from None
+    document = parse(read_text(path))
     constants: dict[str, float] = {}
     places: dict[str, Any] = {}
     for key, value in _pairs(document):
@@ -199,10 +193,11 @@ def _point(value: Any) -> tuple[float, float]:
 
 def _constants_in(metadata: Path) -> dict[str, float]:
     """The constants a bag of ours carries in its metadata."""
-    import yaml
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.maps.yaml_text import parse, read_text
 
     try:
-        custom = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]["custom_data"]
+        custom = parse(read_text(metadata))["rosbag2_bagfile_information"]["custom_data"]
         return {key: float(custom[key]) for key in DEFAULTS if key in custom}
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):  # other people's bags
+    except (MrpSumoError, ValueError, KeyError, TypeError):  # other people's bags
         return {}

@@ -5,16 +5,16 @@ A subcommand is a module of this folder with `arguments(parser)` and `run(option
 """
 
 import argparse
-import errno
 import gc
 import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import NoReturn
 
 from mrp_sumo import __version__
-from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
+from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
@@ -37,7 +37,6 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
-DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
 class Parser(argparse.ArgumentParser):
@@ -67,9 +66,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except OSError as error:
-        if error.errno not in DISK_TROUBLE:
+        if error.errno is None:  # none of the system's
             raise
-        print(f"mrp-sumo: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
+        from mrp_sumo.files.reading import shortened
+
+        where = shortened(Path(os.fsdecode(error.filename))) if isinstance(error.filename, str | bytes | os.PathLike) else "a file"
+        print(f"mrp-sumo: {where}: {sentence(error)}", file=sys.stderr)
         return 2
 
 

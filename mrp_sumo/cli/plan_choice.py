@@ -1,10 +1,12 @@
 """Plan files on the command line: which format one is in, reading and writing it."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.errors import PlanError, nearest
+from mrp_sumo.errors import MrpSumoError, PlanError, nearest, sentence
+from mrp_sumo.files.reading import read_text, require_regular, shortened
 
 if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan
@@ -36,12 +38,7 @@ def kind_of(path: Path, chosen: str | None) -> str:
 
 def text_of(path: Path) -> str:
     """The text of a plan file."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise PlanError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except UnicodeDecodeError:
-        raise PlanError(f"{path}: not UTF-8 text, so not a plan") from None
+    return read_text(path, error=PlanError)
 
 
 def is_json(text: str) -> bool:
@@ -56,9 +53,10 @@ def is_plan(path: Path) -> bool:
     from mrp_sumo.formats.peers import format_of
 
     try:
+        require_regular(path)
         with path.open(encoding="utf-8") as file:
             head = file.read(4000)
-    except (OSError, ValueError):
+    except (OSError, ValueError, MrpSumoError):
         return False
     if is_json(head):
         return '"robots"' in head and '"step_s"' in head
@@ -108,6 +106,7 @@ def _replacing(path: Path, fill: Callable[[Path], object]) -> None:
         fill(partial)
         partial.replace(path)
     except OSError as error:
-        raise PlanError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+        raise PlanError(f"{shortened(path)}: {sentence(error)}") from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)

@@ -18,6 +18,7 @@ from mrp_sumo.plugins.source import digest
 _ROOT = Path(mrp_sumo.__file__).resolve().parent
 # what decides about results; the command line and reports do not
 _FLOORS = (
+    "files",
     "core",
     "plugins",
     "traffic",

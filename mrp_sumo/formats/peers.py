@@ -12,19 +12,19 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError, nearest
+from mrp_sumo.errors import MapError, PlanError, nearest
+from mrp_sumo.maps.yaml_text import Text, parse
 
 FORMATS = {"yaml": "libMultiRobotPlanning schedule", "paths": "EECBS paths.txt", "lacam": "lacam result.txt", "smart": "SMART paths"}
 _STEP = re.compile(r"\(\s*(-?\d+)\s*,\s*(-?\d+)\s*(?:,\s*(-?[\d.]+)\s*)?\)")
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,9 +234,9 @@ def _vertex(place: Any, problem: Problem, cells: Cells | None, name: str, robot:
 
 def _read_yaml(text: str, name: str, num_robots: int | None) -> list[list[Any]]:
     try:
-        document = yaml.load(text, Loader=_LOADER)
-    except yaml.YAMLError as error:
-        raise PlanError(f"{name}: not YAML: {str(error).splitlines()[0]}") from None
+        document = parse(Text(Path(name), text))
+    except MapError as error:
+        raise PlanError(str(error)) from None
     schedule = document.get("schedule") if isinstance(document, Mapping) else None
     if not isinstance(schedule, Mapping):
         raise PlanError(f"{name}: schedule is not a mapping of agents to their steps")

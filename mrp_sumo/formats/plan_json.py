@@ -16,6 +16,7 @@ from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.files.reading import read_json
 
 SCHEMA_VERSION = 1
 
@@ -72,12 +73,7 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     PlanError
         For a file that is missing, damaged, of another schema, or for other robots.
     """
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise PlanError(f"{path}: no such file") from None
-    except ValueError as error:
-        raise PlanError(f"{path}: not JSON: {error}") from None
+    document = read_json(path, error=PlanError)
     found = document.get("schema_version") if isinstance(document, dict) else None
     if found != SCHEMA_VERSION:
         raise PlanError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")

@@ -1,9 +1,11 @@
 """YAML documents with line numbers, checked against pydantic models, with one line per fault.
 
-Refuses what is not UTF-8, not YAML, not a mapping, and keys given twice (YAML itself keeps the last).
+Refuses what is not UTF-8, not YAML, not a mapping, what the reader of maps refuses (tags, merge keys, deep nesting, aliases that swell
+the document), and keys given twice (YAML itself keeps the last).
 """
 
 import difflib
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +14,9 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.errors import MapError, ScenarioError, nearest
+from mrp_sumo.files.reading import read_text, shortened
+from mrp_sumo.maps.yaml_text import Text, parse
 
 MAX_BYTES = 4_000_000
 Model = TypeVar("Model", bound=BaseModel)
@@ -46,25 +50,17 @@ def read_document(path: Path) -> Document:
         One line with file and line number.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ScenarioError(f"{path}: {path.stat().st_size} bytes, expected a scenario of at most {MAX_BYTES}")
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        folder = path.parent if path.parent.is_dir() else Path()
-        raise ScenarioError(f"{path}: no such file{nearest(path.name, sorted(p.name for p in folder.glob('*.yaml')))}") from None
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
+        text = read_text(path, MAX_BYTES, ScenarioError)
+    except ScenarioError as error:
+        if path.parent.is_dir() and not os.path.lexists(path):
+            known = nearest(path.name, sorted(p.name for p in path.parent.glob("*.yaml")))
+            raise ScenarioError(f"{shortened(path)}: no such file{known}") from None
+        raise error from None
     try:
-        node = yaml.compose(text, Loader=yaml.CSafeLoader)
-        content = yaml.load(text, Loader=yaml.CSafeLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f":{mark.line + 1}" if mark else ""
-        raise ScenarioError(f"{path.name}{line}: not YAML: {getattr(error, 'problem', None) or error}") from None
-    except (ValueError, RecursionError) as error:  # a date out of range; nesting
-        raise ScenarioError(f"{path.name}: not YAML: {error}") from None
+        content = parse(Text(path, text))  # nothing nested deep, no aliases that swell
+    except MapError as error:
+        raise ScenarioError(str(error)) from None
+    node = yaml.compose(text, Loader=yaml.CSafeLoader)  # for the lines of keys
     if not isinstance(content, dict) or not isinstance(node, yaml.MappingNode):
         raise ScenarioError(f"{path.name}: found {_kind(content)}, expected keys and values")
     numbers: dict[Place, int] = {}

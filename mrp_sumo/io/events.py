@@ -13,6 +13,7 @@ from mrp_sumo.core.execution import Event, Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import read_text
 
 if TYPE_CHECKING:
     import pandas
@@ -66,11 +67,11 @@ def read_events(path: Path) -> list[dict[str, Any]]:
         For a line that is not a JSON object.
     """
     events = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         try:
             event = json.loads(line)
-        except json.JSONDecodeError as error:
-            raise MrpSumoError(f"{path}:{number}: not JSON: {error.msg}") from None
+        except (ValueError, RecursionError) as error:
+            raise MrpSumoError(f"{path}:{number}: not JSON: {error}") from None
         if not isinstance(event, dict):
             raise MrpSumoError(f"{path}:{number}: found {line[:40]!r}, expected an object")
         if event.pop("for_good", False):

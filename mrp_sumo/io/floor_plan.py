@@ -14,6 +14,9 @@ import yaml
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import read_json, require_regular
+from mrp_sumo.maps.yaml_text import parse
+from mrp_sumo.maps.yaml_text import read_text as read_map_text
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
@@ -43,12 +46,7 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
     MrpSumoError
         For a file that is missing, damaged, or of another schema.
     """
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MrpSumoError(f"{path}: no such file") from None
-    except ValueError as error:
-        raise MrpSumoError(f"{path}: not JSON: {error}") from None
+    document = read_json(path)
     found = document.get("schema_version") if isinstance(document, dict) else None
     if found != SCHEMA_VERSION:
         raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
@@ -85,11 +83,13 @@ def read_walls(folder: Path) -> "Costmap | None":
     if not path.is_file():
         return None
     try:
-        about = yaml.safe_load(path.read_text(encoding="utf-8"))
-        with Image.open(folder / about["image"]) as image:
+        about = parse(read_map_text(path))
+        image_file = folder / str(about["image"])
+        require_regular(image_file)
+        with Image.open(image_file) as image:
             occupied = np.asarray(image.convert("L"))[::-1] < 128
         return Costmap((about["origin"][0], about["origin"][1]), about["resolution"], frozen(occupied))
-    except (yaml.YAMLError, OSError, ValueError, KeyError, IndexError, TypeError) as error:
+    except (MrpSumoError, OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise MrpSumoError(f"{path}: no map of walls: {str(error).splitlines()[0]}") from None
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import read_json
 from mrp_sumo.maps.building import Building
 
 SCHEMA_VERSION = 1
@@ -68,8 +69,10 @@ def read_outline(path: Path) -> Outline | None:
     MrpSumoError
         For a file that is damaged, or of another schema.
     """
+    if not path.exists():
+        return None
+    document = read_json(path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
         if document["schema_version"] != SCHEMA_VERSION:
             raise MrpSumoError(f"{path}: schema version {document['schema_version']}, expected {SCHEMA_VERSION}")
         return Outline(
@@ -77,7 +80,5 @@ def read_outline(path: Path) -> Outline | None:
             doors=np.array(document["doors"], np.float64).reshape(-1, 2, 2),
             **{key: tuple(np.array(p, np.float64).reshape(-1, 2) for p in document[key]) for key in ("floors", "holes", "lifts")},
         )
-    except FileNotFoundError:
-        return None
     except (ValueError, KeyError, TypeError) as error:
         raise MrpSumoError(f"{path}: not the outline of a building: {error}") from None

@@ -30,6 +30,16 @@ if TYPE_CHECKING:
     import pyarrow
 
 PLAN, TABLE, CSV, SUMS = "plan.json", "results.parquet", "results.csv", "results.sha256"
+MAX_ROWS = 10_000_000  # that a query gives
+_LOCKED: dict[str, str | bool | int | float | list[str]] = {  # what SQL of a suite's views may do
+    "enable_external_access": False,
+    "autoinstall_known_extensions": False,
+    "autoload_known_extensions": False,
+    "allow_community_extensions": False,
+    "python_enable_replacements": False,
+    "memory_limit": "2GB",
+    "temp_directory": "",
+}
 MACHINE_COLUMNS = ("attempts", "machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb", "ended_at")  # differ from run to run
 _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
 _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
@@ -273,6 +283,9 @@ def load_results(path: str | Path, report: Callable[[str], None] | None = None) 
 def query(path: str | Path, sql: str, report: Callable[[str], None] | None = None) -> "pandas.DataFrame":
     """Query the results of a batch, the table `results`, in SQL.
 
+    Views come with suites, so nobody's SQL is trusted: it sees the results and nothing else, neither files nor extensions nor the
+    program's variables, in bounded memory.
+
     Raises
     ------
     BatchError
@@ -281,16 +294,19 @@ def query(path: str | Path, sql: str, report: Callable[[str], None] | None = Non
     import duckdb
 
     results = _load_table(Path(path), report or (lambda line: None))
-    with duckdb.connect() as connection:
+    with duckdb.connect(config=_LOCKED) as connection:
         connection.register("results", results)
+        connection.execute("set lock_configuration = true")
         try:
             relation = connection.sql(sql)
             if relation is None:
                 raise BatchError("the query selects nothing; expected select ...")
-            frame: pandas.DataFrame = relation.df()
+            frame: pandas.DataFrame = relation.limit(MAX_ROWS + 1).df()
         except duckdb.Error as error:
-            line = " ".join(str(error).split("LINE 1:")[0].split())
+            line = " ".join(str(error).split("LINE 1:")[0].splitlines()[0].split())
             raise BatchError(f"query: {line}") from None
+    if len(frame) > MAX_ROWS:
+        raise BatchError(f"query: selects more than {MAX_ROWS} rows; add a limit")
     return frame
 
 

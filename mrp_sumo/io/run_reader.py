@@ -3,7 +3,6 @@
 Files are read on first use. Refuses folders without a complete run.
 """
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +15,7 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import read_json
 from mrp_sumo.formats.plan_json import read_plan
 from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
@@ -46,15 +46,10 @@ def load_run(folder: str | Path) -> "RunFolder":
     """
     folder = Path(folder)
     path = folder / RESULT
-    try:
-        result = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        what = "holds no complete run (no result.json)" if folder.is_dir() else "no such folder"
-        raise MrpSumoError(f"{folder}: {what}") from None
-    except NotADirectoryError:
-        raise MrpSumoError(f"{folder}: is a file, expected a run folder") from None
-    except ValueError as error:
-        raise MrpSumoError(f"{path}: not JSON: {error}") from None
+    if not path.exists():
+        kind = "is a file, expected a run folder" if folder.is_file() else "no such folder"
+        raise MrpSumoError(f"{folder}: {'holds no complete run (no result.json)' if folder.is_dir() else kind}")
+    result = read_json(path)
     if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
         raise MrpSumoError(f"{path}: is not the result of a run")
     return RunFolder(folder, result)

@@ -6,6 +6,7 @@ the map can tell (names of vertices, robots that fit) is checked when the run is
 """
 
 import difflib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
@@ -16,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.columns import MAIN_KEYS, put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.maps.catalogue import bundled_folder
@@ -303,17 +305,15 @@ def find_scenario(name_or_path: str) -> Path:
         When there is no such file, with the nearest one.
     """
     path, bundled = Path(name_or_path), bundled_folder("scenarios")
-    if path.is_file():
-        return path
     named = bundled / (name_or_path if name_or_path.endswith(".yaml") else f"{name_or_path}.yaml")
-    if named.is_file():
-        return named
-    if path.is_dir():
-        raise ScenarioError(f"{name_or_path} is a folder, not a scenario file")
+    for file in (path, named):
+        if os.path.isfile(file):  # noqa: PTH113  False for names that no system takes, too
+            return file
+    if os.path.lexists(path):
+        require_regular(path, error=ScenarioError)
     beside = sorted(p.name for p in path.parent.glob("*.yaml")) if path.suffix else []
-    raise ScenarioError(
-        f"{name_or_path}: no such file{nearest(path.name, beside or sorted(p.stem for p in bundled.glob('*.yaml')), limit=10)}"
-    )
+    known = nearest(path.name, beside or sorted(p.stem for p in bundled.glob("*.yaml")), limit=10)
+    raise ScenarioError(f"{shortened(path)}: no such file{known}")
 
 
 def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None = None) -> ScenarioFile:
@@ -483,9 +483,9 @@ def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotTyp
     if isinstance(choice, RobotShape):
         return RobotType(name="custom", **choice.model_dump())
     path = folder / f"{choice}.yaml"
-    if not path.is_file():
+    if not os.path.isfile(path):  # noqa: PTH113
         path = beside / choice
-        if not path.is_file():
+        if not os.path.lexists(path):
             known = nearest(choice, (p.stem for p in sorted(folder.glob("*.yaml"))))
-            raise ScenarioError(f"'{choice}' is neither a robot type nor a file{known}")
+            raise ScenarioError(f"'{shortened(Path(choice))}' is neither a robot type nor a file{known}")
     return RobotType(name=path.stem, **validated(read_document(path), RobotShape).model_dump())

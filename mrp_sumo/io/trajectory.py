@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import require_regular
 from mrp_sumo.io.arrow import numbers, texts
 
 if TYPE_CHECKING:
@@ -133,10 +134,9 @@ def read_trajectory(path: Path) -> Trajectory:
     MrpSumoError
         For a file that is missing, damaged, or of another schema.
     """
+    require_regular(path)
     try:
         table = pq.read_table(path)
-    except FileNotFoundError:
-        raise MrpSumoError(f"{path}: no such file") from None
     except (pa.ArrowInvalid, OSError) as error:
         raise MrpSumoError(f"{path}: not a readable Parquet file: {str(error).splitlines()[0]}") from None
     about = json.loads((table.schema.metadata or {}).get(b"mrp_sumo", b"null"))

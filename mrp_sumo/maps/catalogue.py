@@ -3,9 +3,11 @@
 Refuses names of no map, with the nearest right one.
 """
 
+import os
 from pathlib import Path
 
 from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.files.reading import require_regular, shortened
 
 SUFFIX = ".building.yaml"
 
@@ -39,11 +41,11 @@ def find_map(name_or_path: str, beside: Path) -> Path:
         When there is no such file and no such map.
     """
     for path in (beside / name_or_path, Path(name_or_path)):
-        if path.is_file():
+        if os.path.isfile(path):  # noqa: PTH113  False for names that no system takes, too
             return path
     bundled = bundled_maps()
     if name_or_path in bundled:
         return bundled[name_or_path]
-    if Path(name_or_path).is_dir():
-        raise MapError(f"{name_or_path} is a folder, not a map file")
-    raise MapError(f"no map '{name_or_path}': neither a file nor a bundled map{nearest(name_or_path, bundled)}")
+    if os.path.lexists(name_or_path):
+        require_regular(Path(name_or_path), error=MapError)
+    raise MapError(f"no map '{shortened(Path(name_or_path))}': neither a file nor a bundled map{nearest(name_or_path, bundled)}")

@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from mrp_sumo.errors import MapError
+from mrp_sumo.files.reading import read_bytes
 from mrp_sumo.maps.finding import Finding, RefusedMap
 
 MAX_BYTES = 64 * 2**20
@@ -49,17 +50,7 @@ def read_text(path: Path) -> Text:
     MapError
         For a missing file, a folder, a file above 64 MB, binary data and text that is not UTF-8.
     """
-    if path.is_dir():
-        raise MapError(f"{path} is a folder, not a map file")
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise MapError(f"{path.name}: {size / 2**20:.0f} MB; map files above {MAX_BYTES // 2**20} MB are not read")
-        data = path.read_bytes()
-    except OSError as error:
-        raise MapError(f"{path}: {(error.strerror or str(error)).lower()}") from None
-    except ValueError:  # a null byte in the path
-        raise MapError(f"{str(path)!r} is not a path") from None
+    data = read_bytes(path, MAX_BYTES, MapError)
     if not data.strip():
         raise MapError(f"{path.name}: the file is empty")
     if b"\0" in data[:4096]:

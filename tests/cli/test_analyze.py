@@ -113,7 +113,7 @@ def rows_of_two():
         (["other"], "other: no topic /fleet_states (did you mean '/fleet_state'?)"),
         (["good"], "good: no starts and goals beside it and no /robot_path_requests in it; give them with --config"),
         (["good", "--rmf", "humbel"], "unknown generation 'humbel' of rmf_fleet_msgs"),
-        (["good", "--config", "nowhere.yaml"], "nowhere.yaml: cannot be read: No such file or directory"),
+        (["good", "--config", "nowhere.yaml"], "nowhere.yaml: no such file or directory"),
         (["good", "--config", "half.yaml"], "good: robot 'r1' has no start and goal"),
         (["good", "--config", "half.yaml", "--cell", "0"], "cellSize is 0.0, expected a number above 0"),
         (["good", "--config", "odd.yaml"], "odd.yaml: robots: KeyError: 'goal'"),

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import pandas as pd
 import pytest
 
 import mrp_sumo
@@ -191,3 +192,34 @@ def test_name_of_a_batch_is_a_folder_of_its_own(tmp_path, name, capsys, monkeypa
     error = capsys.readouterr().err
     assert error.startswith(f"mrp-sumo: study.yaml:1: name: found '{name[:40]}")
     assert len(error.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "select * from read_text('FOLDER/secret.txt')",
+        "select * from 'FOLDER/secret.csv'",
+        "select * from glob('FOLDER/*')",
+        "copy results to 'FOLDER/written.csv'",
+        "select 1; copy (select 1) to 'FOLDER/written.csv'",
+        "attach 'FOLDER/written.db'",
+        "export database 'FOLDER/written'",
+        "set enable_external_access = true",
+        "set lock_configuration = false",
+        "set memory_limit = '100GB'",
+        "install httpfs",
+        "load httpfs",
+        "select * from frame_of_the_program",
+        "create table large as select range as a from range(1000000000)",
+    ],
+)
+def test_view_of_a_stranger_reaches_no_files_and_no_settings(study, tmp_path, capsys, sql):
+    frame_of_the_program = pd.DataFrame({"a": [1]})
+    assert len(frame_of_the_program) == 1
+    for name in ("secret.txt", "secret.csv"):
+        (tmp_path / name).write_text("secret,word")
+    before = sorted(tmp_path.iterdir())
+    assert main(["query", str(study / "out"), sql.replace("FOLDER", str(tmp_path))]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith("mrp-sumo: query: ") and said.err.count("\n") == 1
+    assert "secret,word" not in said.out + said.err and sorted(tmp_path.iterdir()) == before

@@ -16,11 +16,12 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError
+from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.roadmap import check_cell
-from mrp_sumo.maps.yaml_text import Text
+from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
 
 MAX_PIXELS = 50_000_000
 MODES = ("trinary", "scale")
@@ -107,6 +108,7 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     free_below = _number(document, "free_thresh", source, 0.25)
     path = image_of(document, source)
     name = document["image"]
+    require_regular(path, MAX_BYTES, MapError)
     try:
         with Image.open(path) as image:
             if image.width * image.height > MAX_PIXELS:

@@ -1,0 +1,95 @@
+"""Reading files that may be anybody's: regular files of a bounded size and nothing else.
+
+Devices, FIFOs and sockets are refused before they are opened: a device may have no end, a FIFO waits for a writer. All readers of
+the program begin here.
+"""
+
+import json
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError, sentence
+
+MAX_BYTES = 2**30  # where a format states no smaller limit
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a FIFO"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def require_regular(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> None:
+    """Refuse what is no regular file, or is too large, without opening it; for libraries that open files themselves.
+
+    Parameters
+    ----------
+    path
+        The file; symbolic links are followed.
+    max_bytes
+        The largest size that is read.
+    error
+        What is raised.
+    """
+    try:
+        _check(path, path.stat(), max_bytes, error)
+    except OSError as fault:
+        raise error(f"{shortened(path)}: {sentence(fault)}") from None
+    except ValueError:  # a null byte
+        raise error(f"{str(path)!r} is not a path") from None
+
+
+def read_bytes(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> bytes:
+    """The content of a regular file; as `require_regular`."""
+    require_regular(path, max_bytes, error)
+    try:
+        with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
+            _check(path, os.fstat(file.fileno()), max_bytes, error)  # it may be another by now
+            data = file.read(max_bytes + 1)
+    except OSError as fault:
+        raise error(f"{shortened(path)}: {sentence(fault)}") from None
+    if len(data) > max_bytes:  # files of the system that have no size
+        raise error(f"{shortened(path)}: more than {_size(max_bytes)}, which is not read")
+    return data
+
+
+def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> str:
+    """The text of a regular file in UTF-8, a byte order mark left out; as `require_regular`."""
+    data = read_bytes(path, max_bytes, error)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        line = data.count(b"\n", 0, fault.start) + 1
+        raise error(f"{shortened(path)}:{line}: not a text file in UTF-8") from None
+
+
+def read_json(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> Any:
+    """The document of a JSON file; as `read_text`, and for what is not JSON or nested too deep."""
+    text = read_text(path, max_bytes, error)
+    try:
+        return json.loads(text)
+    except ValueError as fault:
+        raise error(f"{shortened(path)}: not JSON: {fault}") from None
+    except RecursionError:
+        raise error(f"{shortened(path)}: not JSON that is read here: nested too deep") from None
+
+
+def shortened(path: Path) -> str:
+    """A path for a message: one line, and not the thousands of characters that it may have."""
+    text = "".join(c if c.isprintable() else "?" for c in str(path))
+    return text if len(text) <= 200 else f"{text[:80]}...{text[-80:]}"
+
+
+def _check(path: Path, status: os.stat_result, max_bytes: int, error: type[MrpSumoError]) -> None:
+    for is_kind, kind in _KINDS:
+        if is_kind(status.st_mode):
+            raise error(f"{shortened(path)} is {kind}, expected a file")
+    if status.st_size > max_bytes:
+        raise error(f"{shortened(path)}: {_size(status.st_size)}; above {_size(max_bytes)} nothing is read")
+
+
+def _size(num_bytes: int) -> str:
+    return f"{num_bytes / 2**20:.0f} MB" if num_bytes >= 2**20 else f"{num_bytes} bytes"
