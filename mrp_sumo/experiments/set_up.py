@@ -70,6 +70,10 @@ def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
     _require_fit(file, map_.nav, graph, model)
     start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
     fleet = fleet_of(model, len(start))
+    for i, breakdown in enumerate(scenario.execution.disturbances.breakdowns):
+        if breakdown.robot >= len(start):
+            place = file.at("execution", "disturbances", "breakdowns", i, "robot")
+            raise ScenarioError(f"{place}: found {breakdown.robot}, but there are {len(start)} robots, counted from 0")
     for i, name in enumerate(scenario.record.robots):
         if name not in fleet.robot_name:
             raise ScenarioError(f"{file.at('record', 'robots', i)}: '{name}' is not a robot{nearest(name, fleet.robot_name)}")

@@ -1,0 +1,44 @@
+"""Campaigns: long searches for faults, run by hand or by night; those that failed before are in tests/campaigns.
+
+    python tools/campaign.py keys                                every key of scenario files, alone and in pairs
+    python tools/campaign.py fuzz --minutes 30 --seed 2          damaged files of every format, through every command that reads it
+    python tools/campaign.py keys --minutes 30 --out DIR         started again with the same folder and seed, it goes on
+
+Files of trials with a fault go to DIR/failed, each with the command that shows it. Exit code 1 when there are any.
+"""
+
+import argparse
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
+    "keys": ("campaigns.keys:Keys", 60.0),
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("campaign", choices=CAMPAIGNS)
+    parser.add_argument("--minutes", type=float, default=30.0, help="after which no trial begins (default: 30)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("runs/campaigns"), metavar="DIR", help="default: runs/campaigns")
+    parser.add_argument("--child", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    sys.path[:0] = [str(ROOT / "tests"), str(ROOT)]
+    from campaigns import driver
+
+    name, limit_s = CAMPAIGNS[options.campaign]
+    module, _, kind = name.partition(":")
+    if options.child is None:
+        command = [sys.executable, __file__, options.campaign, "--seed", str(options.seed), "--out", str(options.out)]
+        return driver.run(command, options.campaign, options.out, options.seed, options.minutes, limit_s)
+    campaign: Any = getattr(import_module(module), kind)(options.seed)
+    driver.work(campaign, options.campaign, options.out, options.seed, options.child)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
