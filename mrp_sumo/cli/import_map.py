@@ -3,7 +3,7 @@
 FILE is an RMF building or nav graph, a MovingAI .map or .scen, a ROS map_server YAML, or the name of a bundled
 map. --out gets NAME.net.xml (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each
 chosen graph (NAME.nav.yaml after repairs), NAME.png, NAME.svg and facts.json, whole or not at all. With --check only findings
-are printed, and the exit code is 2 if the map is refused.
+are printed, and the exit code is 2 if the map is refused. Lanes and vertices where walls leave a robot no room are notes.
 """
 
 import argparse
@@ -19,9 +19,11 @@ from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.errors import MapError
 
 if TYPE_CHECKING:
+    from mrp_sumo.core.fleet import RobotType
     from mrp_sumo.maps.finding import Finding
     from mrp_sumo.maps.map import Map
 
+DEFAULT_ROBOT = "turtlebot3"
 NOTES = 4  # shown beside the findings
 FACTS = "facts.json"  # written last: a folder with it was made by this command
 
@@ -31,6 +33,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="a map file, or the name of a bundled map")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results; one that an earlier import made is replaced")
     add_choice(parser)
+    parser.add_argument(
+        "--robot",
+        metavar="TYPE",
+        help="type of robot that needs room beside the walls, of robots/ or a YAML file (default: turtlebot3); --json then says so too",
+    )
     parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
     parser.add_argument("--check", action="store_true", help="only report findings")
 
@@ -38,6 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Import, and print what came of it."""
     from mrp_sumo.maps.catalogue import find_map
+    from mrp_sumo.maps.clearance import narrow
     from mrp_sumo.maps.facts import facts
 
     if options.check:
@@ -47,41 +55,55 @@ def run(options: argparse.Namespace) -> int:
         raise MapError("say where to write with --out DIR, or use --json or --check to print only")
     if options.out is not None:
         _require_replaceable(options.out)
+    model = _robot_type(options.robot)
     map_ = chosen_map(options.file, options)
+    clearance = narrow(map_.nav, map_.building, model)
+    room = {"robot": model.name, "lanes": len(clearance.lanes), "vertices": len(clearance.vertices), "notes": list(clearance.notes)}
     known = facts(map_, options.cell)
+    written = {**known, "clearance": room}
     if options.out is not None:
-        _write(map_, known, options.out)
+        _write(map_, written, options.out)
     if options.json:
-        print(json.dumps(known, indent=2))
+        print(json.dumps(written if options.robot else known, indent=2))
     else:
-        _print(map_, known, options.out)
+        _print(map_, written, options.out)
     return 0
 
 
 def _check(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.check import findings_of
+    from mrp_sumo.maps.clearance import narrow
     from mrp_sumo.maps.load import load_map
     from mrp_sumo.maps.oddities import oddities
 
-    path = find_map(options.file, Path())
+    path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
         map_ = load_map(path, meters_per_pixel=options.meters_per_pixel, reader=options.reader)
         findings, notes = map_.findings, oddities(map_.building) if map_.building else ()
+        room = narrow(map_.nav, map_.building, model).notes
     except MapError as error:
-        findings, notes = findings_of(error), ()
+        findings, notes, room = findings_of(error), (), ()
     refused = any(finding.severity == "refuse" for finding in findings)
     if options.json:
         warnings = [finding.document() for finding in findings]
-        print(json.dumps({"file": path.name, "refused": refused, "warnings": warnings, "notes": notes}, indent=2))
-    elif not findings and not notes:
+        document = {"file": path.name, "refused": refused, "warnings": warnings, "notes": notes}
+        print(json.dumps({**document, "clearance": room} if options.robot else document, indent=2))
+    elif not findings and not notes and not room:
         print(f"{path.name}: nothing to report")
     else:
         for finding in findings:
             print(f"{path.name}: {finding.severity}: {finding.line}")
-        for note in notes:
+        for note in (*notes, *room):
             print(f"{path.name}: note: {note}")
     return 2 if refused else 0
+
+
+def _robot_type(name: str | None) -> "RobotType":
+    from mrp_sumo.io.scenario import robot_type
+    from mrp_sumo.maps.catalogue import bundled_folder
+
+    return robot_type(name or DEFAULT_ROBOT, bundled_folder("robots"), Path())
 
 
 def _require_replaceable(out: Path) -> None:
@@ -162,6 +184,8 @@ def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
         row("grid", "{width} x {height} cells of {cell_m:g} m, {free} of {total} free".format(**grid))
     for finding in map_.findings:
         table.add_row(*_shown(finding))
+    for note in known["clearance"]["notes"]:
+        table.add_row("note", f"[dim]{escape(note)}[/]")
     for note in _shortened(oddities(map_.building) if map_.building else ()):
         table.add_row("note", f"[dim]{escape(note)}[/]")
     row("files", str(out))

@@ -7,9 +7,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # loaded with the first map: workers are there at once
+    from mrp_sumo.core.fleet import RobotType
     from mrp_sumo.core.graph import PlanGraph
     from mrp_sumo.io.scenario import Discretisation, MapChoice
     from mrp_sumo.maps.building import Building
+    from mrp_sumo.maps.clearance import Narrow
     from mrp_sumo.maps.load import Map
 
 MAX_KEPT = 48  # things made; a suite with more maps makes some of them again
@@ -74,6 +76,18 @@ class MapCache:
             return paper_grid(nav, choice.cell_m) if choice.kind == "grid" else cut_lanes(nav, choice.cell_m, choice.lanes == "two_way")
 
         return self._once((id(nav), choice), make, nav)
+
+    def narrow(self, map_: "Map", graph: "PlanGraph", robot: "RobotType") -> "Narrow":
+        """Where walls leave a type of robot no room on a plan graph."""
+        from mrp_sumo.maps.clearance import narrow
+
+        return self._once(("narrow", id(graph), robot), lambda: narrow(graph, map_.building, robot), graph)
+
+    def pruned(self, graph: "PlanGraph", narrow: "Narrow") -> "PlanGraph":
+        """The plan graph without the lanes and vertices where there is no room."""
+        from mrp_sumo.maps.clearance import pruned
+
+        return self._once(("pruned", id(narrow)), lambda: pruned(graph, narrow), narrow)
 
     def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
         """The SUMO network of a plan graph, with a building drawn behind it for those who look."""

@@ -29,6 +29,7 @@ from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import check_replaceable, plain, result_document, write_run
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.io.summary import Summary, count, seconds, summary
+from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.outside import Outside, failed
@@ -408,7 +409,7 @@ def finish(
     maps, execute, progress, gui
         As for `carry_out`.
     """
-    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.audit import at_walls, audit
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
@@ -425,7 +426,9 @@ def finish(
             note, details, broken = str(error), error.details, POLICY_FAILED
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
-    audited = audit(execution, problem.fleet, problem.graph.level[problem.start]) if execution else None
+    walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None
+    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls) if execution else None
+    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "")))
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     metrics = evaluate(

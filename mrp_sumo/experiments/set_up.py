@@ -66,8 +66,9 @@ def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
     model, chosen_planner, chosen_assigner, settings = choices(file)
     cell_m = scenario.discretisation.cell_m
     map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
-    graph = _with_mutex_groups(file, map_.nav, maps.graph(map_, scenario.discretisation))
+    graph = maps.graph(map_, scenario.discretisation)
     _require_fit(file, map_.nav, graph, model)
+    graph = _with_mutex_groups(file, map_.nav, _with_room(file, maps, map_, graph, model))
     start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
     fleet = fleet_of(model, len(start))
     for i, breakdown in enumerate(scenario.execution.disturbances.breakdowns):
@@ -270,6 +271,22 @@ def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: Rob
         )
     cell_m = cell_that_fits(length_m, needed_m)
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
+
+
+def _with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, model: RobotType) -> PlanGraph:
+    """The graph, or what is left of it where walls leave the robots no room; refused, where the scenario says so."""
+    choice = file.scenario.discretisation.clearance
+    if choice == "ignore":
+        return graph
+    narrow = maps.narrow(map_, graph, model)
+    if choice == "prune":
+        return _located(file, ("discretisation", "clearance"), lambda: maps.pruned(graph, narrow))  # type: ignore[no-any-return]
+    if narrow.notes:
+        fits = "; clearance: prune leaves them out"
+        if (radius_m := narrow.radius_that_fits_m) > 0:
+            fits = f"; a robot that needs no more than {radius_m:.2f} m around its centre would fit{fits}"
+        raise ScenarioError(f"{file.at('discretisation', 'clearance')}: '{graph.name}': {', '.join(narrow.notes)}{fits}")
+    return graph
 
 
 def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:

@@ -63,6 +63,11 @@ class Discretisation(_Strict):
     lanes: Literal["single_track", "two_way"] = Field(
         "single_track", description="Of a roadmap: can robots meet on a bidirectional lane? On a grid they can, lanes are two cells wide."
     )
+    clearance: Literal["refuse", "prune", "ignore"] = Field(
+        "ignore",
+        description="What to do with lanes and cells where walls leave the robots no room: 'refuse' the scenario, 'prune': leave them out. "
+        "A run that touches a wall fails its audit in any case.",
+    )
 
     @model_validator(mode="after")
     def _lanes_of_a_roadmap(self) -> "Discretisation":

@@ -1,6 +1,6 @@
-"""An independent look at what was driven: did robots overlap, jump, speed, turn or brake harder than they can.
+"""An independent look at what was driven: did robots overlap, touch walls, jump, speed, turn or brake harder than they can.
 
-Knows the trajectory, the robots' footprints and limits, and where SUMO says it had the robots; nothing of plans and
+Knows the trajectory, the robots' footprints and limits, the walls, and where SUMO says it had the robots; nothing of plans and
 policies, so it can disagree with all of them. Between samples it takes robots to move straight and evenly, and looks
 at all of that way, not only at the samples.
 """
@@ -12,10 +12,14 @@ import numpy as np
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.metrics import _audit
+from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.clearance import segment_distances
+from mrp_sumo.metrics import _audit, _walls
 
 LISTED = 20  # findings of a kind that are told one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
+PLACE_M = 1.0  # side of the squares for which walls are listed
+LOOK_M = 1.0  # how far walls are looked for at first
 KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
     "speed": "num_speed_violations",
     "accel": "num_accel_violations",
@@ -26,7 +30,7 @@ KINDS = {  # of violations: the count they go to, in the order of the kernel's n
 }
 
 
-def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None) -> dict[str, Any]:
+def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, walls: FloatArray | None = None) -> dict[str, Any]:
     """Look over an execution.
 
     Parameters
@@ -37,6 +41,8 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None) -> 
         Footprints, rectangles of length x width turned by the yaw around the centre, and limits.
     level
         [R] the floor each robot is on; robots on different floors never meet. By default all are on one.
+    walls
+        [W, 2, 2] m, the walls of all these floors, which lie beside each other, without those that doors open; None where nobody knows.
 
     Returns
     -------
@@ -44,23 +50,28 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None) -> 
         `passed`, whether nothing was found; `num_overlaps`, pairs of robots that ever overlap, at a sample or
         between two, and `overlaps`, each pair's first one (robots, t_s, x_m, y_m); `min_clearance_m`, the least
         distance of two footprints at any time (to 0.1 mm; 0 when they overlap, None without two robots), and
-        `min_clearance` with robots and time; counts of samples over the limits of speed, acceleration,
-        deceleration and turn rate; `num_jumps`, steps longer than the robot can drive in the time between two
+        `min_clearance` with robots and time; `num_wall_contacts`, pairs of a robot and a wall that its footprint ever
+        touches, `num_wall_crossings`, those whose wall its centre crosses, and `wall_contacts`, each pair's first one
+        (robot, t_s, x_m, y_m of the robot, crosses); `min_wall_clearance_m`, the least distance of a footprint from a
+        wall, and `min_wall_clearance` with robot and time, all None without walls; counts of samples over the limits of
+        speed, acceleration, deceleration and turn rate; `num_jumps`, steps longer than the robot can drive in the time between two
         samples, and `num_heading_jumps`, turns of more than twice what it can turn; `violations`, the first
         of each kind; `num_sumo_disagreements`, robots SUMO had elsewhere, and `sumo_disagreements`, the
         first of each; `sumo_apart_m`, the most that SUMO's positions are off (None without any);
         `num_sumo_collisions`, what SUMO reports of collisions, and `sumo_collisions`.
     """
     overlaps, clearance = _closeness(execution, fleet, level)
+    walls_found = _at_walls(execution, fleet, walls)
     counts, violations = _motion(execution, fleet)
     elsewhere, apart_m = _elsewhere(execution, fleet)
     collisions = execution.findings
     return {
-        "passed": not (overlaps or any(counts.values()) or elsewhere or collisions),
+        "passed": not (overlaps or walls_found["num_wall_contacts"] or any(counts.values()) or elsewhere or collisions),
         "num_overlaps": len(overlaps),
         "overlaps": overlaps[:LISTED],
         "min_clearance_m": clearance["m"] if clearance else None,
         "min_clearance": clearance and {key: clearance[key] for key in ("robots", "t_s")},
+        **walls_found,
         **counts,
         "violations": violations,
         "num_sumo_disagreements": len(elsewhere),
@@ -71,11 +82,21 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None) -> 
     }
 
 
+def at_walls(audited: dict[str, Any]) -> str:
+    """In words, what an audit found at walls; '' for nothing."""
+    if not audited["num_wall_contacts"]:
+        return ""
+    first, more = audited["wall_contacts"][0], audited["num_wall_contacts"] - 1
+    what = "drives through a wall" if first["crosses"] else "touches a wall"
+    others = f", and {more} more contact{'s' if more > 1 else ''}" if more else ""
+    return f"{first['robot']} {what} at ({first['x_m']:.2f}, {first['y_m']:.2f}) after {first['t_s']:.1f} s{others}"
+
+
 def prepare() -> None:
     """Get the kernels compiled or loaded: two robots that stand still."""
     x, still = np.array([[0.0, 2.0]] * 2), np.zeros((2, 2))
     run = Execution(np.arange(2.0), x, still, still, still, np.zeros(0), np.zeros(2), Outcome.COMPLETED, "", 1.0, 0.0, 0.0)
-    audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2))
+    audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2), walls=np.array([[(0.0, 1.0), (1.0, 1.0)]]))
 
 
 def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -101,6 +122,67 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
         overlaps.append({"robots": [fleet.robot_name[a], fleet.robot_name[b]], "t_s": t_s, **place})
     robots = [fleet.robot_name[int(r)] for r in where[2:]]
     return overlaps, {"m": float(best), "robots": robots, "t_s": time(where[0], where[1])}
+
+
+def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> dict[str, Any]:
+    """The first contact of every robot with every wall, by time, and the least distance of a footprint from a wall."""
+    if walls is None:
+        names = ("num_wall_contacts", "num_wall_crossings", "wall_contacts", "min_wall_clearance_m", "min_wall_clearance")
+        return dict.fromkeys(names)
+    best, where, hits = _nearest_walls(execution, fleet, walls)
+    t = execution.t_s
+    contacts = []
+    for k, share, r, w in sorted(hits.tolist(), key=lambda hit: (hit[0] + hit[1], hit[2:])):
+        t_s, robot = float(t[int(k)] + share * (t[min(int(k) + 1, len(t) - 1)] - t[int(k)])), int(r)
+        (x,), (y,), _ = positions_at(execution, np.array([t_s]))
+        way = np.stack([execution.x_m[:, robot], execution.y_m[:, robot]], axis=1)
+        a, b = (np.broadcast_to(end, way[1:].shape) for end in walls[int(w)])
+        crosses = bool((segment_distances(way[:-1], way[1:], a, b) == 0).any())
+        contacts.append({"robot": fleet.robot_name[robot], "t_s": t_s, "x_m": float(x[robot]), "y_m": float(y[robot]), "crosses": crosses})
+    nearest = None
+    if np.isfinite(best):
+        k, robot = int(where[0]), int(where[2])
+        t_s = float(t[k] + where[1] * (t[min(k + 1, len(t) - 1)] - t[k]))
+        nearest = {"robot": fleet.robot_name[robot], "t_s": t_s}
+    return {
+        "num_wall_contacts": len(contacts),
+        "num_wall_crossings": sum(contact["crosses"] for contact in contacts),
+        "wall_contacts": contacts[:LISTED],
+        "min_wall_clearance_m": float(best) if nearest else None,
+        "min_wall_clearance": nearest,
+    }
+
+
+def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+    """What the kernel finds; robots are looked at with the walls of the square that they are in, and farther ones where there are none."""
+    x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
+    here = np.isfinite(x) & np.isfinite(y)
+    if not here.any() or not len(walls):
+        return np.inf, np.zeros(4), np.zeros((0, 4))
+    half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
+    xy = np.stack([x[here], y[here]], axis=1)
+    column, row = np.floor((xy - xy.min(axis=0)) / PLACE_M).astype(np.int64).T
+    place, of_place = np.unique(column * (row.max() + 1) + row, return_inverse=True)
+    cell = np.full(x.shape, -1, np.int64)
+    cell[here] = of_place
+    corner = xy.min(axis=0) + PLACE_M * np.stack([place // (row.max() + 1), place % (row.max() + 1)], axis=1)
+    way = walls[:, 1] - walls[:, 0]
+    strokes = np.column_stack([walls.mean(axis=1), np.arctan2(way[:, 1], way[:, 0]), np.hypot(*way.T) / 2])
+    boxes = np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1)
+    moved_m = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
+    around_m = float(np.hypot(half_length, half_width).max()) + float(moved_m[np.isfinite(moved_m)].max(initial=0.0))
+    everything = np.concatenate([xy, walls.reshape(-1, 2)])
+    farthest_m, look_m = float(np.hypot(*np.ptp(everything, axis=0))) + around_m, LOOK_M
+    while True:
+        near_m = around_m + look_m
+        i, j = overlapping(np.concatenate([corner - near_m, corner + PLACE_M + near_m], axis=1), boxes)
+        first = np.searchsorted(i, np.arange(len(corner) + 1))
+        best, where, hits = _walls.wall_closeness(x, y, yaw, half_length, half_width, cell, first, j, strokes, look_m)
+        if where[2] >= 0:
+            return best, where, hits
+        if look_m > farthest_m:
+            return np.inf, where, hits
+        look_m *= 8
 
 
 def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[dict[str, Any]]]:

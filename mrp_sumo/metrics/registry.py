@@ -39,6 +39,8 @@ METRICS: tuple[Metric, ...] = (
     service.lateness_max_s,
     safety.min_clearance_m,
     safety.num_overlaps,
+    safety.min_wall_clearance_m,
+    safety.num_wall_contacts,
     motion.sim_time_s,
     motion.wall_time_s,
     motion.cpu_time_s,

@@ -114,3 +114,17 @@ def test_missing_files_name_the_nearest_bundled_map(capsys):
 def test_that_there_is_no_such_map_comes_first(capsys):
     assert main(["import", "ofice"]) == 2
     assert "no map 'ofice': neither a file nor a bundled map (did you mean 'office'?)" in capsys.readouterr().err
+
+
+def test_lanes_without_room_for_a_robot_are_reported(capsys):
+    assert main(["import", "office", "--check"]) == 0
+    assert capsys.readouterr().out == "office.building.yaml: nothing to report\n"
+    assert main(["import", "office", "--check", "--robot", "forklift"]) == 0
+    assert capsys.readouterr().out.startswith(
+        "office.building.yaml: note: 10 vertices are closer than 0.98 m to a wall, too close for 'forkl"
+    )
+    assert main(["import", "office", "--json", "--robot", "forklift"]) == 0
+    room = json.loads(capsys.readouterr().out)["clearance"]
+    assert (room["robot"], room["lanes"], room["vertices"], len(room["notes"])) == ("forklift", 0, 10, 1)
+    assert main(["import", "office", "--check", "--robot", "forklif"]) == 2
+    assert "'forklif' is neither a robot type nor a file (did you mean 'forklift'?)" in capsys.readouterr().err

@@ -207,3 +207,14 @@ def _fixed(folder, goal):
     path = folder / f"{goal}.yaml"
     path.write_text(f"map: office\nrobots: {{starts: [v1], goals: [{goal}]}}\nplanner: astar\nassignment: {{mode: fixed}}\n")
     return path
+
+
+def test_a_run_through_a_wall_fails_its_audit_and_says_where(tmp_path):
+    wide = ["office_9", "--set", "discretisation.cell_m=1.0", "--set", "record.bag=false"]
+    code, result = run(tmp_path / "through", *wide)
+    assert code == 1 and result["status"] == "audit_failed" and result["metrics"]["all_goals_reached"]
+    assert "drives through a wall at (" in result["note"]
+    assert result["metrics"]["num_wall_contacts"] > 0 and result["metrics"]["min_wall_clearance_m"] == 0
+    code, result = run(tmp_path / "around", *wide, "--set", "discretisation.clearance=prune")
+    assert code == 0 and result["status"] == "completed" and result["note"] == ""
+    assert result["metrics"]["num_wall_contacts"] == 0 < result["metrics"]["min_wall_clearance_m"]

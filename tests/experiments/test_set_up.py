@@ -5,11 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.drive.disturbances import Closure
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.maps.clearance import narrow
 
 BUILDING = "map: office\ndiscretisation: {kind: roadmap, cell_m: 0.5}\nrobots: {count: 2}\n"
 
@@ -90,3 +92,77 @@ def test_robot_too_large_for_a_step_names_the_lane_or_the_cell_length_that_would
         path.write_text(path.read_text().replace(f"cell_m: {cell_m}", f"cell_m: {told.split('cell_m: ')[1].split(' ')[0]}"))
         with MapCache() as maps:
             assert set_up(read_scenario(path), maps).problem.num_robots == 1
+
+
+WIDE_CELLS = "map: office\nseed: 3000\nrobots: {count: 9}\ndiscretisation:\n  cell_m: 1.0\n  clearance: "  # a grid that reaches into walls
+
+
+def test_a_map_without_room_is_refused_where_the_scenario_says_so(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(WIDE_CELLS + "refuse\n")
+    with MapCache() as maps, pytest.raises(ScenarioError) as refused:
+        set_up(read_scenario(path), maps)
+    (line,) = str(refused.value).splitlines()
+    assert line.startswith(
+        "scenario.yaml:6: discretisation.clearance: 'office': 20 lanes lead through a wall, such as v10 (2.10, -9.90) -> "
+    )
+    assert line.endswith("; clearance: prune leaves them out")
+    with MapCache() as maps:
+        fitting = read_scenario(path, {("discretisation", "cell_m"): ("--set", 0.4)})
+        assert set_up(fitting, maps).problem.graph.num_vertices == 348
+
+
+TWO_ROOMS = """name: rooms
+coordinate_system: cartesian_meters
+levels:
+  L1:
+    vertices: [[1, 2, 0, west], [9, 2, 0, east], [4.5, 0, 0, ""], [4.5, 1.65, 0, ""], [4.5, 2.35, 0, ""], [4.5, 4, 0, ""]]
+    lanes: [[0, 1, {bidirectional: [4, true], graph_idx: [2, 0]}]]
+    walls: [[2, 3, {}], [4, 5, {}]]
+"""  # a gap of 0.7 m: amr_600, 0.6 m wide, drives through, and has no room to turn, for which it takes 0.85 m
+
+
+@pytest.mark.parametrize(
+    ("cell_m", "line"),
+    [
+        (2.0, ""),  # cuts at 3, 5 and 7 m: 0.5 m from the wall and more
+        (8 / 7, r"s.yaml:2: discretisation.clearance: 'rooms': 1 vertex is closer than 0.42 m to a wall, too close for 'amr_600' to turn, "
+         r"the closest v4 \(4.43, 2.00\): 0.36 m; a robot that needs no more than 0.35 m around its centre would fit; clearance: prune"),
+    ],
+)  # fmt: skip
+def test_a_gap_is_passed_where_the_robot_need_not_turn_in_it(tmp_path, cell_m, line):
+    path = rooms(tmp_path, cell_m, "refuse")
+    with MapCache() as maps:
+        if not line:
+            assert set_up(read_scenario(path), maps).problem.graph.num_vertices == 5
+            return
+        with pytest.raises(ScenarioError, match=line):
+            set_up(read_scenario(path), maps)
+
+
+def test_a_goal_that_pruning_cuts_off_is_named(tmp_path):
+    with MapCache() as maps, pytest.raises(ScenarioError, match=r"robots.starts\[0\]: robot_0 cannot reach any goal from 'west'"):
+        set_up(read_scenario(rooms(tmp_path, 8 / 7, "prune")), maps)
+
+
+def rooms(tmp_path, cell_m, clearance):
+    (tmp_path / "rooms.building.yaml").write_text(TWO_ROOMS)
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        f"map: rooms.building.yaml\ndiscretisation: {{kind: roadmap, cell_m: {cell_m}, clearance: {clearance}}}\n"
+        "robots: {type: amr_600, starts: [west], goals: [east]}\n"
+    )
+    return path
+
+
+def test_pruned_graphs_have_room_and_are_made_once(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(WIDE_CELLS + "prune\n")
+    with MapCache() as maps:
+        pruned = set_up(read_scenario(path), maps)
+        assert set_up(read_scenario(path), maps).problem.graph is pruned.problem.graph
+        whole = set_up(read_scenario(path, {("discretisation", "clearance"): ("--set", "ignore")}), maps)
+    graph, robot = pruned.problem.graph, RobotType("turtlebot3", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84)
+    assert graph.num_vertices == whole.problem.graph.num_vertices and graph.num_lanes < whole.problem.graph.num_lanes
+    assert narrow(whole.problem.graph, whole.map.building, robot).notes
+    assert narrow(graph, pruned.map.building, robot).notes == ()

@@ -43,6 +43,8 @@ def test_documentation_has_the_row_of_every_metric_and_no_other():
         ("lower_bound_steps", "more"),
         ("plan_valid", "more"),
         ("num_overlaps", "less"),
+        ("min_wall_clearance_m", "more"),
+        ("num_wall_contacts", "less"),
         ("num_robots", "none"),
     ],
 )

@@ -217,6 +217,7 @@ def _about(run: AnyRun, record: RunRecord) -> About:
         "Largest lateness": _lateness(metrics.get("lateness_max_s")),
         "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
         "Overlaps": metrics.get("num_overlaps"),
+        "Wall contacts": metrics.get("num_wall_contacts"),
     }
     return About(
         name=record.name,

@@ -1,0 +1,226 @@
+"""How much room walls leave: the distance of every lane and vertex of a graph from the nearest wall of its level.
+
+Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
+their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
+of the circle around it.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
+
+ON_WALL_M = WALL_THICKNESS_M  # a door this near to a wall, and along it, is drawn on it
+SAME_WAY = np.cos(np.radians(15))  # a door on a wall has its direction, about
+SHORTEST_M = 1e-6  # of what doors leave of a wall
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """Distances in m from the nearest wall, inf where none is as near as was asked for. Read-only."""
+
+    lane_m: FloatArray  # [L] of the whole lane, its ends included; 0 when it meets a wall
+    vertex_m: FloatArray  # [V]
+
+
+@dataclass(frozen=True, eq=False)
+class Narrow:
+    """Where a type of robot has no room beside the walls. Read-only."""
+
+    robot: RobotType
+    graph: NavGraph
+    lane_m: FloatArray  # [L] distance from the nearest wall, inf where it is of no interest
+    vertex_m: FloatArray  # [V]
+    is_narrow_lane: BoolArray  # [L] the robot touches a wall when it drives along
+    is_narrow_vertex: BoolArray  # [V] the robot touches a wall when it turns, and there are lanes
+
+    @property
+    def lanes(self) -> IntArray:
+        """Lanes without room, a lane and its reverse once, the nearest to a wall first."""
+        once = np.flatnonzero(self.is_narrow_lane & ((self.graph.reverse < 0) | (self.graph.tail < self.graph.head)))
+        return once[np.argsort(self.lane_m[once], kind="stable")]
+
+    @property
+    def vertices(self) -> IntArray:
+        """Vertices without room, the nearest to a wall first."""
+        found = np.flatnonzero(self.is_narrow_vertex)
+        return found[np.argsort(self.vertex_m[found], kind="stable")]
+
+    @property
+    def radius_that_fits_m(self) -> float:
+        """Of the circle around a robot with room everywhere; 0 where lanes lead through walls, inf where nothing is narrow."""
+        return float(self.lane_m.min(initial=np.inf))  # whose ends are the vertices
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A line on the lanes without room and one on the vertices; none where there is room everywhere."""
+        lanes, vertices, name, found = self.lanes, self.vertices, self.robot.name, []
+        if crossing := int(np.count_nonzero(self.lane_m[lanes] == 0)):
+            found.append(f"{_count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
+        if beside := lanes[crossing:].tolist():
+            room = f"{self.robot.width_m / 2:.2f} m to a wall, too close for '{name}'"
+            nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
+            found.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
+        if len(vertices):
+            room = f"{self.robot.radius_m:.2f} m to a wall, too close for '{name}' to turn"
+            nearest = f"the closest {self._vertex(vertices[0])}: {self.vertex_m[vertices[0]]:.2f} m"
+            found.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
+        return tuple(found)
+
+    def _lane(self, lane: int) -> str:
+        return f"{self._vertex(self.graph.tail[lane])} -> {self._vertex(self.graph.head[lane])}"
+
+    def _vertex(self, vertex: int) -> str:
+        x, y = self.graph.xy[vertex]
+        return f"{self.graph.label(vertex)} ({x:.2f}, {y:.2f})"
+
+
+def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narrow:
+    """Where a robot has no room on a graph; everywhere there is some where there is no building."""
+    if building is None:
+        far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
+        return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
+    found = clearance(graph, building, robot.radius_m)
+    driven = np.zeros(graph.num_vertices, np.bool_)
+    driven[graph.tail] = driven[graph.head] = True
+    lanes = (found.lane_m == 0) | (found.lane_m < robot.width_m / 2 - SHORTEST_M)
+    return Narrow(robot, graph, found.lane_m, found.vertex_m, lanes, driven & (found.vertex_m < robot.radius_m - SHORTEST_M))
+
+
+def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
+    """A plan graph less its lanes without room, and those from and to vertices without; vertices keep their numbers.
+
+    Raises
+    ------
+    MapError
+        When no lane is left.
+    """
+    kept = np.flatnonzero(~(without.is_narrow_lane | without.is_narrow_vertex[graph.tail] | without.is_narrow_vertex[graph.head]))
+    if len(kept) == graph.num_lanes:
+        return graph
+    if not len(kept):
+        raise MapError(f"no lane of '{graph.name}' leaves '{without.robot.name}' room beside the walls")
+    rest = nav_graph(
+        name=graph.name,
+        xy=graph.xy,
+        lanes=np.stack([graph.tail[kept], graph.head[kept]], axis=1),
+        level_names=graph.level_names,
+        level=graph.level,
+        vertex_name=graph.vertex_name,
+        vertex_options=graph.vertex_options,
+        length_m=graph.length_m[kept],
+        speed_mps=graph.speed_mps[kept],
+        lane_options=[graph.lane_options[lane] for lane in kept.tolist()],
+        source=graph.source,
+    )
+    return plan_graph(
+        rest,
+        kind=graph.kind,
+        cell_m=graph.cell_m,
+        vertex_of_station=graph.vertex_of_station,
+        nav_lane=graph.nav_lane,
+        offset_m=graph.offset_m,
+    )
+
+
+def standing_walls(building: Building, level_names: Collection[str]) -> FloatArray:
+    """[W, 2, 2] m, what doors leave of the walls of some levels, in the map's frame; names that the building lacks are ignored."""
+    parts = [_without_doors(level) for name, level in building.levels.items() if name in level_names]
+    return np.concatenate([np.zeros((0, 2, 2)), *parts])
+
+
+def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance:
+    """How far the lanes and vertices of a graph are from walls.
+
+    Parameters
+    ----------
+    graph
+        A nav graph or plan graph of the building's map, in its frame.
+    building
+        With the walls.
+    within_m
+        Distances above this are inf.
+    """
+    xy, tail, head = graph.xy, graph.tail, graph.head
+    lane_m, vertex_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
+    is_once = ((graph.reverse < 0) | (tail < head)) & (graph.level[tail] == graph.level[head])  # a lift has walls of its own
+    for k, name in enumerate(graph.level_names):
+        walls = standing_walls(building, (name,))
+        lanes = np.flatnonzero(is_once & (graph.level[tail] == k))
+        near, wall = _near(xy[tail[lanes]], xy[head[lanes]], walls, within_m)
+        lane = lanes[near]
+        np.minimum.at(lane_m, lane, segment_distances(xy[tail[lane]], xy[head[lane]], *walls[wall].transpose(1, 0, 2)))
+        vertices = np.flatnonzero(graph.level == k)
+        near, wall = _near(xy[vertices], xy[vertices], walls, within_m)
+        np.minimum.at(vertex_m, vertices[near], point_distances(xy[vertices[near]], *walls[wall].transpose(1, 0, 2)))
+    back = np.flatnonzero((graph.reverse >= 0) & (tail > head))
+    lane_m[back] = lane_m[graph.reverse[back]]
+    lane_m[lane_m > within_m] = np.inf
+    vertex_m[vertex_m > within_m] = np.inf
+    return Clearance(frozen(lane_m), frozen(vertex_m))
+
+
+def point_distances(point: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """[N] distance of each point from its segment a-b; all are [N, 2]."""
+    way, off = b - a, point - a
+    long = (way**2).sum(axis=1)
+    share = np.clip((off * way).sum(axis=1) / np.where(long > 0, long, 1.0), 0.0, 1.0)
+    apart: FloatArray = np.hypot(*(off - share[:, None] * way).T)
+    return apart
+
+
+def segment_distances(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """[N] distance of each segment a-b from its segment c-d, 0 when they meet; all are [N, 2]."""
+
+    def side(p: FloatArray, q: FloatArray, of: FloatArray) -> FloatArray:
+        return (q[:, 0] - p[:, 0]) * (of[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (of[:, 0] - p[:, 0])
+
+    meets = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
+    ends = np.stack([point_distances(a, c, d), point_distances(b, c, d), point_distances(c, a, b), point_distances(d, a, b)])
+    apart: FloatArray = np.where(meets, 0.0, ends.min(axis=0))
+    return apart
+
+
+def _near(a: FloatArray, b: FloatArray, walls: FloatArray, within_m: float) -> tuple[IntArray, IntArray]:
+    """Pairs of a segment a-b and a wall whose boxes are at most this far apart."""
+    boxes = np.concatenate([np.minimum(a, b) - within_m, np.maximum(a, b) + within_m], axis=1)
+    return overlapping(boxes, np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1))
+
+
+def _without_doors(level: Level) -> FloatArray:
+    """[W, 2, 2] m, the walls of a level with a gap at every door that is drawn on one."""
+    walls = level.wall_xy
+    doors = level.xy[np.array([(door.start, door.end) for door in level.doors], np.int64).reshape(-1, 2)]  # [D, 2, 2]
+    which, door = _near(doors[:, 0], doors[:, 1], walls, ON_WALL_M)[::-1]
+    way, across = walls[which, 1] - walls[which, 0], doors[door, 1] - doors[door, 0]
+    long, wide = np.hypot(*way.T), np.hypot(*across.T)
+    safe = np.maximum(long, 1e-12)[:, None]
+    unit = way / safe
+    from_a = doors[door] - walls[which, 0][:, None]  # [P, 2, 2]
+    along = (from_a * unit[:, None]).sum(axis=2)  # [P, 2] m from the wall's first end
+    away = np.abs(from_a[..., 0] * unit[:, None, 1] - from_a[..., 1] * unit[:, None, 0]).max(axis=1)
+    is_on = (away <= ON_WALL_M) & (np.abs((across * unit).sum(axis=1)) >= SAME_WAY * wide) & (wide > 0) & (long > 0)
+    gaps: dict[int, list[tuple[float, float]]] = {}
+    for w, (begin, end) in zip(which[is_on].tolist(), np.sort(along[is_on], axis=1).tolist()):
+        gaps.setdefault(w, []).append((begin, end))
+    untouched = np.ones(len(walls), np.bool_)
+    untouched[list(gaps)] = False
+    parts = [walls[untouched]]
+    for w, opened in gaps.items():
+        a, b = walls[w]
+        length_m, free_m = float(np.hypot(*(b - a))), 0.0
+        for begin, end in [*sorted(opened), (np.inf, np.inf)]:  # what is left up to each gap, and up to the end
+            if min(begin, length_m) - free_m > SHORTEST_M:
+                parts.append((a + np.array([[free_m], [min(begin, length_m)]]) / length_m * (b - a))[None])
+            free_m = max(free_m, end)
+    return np.concatenate(parts)
+
+
+def _count(count: int, one: str, more: str) -> str:
+    return f"{count} {one if count == 1 else more}"

@@ -1,0 +1,117 @@
+"""The audit's kernel for walls: how near footprints come to them, also between samples, and which they touch.
+
+Moves between samples are straight and even, as for `_audit`; an interval is left aside, or halved, until nothing in it can matter.
+"""
+
+import numpy as np
+
+from mrp_sumo.metrics._audit import CLOSE_ENOUGH_M, TOUCH_M, rectangle_distance, short_way
+from mrp_sumo.search._kernel import kernel
+
+
+@kernel
+def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, walls, best):
+    """How near footprints come to walls in T samples of R robots.
+
+    Parameters
+    ----------
+    x, y, yaw
+        [T, R], NaN where a robot is not on the floor.
+    half_length, half_width
+        [R] of footprints.
+    cell
+        [T, R] the place each robot is at, -1 where there is no wall near.
+    first, listed
+        CSR: the walls that a robot in the interval after it was at a place can matter to.
+    walls
+        [W, 4] middle x, y, direction, half length.
+    best
+        What is farther than this is of no interest.
+
+    Returns
+    -------
+    best, where
+        The least distance (0 when any touches) as far as it is below the given one, and [4] the interval (the sample
+        before), the share of it that has passed, robot and wall.
+    hits
+        [H, 4] the same for the first contact of every robot with every wall.
+    """
+    num_samples, num_robots = x.shape
+    num_walls = len(walls)
+    where, hits, num_hits = np.full(4, -1.0), np.empty((64, 4)), 0
+    known = {np.int64(-1)}
+    stack, found = np.empty((128, 4)), np.empty(3)
+    for k in range(num_samples):
+        after = min(k + 1, num_samples - 1)
+        for r in range(num_robots):
+            if cell[k, r] < 0:
+                continue
+            if k > 0 and x[k, r] == x[after, r] and y[k, r] == y[after, r] and yaw[k, r] == yaw[after, r] and x[k - 1, r] == x[k, r]:
+                continue  # it stands: the interval before ended as this one goes on
+            for at in range(first[cell[k, r]], first[cell[k, r] + 1]):
+                wall = listed[at]
+                pair = np.int64(r) * num_walls + wall
+                _meet_wall(x, y, yaw, k, after, r, half_length[r], half_width[r], walls[wall], best, pair in known, stack, found)
+                if found[0] < best:
+                    best = found[0]
+                    where[0], where[1], where[2], where[3] = k, found[1], r, wall
+                if found[2] >= 0.0:
+                    known.add(pair)
+                    if num_hits == len(hits):
+                        hits = np.concatenate((hits, np.empty_like(hits)))
+                    hits[num_hits, 0], hits[num_hits, 1], hits[num_hits, 2], hits[num_hits, 3] = k, found[2], r, wall
+                    num_hits += 1
+    return best, where, hits[:num_hits]
+
+
+@kernel
+def _meet_wall(x, y, yaw, k, after, r, half_length, half_width, wall, best, known, stack, found):
+    """A robot and a wall in one interval: `found` becomes the least distance (as far as it is below `best`), when, and
+    when the robot touches it first (-1: not, or it is known).
+    """
+    found[0], found[1], found[2] = np.inf, 0.0, -1.0
+    dx, dy, yaw_r, yaw_w, half_wall = wall[0] - x[k, r], wall[1] - y[k, r], yaw[k, r], wall[2], wall[3]
+    move_x, move_y, turn = x[k, r] - x[after, r], y[k, r] - y[after, r], short_way(yaw[after, r] - yaw_r)
+    if not np.isfinite(move_x + move_y):  # it goes: it is looked at where it was
+        move_x, move_y, turn = 0.0, 0.0, 0.0
+    # the circle around it first
+    radius = np.hypot(half_length, half_width)
+    cos, sin, moved = np.cos(yaw_w), np.sin(yaw_w), np.hypot(move_x, move_y)
+    along, across = abs(cos * dx + sin * dy) - half_wall, abs(cos * dy - sin * dx)
+    outside = np.hypot(max(along, 0.0), across) - radius - moved
+    if outside > 0.0 and outside >= best:
+        return
+    begin = rectangle_distance(dx, dy, yaw_r, yaw_w, half_length, half_width, half_wall, 0.0)
+    found[0] = max(begin, 0.0)
+    if begin < -TOUCH_M and not known:
+        found[2] = 0.0
+        return
+    pace = moved + radius * abs(turn)  # m its points move at most
+    if pace == 0.0:
+        return
+    end = rectangle_distance(dx + move_x, dy + move_y, yaw_r + turn, yaw_w, half_length, half_width, half_wall, 0.0)
+    if max(end, 0.0) < found[0]:
+        found[0], found[1] = max(end, 0.0), 1.0
+    depth, touched = 1, 2.0
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, max(begin, 0.0), max(end, 0.0)
+    if end < -TOUCH_M and not known:
+        touched = 1.0
+    while depth:
+        depth -= 1
+        a, b, distance_a, distance_b = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+        least = (distance_a + distance_b - pace * (b - a)) / 2.0  # of all that may be in between
+        nearer = max(least, 0.0) < min(best, found[0]) - CLOSE_ENOUGH_M
+        if a >= touched or not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
+            continue
+        f = (a + b) / 2.0
+        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_r + f * turn, yaw_w, half_length, half_width, half_wall, 0.0)
+        if max(d, 0.0) < found[0]:
+            found[0], found[1] = max(d, 0.0), f
+        if d < -TOUCH_M and not known:
+            touched = min(touched, f)
+        d = max(d, 0.0)
+        stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = f, b, d, distance_b
+        stack[depth + 1, 0], stack[depth + 1, 1], stack[depth + 1, 2], stack[depth + 1, 3] = a, f, distance_a, d
+        depth += 2
+    if touched <= 1.0:
+        found[2] = touched
