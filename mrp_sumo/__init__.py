@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.door.running import Replay, Run, load_run, run, simulate
     from mrp_sumo.door.scenario import Scenario
     from mrp_sumo.errors import MrpSumoError
-    from mrp_sumo.experiments.run import Solution
+    from mrp_sumo.experiments.solve import Solution
     from mrp_sumo.io.results import load_results
 
 __version__ = "0.1.0"
@@ -39,7 +39,7 @@ _HOMES = {
     "Run": "door.running",
     "Scenario": "door.scenario",
     "Site": "door.maps",
-    "Solution": "experiments.run",
+    "Solution": "experiments.solve",
     "Status": "core.plan",
     "judge": "door.planning",
     "load_map": "door.maps",

@@ -69,8 +69,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _scenario(options: argparse.Namespace) -> "Planned":
     from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.experiments.run import solve
     from mrp_sumo.experiments.set_up import set_up
+    from mrp_sumo.experiments.solve import solve
     from mrp_sumo.formats.peers import cells_of
 
     file = scenario_choice.chosen_scenario(options)

@@ -15,7 +15,8 @@ from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.failure import print_failure
 
 if TYPE_CHECKING:
-    from mrp_sumo.experiments.run import Progress, RunResult
+    from mrp_sumo.experiments.result import RunResult
+    from mrp_sumo.experiments.solve import StageReport
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _progress_bar() -> "Iterator[Progress | None]":
+def _progress_bar() -> "Iterator[StageReport | None]":
     """A progress bar on a terminal, nothing in a pipe."""
     if not sys.stderr.isatty():
         yield None

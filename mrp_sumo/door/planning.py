@@ -12,9 +12,8 @@ from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
 from mrp_sumo.door.maps import Site, shared_maps, site_of
 from mrp_sumo.door.scenario import Scenario, dotted, required
 from mrp_sumo.errors import PlanError
-from mrp_sumo.experiments import run as runs
-from mrp_sumo.experiments.run import Solution
 from mrp_sumo.experiments.set_up import SetUp, planned_as, set_up
+from mrp_sumo.experiments.solve import Solution, solve
 from mrp_sumo.formats.peers import goals_reached
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario import changed
@@ -209,9 +208,9 @@ def plan(
         raise PlanError(f"plan: found {_listed(tuple(parameters))}, but a planner that is no name has its parameters already")
     setup = planned_as(problem.setup, changed(problem.setup.file, {place: (dotted(place), value) for place, value in places.items()}))
     if planner is None or isinstance(planner, str):
-        return runs.solve(setup)
+        return solve(setup)
     own = _with_own(setup, planner)
-    solution = runs.solve(replace(own, problem=problem))
+    solution = solve(replace(own, problem=problem))
     plain = problem.setup.problem.assigned(solution.problem.goal_of)  # replanning may send it to another process
     return replace(solution, setup=own, problem=plain)
 

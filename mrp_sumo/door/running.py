@@ -14,8 +14,10 @@ from mrp_sumo.door.maps import shared_maps
 from mrp_sumo.door.planning import Problem, solution_of
 from mrp_sumo.door.scenario import Scenario, required
 from mrp_sumo.errors import MrpSumoError, PlanError
-from mrp_sumo.experiments.run import Progress, RunResult, Solution, carry_out, finish
+from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.run import carry_out, finish
 from mrp_sumo.experiments.set_up import driven_as
+from mrp_sumo.experiments.solve import Solution, StageReport
 from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.record import RunRecord
@@ -248,7 +250,7 @@ def simulate(
     plan: Solution | Plan,
     policy: str | Mapping[str, Any] | None = None,
     *,
-    progress: Progress | None = None,
+    progress: StageReport | None = None,
     **execution: Any,
 ) -> Run:
     """Drive a plan in SUMO, and measure it.
@@ -294,7 +296,7 @@ def simulate(
     return Run(finish(setup, solution, shared_maps(), progress=progress))
 
 
-def run(scenario: Scenario, *, progress: Progress | None = None) -> Run:
+def run(scenario: Scenario, *, progress: StageReport | None = None) -> Run:
     """Plan, drive and measure a scenario.
 
     Parameters

@@ -52,7 +52,7 @@ class NewPlan:
     """Nothing milder helps."""
 
 
-Need = GiveWay | Detour | NewPlan
+Case = GiveWay | Detour | NewPlan
 
 
 class Dispatcher:
@@ -96,7 +96,7 @@ class Dispatcher:
         vertex = int(self.ledger.column("vertex")[state.grants.wanted[robot]])
         return Event(now_s, "blocked_for_good", robot, vertex, other, 0.0, f"{behind}, which {why}")
 
-    def due(self, now_s: float, keeps_order: bool) -> Iterator[Need]:
+    def due(self, now_s: float, keeps_order: bool) -> Iterator[Case]:
         """What has to be decided now, the mildest first; none of it once one has been answered."""
         if self.settings.on_deadlock != "resolve":
             return
@@ -118,10 +118,10 @@ class Dispatcher:
         if self.settings.replanner and (late or old or opened) and now_s >= self._again_s:
             yield NewPlan()
 
-    def answer(self, need: Need, now_s: float) -> Replan | None:
+    def answer(self, case: Case, now_s: float) -> Replan | None:
         """Other ways for robots, None where there are none."""
         around = Surroundings(self.ledger, self.world.closed)
-        match need:
+        match case:
             case GiveWay(ring):
                 return self._give_way(now_s, ring, around)
             case Detour(robots):

@@ -21,10 +21,9 @@ from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
 from mrp_sumo.drive.policy import DecidingPolicy, Policy
 from mrp_sumo.drive.reroute import Replan, Reroute
-from mrp_sumo.drive.state import NEVER, Needs, state_at_rest
+from mrp_sumo.drive.state import NEVER, VisitNeeds, state_at_rest
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.passages import Needs as PlanNeeds
-from mrp_sumo.traffic.passages import Schedule
+from mrp_sumo.traffic.passages import Needs, Schedule
 from mrp_sumo.traffic.resources import Resources
 from mrp_sumo.traffic.schedule import check_order
 
@@ -288,11 +287,11 @@ class Ledger:
         left = np.bincount(np.repeat(np.arange(len(ids)), count)[kept], minlength=len(ids))
         return np.concatenate([[0], np.cumsum(left)]).astype(np.int64), needs[kept]
 
-    def _plan_needs(self, ids: IntArray) -> PlanNeeds:
+    def _plan_needs(self, ids: IntArray) -> Needs:
         """What some visits still need, as policies see it."""
         first, kept = self._needs_of(ids)
         columns = self._need_columns
-        return PlanNeeds(frozen(first), columns["resource"][kept], columns["on_lane"][kept], len(self.state.grants.holder))
+        return Needs(frozen(first), columns["resource"][kept], columns["on_lane"][kept], len(self.state.grants.holder))
 
     def _keep_order(self, policy: Policy, plan: Plan, ids: IntArray, schedule: Schedule | None) -> None:
         """Let the visits that are still to be made be driven as the policy says."""
@@ -399,7 +398,7 @@ class Ledger:
         """`visits` and `needs` as kernels see them, after arrays have been made anew."""
         columns = {name: self._columns[name] for name in VISIT_COLUMNS}
         self.visits = Visits(**columns, **self._of_robot, reverse=self.graph.reverse)
-        self.needs = Needs(first=self._need_first, **self._need_columns, passing=self._passing)
+        self.needs = VisitNeeds(first=self._need_first, **self._need_columns, passing=self._passing)
 
 
 def replies_of(ledger: Ledger) -> tuple[Reply, ...]:

@@ -13,7 +13,7 @@ from mrp_sumo.engines.protocol import Engine
 
 ROWS = 256  # samples are kept in blocks of this many
 COMPARE_EVERY_S = 10.0  # the engine's own positions are kept this often for the audit, and at the end
-Progress = Callable[[float, int], None]  # simulated time in s, robots that are where their tasks end
+AtGoalReport = Callable[[float, int], None]  # simulated time in s, robots that are where their tasks end
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Witness:
 class ProgressReport:
     """Reports once a simulated second."""
 
-    report: Progress
+    report: AtGoalReport
     every: int  # steps
 
     def hear(self, moment: Moment) -> None:

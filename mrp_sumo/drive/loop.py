@@ -24,7 +24,7 @@ from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, replies_of
-from mrp_sumo.drive.listeners import EventLog, Listener, Moment, Progress, ProgressReport, Recorder, Witness
+from mrp_sumo.drive.listeners import AtGoalReport, EventLog, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.reroute import Replan
@@ -36,7 +36,7 @@ from mrp_sumo.errors import PlanError, PlugInError
 
 
 def simulate(
-    problem: Problem, plan: Plan, settings: ExecutionSettings, network: Path, *, progress: Progress | None = None, gui: bool = False
+    problem: Problem, plan: Plan, settings: ExecutionSettings, network: Path, *, progress: AtGoalReport | None = None, gui: bool = False
 ) -> Execution:
     """Drive a plan.
 
@@ -162,8 +162,8 @@ class Drive:
 
     def _send_others(self, bodies: Engine) -> bool:
         """Answer what is due, the mildest first, until the ledger has an answer. Returns whether it has one."""
-        for need in self.dispatcher.due(self.now_s, self.controller.policy.keeps_order):
-            answer = self.dispatcher.answer(need, self.now_s)
+        for case in self.dispatcher.due(self.now_s, self.controller.policy.keeps_order):
+            answer = self.dispatcher.answer(case, self.now_s)
             if answer is not None and self._append(answer, bodies):
                 return True
         return False

@@ -13,7 +13,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 NEVER = 2**62
 
 
-class Needs(NamedTuple):
+class VisitNeeds(NamedTuple):
     """What visits need, [M] unless said. The ledger lays them out, the controller frees them."""
 
     first: IntArray  # [N + 1] CSR: visit k needs first[k]:first[k + 1]

@@ -30,7 +30,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 
 ROOT = Path(__file__).resolve().parents[2]
-SHARED = "mrp_sumo/search"  # kernels of all rooms may import from here
+SHARED = ("mrp_sumo/core", "mrp_sumo/search")  # kernels of all rooms may import from here
 MOST_FOLDERS = 8  # of different sources that are kept for a room; the least recently used go first
 
 _defined: list[Path] = []  # index files of the kernels that this process has defined
@@ -148,7 +148,8 @@ def folder(room: str) -> Path | None:
 def state_of_sources(root: Path, room: str) -> str:
     """A hash of all that decides what the compiled kernels of a room do: their sources' text, Python and the compiler.
 
-    Their sources are the files whose name begins with `_` and that define kernels, or constants only.
+    Their sources are the files whose name begins with `_` and that define kernels, or constants only, and those that define
+    NamedTuples: a kernel finds their fields by number.
 
     Parameters
     ----------
@@ -156,10 +157,11 @@ def state_of_sources(root: Path, room: str) -> str:
         The folder that the packages are in; the room in it.
     """
     state = hashlib.sha256(f"{sys.version} {numba.__version__} {llvmlite.__version__}".encode())
-    for folder in sorted({room, SHARED}):
-        for file in sorted((root / folder).rglob("_*.py")):
+    for folder in sorted({room, *SHARED}):
+        for file in sorted((root / folder).rglob("*.py")):
             text = file.read_bytes()
-            if b"@kernel" in text or b"def " not in text:
+            is_kernel = file.match("_[!_]*.py") and (b"@kernel" in text or b"def " not in text)
+            if is_kernel or b"(NamedTuple)" in text:
                 state.update(file.relative_to(root).as_posix().encode() + b"\0" + text + b"\0")
     return state.hexdigest()[:20]
 

@@ -53,6 +53,16 @@ def test_caller_is_compiled_again_after_its_callee_changed(copied, tmp_path, fil
     assert answer(root, tmp_path / "cache") == (10, 0)
 
 
+def test_sources_with_the_fields_that_kernels_find_by_number_count_too(tmp_path):
+    fields = tmp_path / "mrp_sumo/drive/state.py"
+    fields.parent.mkdir(parents=True)
+    states = set()
+    for text in ("", "class A(NamedTuple):\n    x: int\n    y: int\n", "class A(NamedTuple):\n    y: int\n    x: int\n"):
+        fields.write_text(text)
+        states.add(_kernel.state_of_sources(tmp_path, "mrp_sumo/drive"))
+    assert len(states) == 3
+
+
 def test_copies_of_the_same_sources_share_their_kernels(copied, tmp_path):
     assert answer(copied("one"), tmp_path / "cache") == (6, 0)
     assert answer(copied("other"), tmp_path / "cache") == (6, 1)

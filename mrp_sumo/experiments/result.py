@@ -1,0 +1,180 @@
+"""A run that has ended, in memory: what it came to, and everything that its run folder would hold."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.core.execution import Execution, as_believed
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import NavGraph, PlanGraph
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.set_up import SetUp
+from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.io.record import RunRecord, record_of
+from mrp_sumo.io.run_folder import result_document, write_run
+
+if TYPE_CHECKING:
+    import pandas
+
+    from mrp_sumo.io.outline import Outline
+    from mrp_sumo.io.trajectory import Trajectory
+    from mrp_sumo.maps.costmap import Costmap
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """A run that has ended."""
+
+    setup: SetUp
+    status: str  # how it ended, in one word for machines
+    note: str  # why, or what was done otherwise than the scenario says
+    solution: Solution
+    execution: Execution | None
+    audit: dict[str, Any] | None
+    metrics: dict[str, Any]  # JSON values by name
+    details: str = ""  # the traceback of a plug-in that failed
+
+    @property
+    def source(self) -> str:
+        """What it is called in messages."""
+        return self.setup.scenario.name
+
+    @property
+    def executed(self) -> bool:
+        """Whether there is a trajectory."""
+        return self.execution is not None
+
+    @property
+    def plan(self) -> Plan | None:
+        """Visits as arrays; None when there is no plan."""
+        return self.solution.result.plan
+
+    @property
+    def graph(self) -> PlanGraph:
+        """The graph that was planned on."""
+        return self.solution.problem.graph
+
+    @property
+    def fleet(self) -> Fleet:
+        return self.solution.problem.fleet
+
+    @property
+    def nav(self) -> NavGraph:
+        """The map as drawn."""
+        return self.setup.map.nav
+
+    @property
+    def record(self) -> RunRecord:
+        """Everything logs are made of. Raises MrpSumoError when nothing was driven."""
+        return record_of(self.setup.scenario, self.solution.problem, self.plan, self._driven, self.nav, self.costmap)
+
+    @property
+    def samples(self) -> "Trajectory":
+        """The trajectory as arrays [T, R]."""
+        from mrp_sumo.io.trajectory import trajectory_of
+
+        return trajectory_of(self._driven, self.fleet.robot_name)
+
+    @property
+    def believed(self) -> "Trajectory | None":
+        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        from mrp_sumo.io.trajectory import trajectory_of
+
+        execution = self._driven
+        return None if execution.believed is None else trajectory_of(as_believed(execution), self.fleet.robot_name)
+
+    @property
+    def trajectory(self) -> "pandas.DataFrame":
+        """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
+        from mrp_sumo.io.trajectory import trajectory_frame, trajectory_table
+
+        return trajectory_frame(trajectory_table(self._driven, self.fleet.robot_name))
+
+    @property
+    def events(self) -> "pandas.DataFrame":
+        """One row per event."""
+        from mrp_sumo.io.events import event_documents, events_frame
+
+        return events_frame(event_documents(self.execution, self.fleet, self.graph) if self.execution else [])
+
+    @property
+    def visits(self) -> "pandas.DataFrame":
+        """One row per planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
+        from mrp_sumo.io.visits import visits_table
+
+        execution = self._driven
+        assert self.plan is not None
+        frame: pandas.DataFrame = visits_table(self.solution.problem, self.plan, execution).to_pandas()
+        return frame
+
+    @property
+    def _driven(self) -> Execution:
+        if self.execution is None:
+            raise MrpSumoError(f"{self.source}: the run was not executed ({self.status}), so it has no trajectory")
+        return self.execution
+
+    @cached_property
+    def costmap(self) -> "Costmap | None":
+        """The walls as sensors see them."""
+        from mrp_sumo.maps.costmap import costmap
+
+        map_ = self.setup.map
+        return costmap(map_.building, map_.nav.level_names[0]) if map_.building else None
+
+    @cached_property
+    def outline(self) -> "Outline | None":
+        """The building as drawn."""
+        from mrp_sumo.io.outline import outline_of
+
+        map_ = self.setup.map
+        return outline_of(map_.building, map_.nav.level_names) if map_.building else None
+
+    @cached_property
+    def result(self) -> dict[str, Any]:
+        """What `result.json` holds, but for its list of files."""
+        return result_document(**self._told)
+
+    @property
+    def _told(self) -> dict[str, Any]:
+        """What the run folder is told of the run."""
+        return {
+            "status": self.status,
+            "note": self.note,
+            "scenario": self.setup.scenario,
+            "problem": self.solution.problem,
+            "result": self.solution.result,
+            "verdict": self.solution.verdict,
+            "execution": self.execution,
+            "metrics": self.metrics,
+            "audit": self.audit,
+        }
+
+    def write(self, out: Path, maps: MapCache) -> None:
+        """Write the run folder; one that is there already is replaced.
+
+        Parameters
+        ----------
+        out
+            The folder.
+        maps
+            Where the SUMO network comes from.
+
+        Raises
+        ------
+        MrpSumoError
+            When `out` holds something else, or the disk refuses. Nothing half-written stays.
+        """
+        from mrp_sumo.bags.writer import write_recorded_bag
+
+        write_run(
+            out,
+            **self._told,
+            network=maps.network(self.solution.problem.graph),
+            nav=self.setup.map.nav,
+            costmap=self.costmap,
+            outline=self.outline,
+            write_bag=write_recorded_bag,
+        )

@@ -1,0 +1,192 @@
+"""Assignment, planning and the referee's verdict: what a scenario comes to before anything is driven."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.plan import Plan, PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError, PlugInError, ScenarioError
+from mrp_sumo.experiments.kernels import compiling
+from mrp_sumo.experiments.set_up import SetUp
+from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.summary import Summary, count, seconds, summary
+from mrp_sumo.planning.answers import answer_of
+from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.outside import Outside, failed
+from mrp_sumo.search import distance
+from mrp_sumo.traffic.referee import Verdict, judge
+
+if TYPE_CHECKING:
+    pass
+
+ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
+
+StageReport = Callable[[str, float, float], None]  # stage, done, of
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution:
+    """What assignment and planning came to, judged."""
+
+    setup: SetUp  # with the planner
+    problem: Problem  # with the assignment the plan is for
+    result: PlanResult
+    verdict: Verdict | None  # of the plan, if there is one
+    assignment_time_s: float
+
+    @property
+    def plan(self) -> Plan | None:
+        """Timed visits as arrays; None when there is no plan."""
+        return self.result.plan
+
+    @property
+    def status(self) -> Status:
+        """How planning ended."""
+        return self.result.status
+
+    @property
+    def message(self) -> str:
+        """Why there is no plan."""
+        return self.result.message
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether there is a plan, and the referee has nothing against it."""
+        return self.verdict is not None and self.verdict.valid
+
+    @property
+    def cost_steps(self) -> float | None:
+        """Sum of costs: the steps until each robot arrives to stay, over all robots."""
+        return None if self.plan is None else round(float(self.plan.end_s.sum() / self.problem.step_s), 6)
+
+    @property
+    def lower_bound_steps(self) -> float:
+        """What the planner proved about the sum of costs of any plan; 0 where it proved nothing."""
+        return self.result.lower_bound_steps
+
+    @property
+    def makespan_s(self) -> float | None:
+        """When the last robot arrives, as planned."""
+        return None if self.plan is None else float(self.plan.end_s.max(initial=0.0))
+
+    @property
+    def planning_time_s(self) -> float:
+        """Wall time of the planner, without compiling."""
+        return self.result.planning_time_s
+
+    @property
+    def _summary(self) -> Summary:
+        found = "" if self.verdict is None else self.verdict.summary(self.problem)
+        cost = None if self.cost_steps is None else f"{self.cost_steps:g} steps (sum of costs)"
+        rows = [
+            ("planner", self.setup.scenario.planner.name),
+            ("status", str(self.status).replace("_", " ")),
+            ("why", self.message),
+            ("referee", found),
+            ("cost", cost),
+            ("lower bound", f"{self.lower_bound_steps:g} steps" if self.lower_bound_steps > 0 else None),
+            ("makespan", seconds(self.makespan_s)),
+            ("planning time", seconds(self.planning_time_s)),
+        ]
+        return summary(f"Plan for {count(self.problem.num_robots, 'robot')} on {self.problem.graph.name}", rows)
+
+    def __repr__(self) -> str:
+        rows = dict(self._summary.rows)
+        parts = [rows[key] for key in ("planner", "status", "cost", "makespan") if key in rows]
+        doubt = "" if self.is_valid or self.plan is None else ", not valid"
+        return f"<Plan for {count(self.problem.num_robots, 'robot')}: {', '.join(parts)}{doubt}>"
+
+    def __str__(self) -> str:
+        return self._summary.text
+
+    def _repr_html_(self) -> str:
+        return self._summary.html
+
+
+def solve(setup: SetUp, *, execute: bool = False, progress: StageReport | None = None) -> Solution:
+    """Assign and plan within the time limit, and judge the plan. A plug-in that fails is a result too.
+
+    Parameters
+    ----------
+    setup
+        Of one problem.
+    execute
+        Whether the plan will be driven: what that takes is compiled at the same time as what planning takes.
+    progress
+        Called with the stage and how far it is.
+    """
+    try:
+        return _solve(setup, execute, progress or silent)
+    finally:
+        for plug_in in (setup.planner, setup.assigner):
+            if isinstance(plug_in, Outside):
+                plug_in.close()
+
+
+def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
+    scenario, problem = setup.scenario, setup.problem
+    began = time.perf_counter()
+    try:
+        with compiling(report, execute=execute):
+            distance.prepare()
+            with located(setup.file, "planner", "parameters"):
+                setup.planner.prepare()
+        assigns = setup.planner.assigns
+        if isinstance(setup.assigner, Outside) and scenario.assignment.mode == "optimal" and not assigns:
+            with located(setup.file, "assignment", "parameters"):
+                setup.assigner.prepare()
+    except PlugInError as error:
+        return Solution(setup, problem, failed(error), None, 0.0)
+    prepare_time_s = time.perf_counter() - began
+    report("planning", 0.0, 0.0)
+    began = time.perf_counter()
+    try:
+        if not assigns:
+            problem = problem.assigned(_assignment(setup))
+    except PlugInError as error:
+        return Solution(setup, problem, replace(failed(error), prepare_time_s=prepare_time_s), None, time.perf_counter() - began)
+    except PlanError as error:
+        result = PlanResult(Status.INFEASIBLE, prepare_time_s=prepare_time_s, message=str(error))
+        return Solution(setup, problem, result, None, time.perf_counter() - began)
+    assignment_time_s = time.perf_counter() - began
+    result = answer_of(setup.planner, problem, scenario.planner.time_limit_s)
+    result = replace(result, prepare_time_s=prepare_time_s)
+    verdict = None
+    if result.goal_of is not None:
+        problem = problem.assigned(result.goal_of)
+    if result.plan is not None:
+        verdict = judge(problem, result.plan)
+    return Solution(setup, problem, result, verdict, assignment_time_s)
+
+
+def _assignment(setup: SetUp) -> IntArray:
+    choice, problem = setup.scenario.assignment, setup.problem
+    match choice.mode:
+        case "fixed":
+            return np.arange(problem.num_robots, dtype=np.int64)
+        case "random":
+            goals = np.full(max(problem.num_robots, len(problem.goal)), -1)
+            goals[: len(problem.goal)] = np.random.default_rng([problem.seed, ASSIGNMENT]).permutation(len(problem.goal))
+            return goals[: problem.num_robots]
+        case _:
+            cost = cost_matrix(problem.graph, problem.start, problem.goal, choice.cost)
+            return setup.assigner.assign(cost, setup.scenario.planner.time_limit_s)
+
+
+@contextmanager
+def located(file: ScenarioFile, *place: str) -> Iterator[None]:
+    """Say where the scenario is wrong, of which only a plug-in itself can tell."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(*(f"{file.at(*place)}: {line}" for line in error.lines)) from None
+
+
+def silent(stage: str, done: float, of: float) -> None:
+    """Nobody wants to know."""
