@@ -66,11 +66,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _measure(options: argparse.Namespace) -> int:
     """Compute metrics of a run, or of a batch, from what their folders keep. Exit code 1 when one failed."""
+    from mrp_sumo.cli.scenario_choice import trust_named
     from mrp_sumo.experiments.measure_later import measure_batch, measure_run
     from mrp_sumo.io.results import PLAN
     from mrp_sumo.io.run_reader import RESULT, load_run
     from mrp_sumo.metrics.own import guarded
 
+    for name in options.metric:
+        trust_named(name)
     faults: list[str] = []
     metrics = [guarded(name, None, lambda error: faults.append(str(error))) for name in options.metric]
     if (options.bag / PLAN).is_file() and not (options.bag / RESULT).is_file():

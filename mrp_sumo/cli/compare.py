@@ -32,6 +32,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the differences."""
     from dataclasses import asdict
 
+    from mrp_sumo.cli.scenario_choice import trust_named
     from mrp_sumo.errors import BatchError
     from mrp_sumo.experiments.compare import DEFAULT_METRICS, compare
     from mrp_sumo.io.results import load_results
@@ -48,6 +49,8 @@ def run(options: argparse.Namespace) -> int:
         print(f"mrp-sumo: {line}", file=sys.stderr)
 
     a, b = (load_results(Path(path), warn) for path in (options.first, options.second))
+    for name in options.metric or ():
+        trust_named(name)
     own = {name: own_metric(name)[0] for name in options.metric or () if place_in_file(name) or name in names("metrics")}
     metrics = [own[name].name if name in own else name for name in options.metric] if options.metric else DEFAULT_METRICS
     tolerance = options.tolerance / 100

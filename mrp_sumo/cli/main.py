@@ -32,6 +32,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),
     "render": ("mrp_sumo.cli.render", "draw a run at a moment as a picture"),
     "list": ("mrp_sumo.cli.listing", "list planners, policies, metrics, maps, robots, scenarios, suites, ... with their parameters"),
+    "trust": ("mrp_sumo.cli.trust", "let scenarios and suites of a folder run the programs that they name"),
     "warmup": ("mrp_sumo.cli.warmup", "compile all kernels ahead, once after installing"),
     "report": ("mrp_sumo.cli.report", "write a page of tables and charts about a batch or a run"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),

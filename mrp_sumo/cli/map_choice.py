@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.cli.scenario_choice import trust_named
+
 if TYPE_CHECKING:
     from mrp_sumo.maps.map import Map
 
@@ -12,7 +14,12 @@ if TYPE_CHECKING:
 def add_choice(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add = parser.add_argument
-    add("--reader", metavar="NAME", help="map reader; FILE.py:CLASS for one of your own (default: the one that recognises the file)")
+    add(
+        "--reader",
+        metavar="NAME",
+        type=_named,
+        help="map reader; FILE.py:CLASS for one of your own (default: the one that recognises the file)",
+    )
     add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
     add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
     add("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
@@ -45,6 +52,12 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
     for change in changes or ("nothing to repair",):
         print(f"repair: {change}", file=sys.stderr)
     return map_
+
+
+def _named(reader: str) -> str:
+    """A reader that the user names, and so trusts."""
+    trust_named(reader)
+    return reader
 
 
 def _graph(text: str) -> int | tuple[int, ...] | str:

@@ -93,6 +93,7 @@ def _instance(options: argparse.Namespace) -> "Planned":
 
     name, parameters = scenario_choice.chosen_planner(options, "lacam")
     chosen = planner(name, parameters)
+    scenario_choice.trust_named(options.assignment)
     solver = assigner(options.assignment or "linear_sum_assignment", {})
     instance = read_instance(options.map, options.scen, options.robots, options.seed or 0)
     problem = instance.problem

@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TEMPLATE",
         help="an external planner, such as 'lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}'",
     )
+    add("--trust", action="store_true", help="run the programs that the scenario names: plug-in files, external planners")
     add("--time-limit", type=float, metavar="S", help="wall time of the planner in s")
     add("--seed", type=int, metavar="N", help="of planner, draws and disturbances")
 
@@ -43,8 +44,11 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
         One line a fault, with the option or the file and line.
     """
     from mrp_sumo.io.scenario import changed, find_scenario, read_scenario
+    from mrp_sumo.plugins.trust import trust_everything
 
     require_sound(options)
+    if options.trust:
+        trust_everything()
     file = changed(read_scenario(find_scenario(options.scenario)), _named(options))
     return changed(file, _set(options, file))
 
@@ -70,6 +74,7 @@ def chosen_planner(options: argparse.Namespace, default: str) -> tuple[str, dict
     if options.command:
         return "external", {"command": options.command}
     name = options.planner or default
+    trust_named(name)
     parameters = {}
     for key, value in _pairs(options):
         if "." in (word := key.removeprefix("planner.parameters.")):
@@ -77,6 +82,15 @@ def chosen_planner(options: argparse.Namespace, default: str) -> tuple[str, dict
         _require_parameter(word, name, parameter_names(name))
         parameters[word] = value
     return name, parameters
+
+
+def trust_named(name: str | None) -> None:
+    """Trust a plug-in's file that an option names."""
+    from mrp_sumo.plugins.source import program_of
+    from mrp_sumo.plugins.trust import trust
+
+    if program := program_of(name or "", Path()):
+        trust(program)
 
 
 def require_sound(options: argparse.Namespace) -> None:

@@ -99,4 +99,4 @@ def _of_scenario(options: argparse.Namespace) -> "Problem":
     if options.robots is not None:
         overrides[("robots", "count")] = ("--robots", options.robots)
     with MapCache() as maps:
-        return set_up(read_scenario(find_scenario(options.scenario), overrides), maps).problem
+        return set_up(read_scenario(find_scenario(options.scenario), overrides), maps, run_programs=False).problem

@@ -14,6 +14,7 @@ from mrp_sumo.experiments.batch import summary as standing
 from mrp_sumo.experiments.suite import find_suite, read_suite
 from mrp_sumo.io.results import load_results
 from mrp_sumo.io.summary import Summary, summary
+from mrp_sumo.plugins.trust import everything_trusted
 
 if TYPE_CHECKING:
     import pandas
@@ -86,6 +87,7 @@ def run_suite(
     workers: int | None = None,
     retries: int = 1,
     progress: Callable[[int, int], None] | None = None,
+    trust: bool = False,
 ) -> Batch:
     """Make the runs of a suite that have no result yet, in parallel.
 
@@ -101,6 +103,8 @@ def run_suite(
         How often a run that crashed is tried again.
     progress
         Called with the number of runs that are done and of all runs.
+    trust
+        Whether to run the programs that the suite names, as for `Scenario.read`.
 
     Returns
     -------
@@ -123,7 +127,8 @@ def run_suite(
             raise BatchError(f"{name}: found {value}, expected {least} or more")
     file = read_suite(find_suite(str(suite)))
     folder = Path("runs") / file.name if out is None else Path(out)
-    made: BatchFolder = run_batch(file, folder, _Watcher(progress), workers=workers, retries=retries)
+    with everything_trusted(trust):
+        made: BatchFolder = run_batch(file, folder, _Watcher(progress), workers=workers, retries=retries)
     return Batch(file.name, folder, len(made.runs), dict(made.counts()), standing(made))
 
 

@@ -10,7 +10,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io import scenario as files
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.run_folder import plain
-from mrp_sumo.io.scenario import ScenarioFile, changed, find_scenario, read_scenario, scenario_of
+from mrp_sumo.io.scenario import ScenarioFile, changed, find_scenario, read_scenario, scenario_of, trust_programs
 from mrp_sumo.io.summary import Summary, summary
 
 Section = Mapping[str, Any]
@@ -90,15 +90,26 @@ class Scenario:
         object.__setattr__(self, "file", file)
 
     @classmethod
-    def read(cls, name_or_path: str | Path) -> "Scenario":
+    def read(cls, name_or_path: str | Path, *, trust: bool = False) -> "Scenario":
         """A scenario file, or a bundled scenario such as "office_9".
+
+        Parameters
+        ----------
+        name_or_path
+            Which.
+        trust
+            Whether to run the programs that it names: plug-in files, and commands of external planners. Without, they run only from a
+            folder that `mrp-sumo trust` knows.
 
         Raises
         ------
         MrpSumoError
             One line per fault, with file and line.
         """
-        return cls._of(read_scenario(find_scenario(str(name_or_path))))
+        file = read_scenario(find_scenario(str(name_or_path)))
+        if trust:
+            trust_programs(file)
+        return cls._of(file)
 
     @classmethod
     def _of(cls, file: ScenarioFile) -> "Scenario":

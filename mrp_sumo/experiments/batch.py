@@ -79,14 +79,14 @@ class BatchFolder:
 
 
 def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> BatchFolder:
-    """Plan a suite and see which of its runs are in the folder already.
+    """Plan a suite and see which of its runs are in the folder already. Programs of users run only with `quarantine`, before a batch.
 
     Raises
     ------
     MrpSumoError
         For faults of the suite, and for the folder of another suite or of another version of the code.
     """
-    batch = BatchFolder(file, folder, runs_of(file, code_version()), code_version())
+    batch = BatchFolder(file, folder, runs_of(file, code_version(), run_programs=quarantine), code_version())
     if folder.exists():
         _require_ours(batch)
     keys = {run.key for run in batch.runs}

@@ -22,7 +22,7 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, robot_type
+from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.roadmap import cell_that_fits
@@ -31,7 +31,7 @@ from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
 from mrp_sumo.plugins.registry import find
-from mrp_sumo.plugins.source import resolved
+from mrp_sumo.plugins.source import place_in_file, resolved
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
 
@@ -54,8 +54,17 @@ class SetUp:
         return self.file.scenario
 
 
-def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
+def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> SetUp:
     """Load the map, fit the robots, draw or look up starts and goals.
+
+    Parameters
+    ----------
+    file
+        The scenario.
+    maps
+        Where maps are made, once.
+    run_programs
+        Whether plug-in files may run. Without, there is no planning, and a map reader that is one is refused.
 
     Raises
     ------
@@ -63,7 +72,9 @@ def set_up(file: ScenarioFile, maps: MapCache) -> SetUp:
         One line a fault, naming file and key.
     """
     scenario = file.scenario
-    model, chosen_planner, chosen_assigner, settings = choices(file)
+    model, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)
+    if not run_programs and place_in_file(scenario.map.reader or ""):
+        raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
     cell_m = scenario.discretisation.cell_m
     map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
     graph = maps.graph(map_, scenario.discretisation)
@@ -103,6 +114,7 @@ def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
 
 def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, driven as another scenario says."""
+    require_trust(file)
     return replace(setup, file=file, settings=_with_closures(file, setup.map.nav, setup.problem.graph, _settings(file)))
 
 
@@ -117,8 +129,8 @@ def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
     return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
 
 
-def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
-    """What a scenario chooses by name, apart from its map.
+def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
+    """What a scenario chooses by name, apart from its map; refused where that are programs which are not trusted.
 
     Raises
     ------
@@ -126,8 +138,11 @@ def choices(file: ScenarioFile) -> tuple[RobotType, Planner, Assigner, Execution
         One line a fault, naming file and key.
     """
     scenario = file.scenario
+    if run_programs:
+        require_trust(file)
     for i, name in enumerate(scenario.record.metrics):
-        _located(file, ("record", "metrics", i), partial(own_metric, name, file.folder))
+        read = own_metric if run_programs else partial(find, "metrics")
+        _located(file, ("record", "metrics", i), partial(read, name, file.folder))
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
         _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, scenario.planner.parameters),

@@ -19,7 +19,7 @@ from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
-from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, plug_ins_of, read_scenario, rename, unknown_key
+from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, plug_ins_of, read_scenario, rename, require_trust, unknown_key
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.plugins.source import place_in_file
 
@@ -72,6 +72,7 @@ class SuiteFile:
     base: dict[str, Any]  # the scenario's document, paths relative to the suite's folder
     axes: tuple[tuple[str, tuple[Any, ...]], ...]  # dotted key -> values
     places: "_AxisPlaces"
+    base_folder: Path | None  # of the base's file; None for one written out
 
     @property
     def name(self) -> str:
@@ -143,10 +144,11 @@ def read_suite(path: Path) -> SuiteFile:
             faults.append(f"{document.at((section, b))}: would undo '{a}' above it; put it first")
     if faults:
         raise ScenarioError(*faults)
-    return SuiteFile(suite, document, _base(document, suite, path), tuple(axes), places)
+    base, base_folder = _base(document, suite, path)
+    return SuiteFile(suite, document, base, tuple(axes), places, base_folder)
 
 
-def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
+def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[PlannedRun]:
     """Every run of a suite, in the order of its axes, the last fastest.
 
     Parameters
@@ -155,6 +157,8 @@ def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
         The suite.
     code
         Version of the code that will run, part of the keys.
+    run_programs
+        Whether plug-in files may run; those that are not trusted are refused then.
 
     Raises
     ------
@@ -169,7 +173,7 @@ def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
     excluded = _Exclusions(file)
     runs: list[PlannedRun] = []
     seen: set[str] = set()
-    inputs = _Inputs(file)
+    inputs = _Inputs(file, run_programs)
     for values in itertools.product(*(values for _, values in file.axes)):
         try:
             scenario = _scenario_of(file, values)
@@ -178,7 +182,7 @@ def runs_of(file: SuiteFile, code: str) -> list[PlannedRun]:
                 continue
             read, plug_ins = inputs(scenario, canonical)
         except MrpSumoError as error:
-            raise ScenarioError(*_faults_of_axes(file) or str(error).splitlines()) from None
+            raise ScenarioError(*_faults_of_axes(file, run_programs) or str(error).splitlines()) from None
         for repeat in range(file.suite.repeat):
             shared = scenario_key(canonical, file.suite.until, repeat)
             if shared in seen:  # two values that mean the same
@@ -216,10 +220,10 @@ def _expanded(values: list[Any] | str) -> Iterator[Any]:
             yield value
 
 
-def _base(document: Document, suite: Suite, path: Path) -> dict[str, Any]:
-    """The base scenario as keys and values, its relative paths made relative to the suite."""
+def _base(document: Document, suite: Suite, path: Path) -> tuple[dict[str, Any], Path | None]:
+    """The base scenario as keys and values, its relative paths made relative to the suite, and the folder of its file."""
     if isinstance(suite.base, dict):
-        return suite.base
+        return suite.base, None
     beside = path.parent / suite.base
     try:
         file = read_scenario(beside if beside.is_file() else find_scenario(suite.base))
@@ -233,7 +237,7 @@ def _base(document: Document, suite: Suite, path: Path) -> dict[str, Any]:
     for place, _, name in plug_ins_of(file.scenario):
         if found := place_in_file(name):
             rename(base, place, f"{Path(os.path.relpath(file.folder / found[0], path.parent)).as_posix()}:{found[1]}")
-    return base
+    return base, file.folder
 
 
 def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> Scenario:
@@ -266,11 +270,11 @@ class _AxisPlaces(dict[Place, str]):
         return self._document.at(("base", *place) if isinstance(self._document.content.get("base"), dict) else ("base",))
 
 
-def _faults_of_axes(file: SuiteFile) -> list[str]:
+def _faults_of_axes(file: SuiteFile, run_programs: bool) -> list[str]:
     """What is wrong with each value of the axes beside the first of the others, so that all is told at once."""
     first = tuple(values[0] for _, values in file.axes)
     faults: dict[str, None] = {}
-    inputs = _Inputs(file)
+    inputs = _Inputs(file, run_programs)
     for i, (_, values) in enumerate(file.axes):
         for value in values:
             try:
@@ -323,8 +327,9 @@ class _Inputs:
     What a scenario names is checked on the way, once for all with the same names.
     """
 
-    def __init__(self, file: SuiteFile) -> None:
+    def __init__(self, file: SuiteFile, run_programs: bool) -> None:
         self._file = file
+        self._run_programs = run_programs
         self._of_scenario: dict[str, tuple[str, str]] = {}  # by JSON from the map on: what comes before is the seed
         self._of_names: dict[tuple[str, ...], tuple[str, str]] = {}
 
@@ -342,9 +347,13 @@ class _Inputs:
         from mrp_sumo.maps.load import files_of
 
         whole = ScenarioFile(scenario, self._file.document, self._file.places)
-        choices(whole)
+        if self._run_programs and self._file.base_folder:
+            require_trust(whole, self._file.base_folder)
+        choices(whole, run_programs=self._run_programs)
         try:
-            paths = list(files_of(find_map(scenario.map.file, self._file.folder), scenario.map.reader, self._file.folder))
+            path, reader = find_map(scenario.map.file, self._file.folder), scenario.map.reader
+            listed = self._run_programs or not place_in_file(reader or "")
+            paths = list(files_of(path, reader, self._file.folder)) if listed else [path]
         except MrpSumoError as error:
             raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
         if isinstance(name := scenario.robots.type, str):

@@ -7,6 +7,7 @@ the map can tell (names of vertices, robots that fit) is checked when the run is
 
 import difflib
 import os
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
@@ -21,6 +22,8 @@ from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.columns import MAIN_KEYS, put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.plugins.source import program_of
+from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 GraphIndex = Annotated[int, Field(ge=0, le=9)]
@@ -345,7 +348,7 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
 
 
 def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioFile:
-    """Check a scenario that is not in a file.
+    """Check a scenario that is not in a file. The programs that it names are trusted: the caller names them.
 
     Parameters
     ----------
@@ -363,11 +366,13 @@ def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioF
     """
     document = Document(folder / "scenario", dict(values), {})
     scenario = validated(document, Scenario)
-    return ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
+    file = ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
+    trust_programs(file)
+    return file
 
 
 def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> ScenarioFile:
-    """The scenario with other values.
+    """The scenario with other values. The programs that these name are trusted: the user names them.
 
     Parameters
     ----------
@@ -390,7 +395,13 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
     scenario = validated(file.document, Scenario, data, options=options)
     if not scenario.name:
         scenario = scenario.model_copy(update={"name": file.scenario.name})
-    return ScenarioFile(scenario, file.document, options)
+    result = ScenarioFile(scenario, file.document, options)
+    before = {program for _, program in programs_of(file)}
+    for place, program in programs_of(result):
+        whole = place[:-1] in overrides and not isinstance(overrides[place[:-1]][1], Mapping)  # a short form, a list
+        if whole or place in overrides or program not in before:  # not what stays of a section that is changed in part
+            trust(program)
+    return result
 
 
 PLUG_INS = {  # keys that name plug-ins, and their kinds
@@ -410,6 +421,50 @@ def plug_ins_of(scenario: Scenario) -> Iterator[tuple[Place, str, str]]:
             yield place, kind, str(name)
     for i, metric in enumerate(scenario.record.metrics):
         yield ("record", "metrics", i), "metrics", metric
+
+
+def programs_of(file: ScenarioFile) -> Iterator[tuple[Place, Program]]:
+    """(place, program) of every plug-in file, and of the command, that a scenario names."""
+    for place, _, name in plug_ins_of(file.scenario):
+        if program := program_of(name, file.folder):
+            yield place, program
+    planner = file.scenario.planner
+    if planner.name == "external" and planner.parameters.get("command"):
+        yield ("planner", "parameters", "command"), Program(None, str(planner.parameters["command"]))
+
+
+def trust_programs(file: ScenarioFile) -> None:
+    """Trust the programs that a scenario names, until this process ends."""
+    for _, program in programs_of(file):
+        trust(program)
+
+
+def require_trust(file: ScenarioFile, *folders: Path) -> None:
+    """Refuse a scenario that names programs which are not trusted.
+
+    Parameters
+    ----------
+    file
+        What it names is trusted when it is in a trusted folder, or comes with this program.
+    folders
+        Of more files that had a say in it: of a suite's base.
+
+    Raises
+    ------
+    ScenarioError
+        One line per program: what would be run, and how to trust it.
+    """
+    unknown = [(place, program) for place, program in programs_of(file) if not is_trusted(program)]
+    if not unknown:
+        return
+    places = [folder.resolve() for folder in (file.folder, *folders)]
+    odd = [folder for folder in places if not folder.is_relative_to(bundled_folder("scenarios")) and not in_trusted_folder(folder)]
+    if not odd:
+        for _, program in unknown:
+            trust(program)
+        return
+    how = f"name it on the command line, add --trust, or trust the folder once: mrp-sumo trust {shlex.quote(str(odd[0]))}"
+    raise ScenarioError(*(f"{file.at(*place)}: would run {program.shown}, which is not trusted; {how}" for place, program in unknown))
 
 
 def is_plug_in(key: str) -> bool:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import PlugInError
-from mrp_sumo.plugins.source import Source, definition
+from mrp_sumo.plugins.source import Source, definition, require_source
 
 if TYPE_CHECKING:
     import subprocess
@@ -44,8 +44,8 @@ class PlugInProcess:
 
     Raises
     ------
-    ScenarioError
-        For parameters that it does not have.
+    MrpSumoError
+        For a file that is not trusted, and for parameters that it does not have.
     PlugInError
         When it cannot be loaded or made, or lacks what its kind needs.
     """
@@ -55,6 +55,7 @@ class PlugInProcess:
         import subprocess
         from multiprocessing.connection import Connection
 
+        require_source(source)
         self._where = definition(source)
         ours, theirs = socket.socketpair()
         code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.planning.plug_in_process import main"

@@ -18,6 +18,7 @@ from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.plugins.face import place_of, shown
+from mrp_sumo.plugins.trust import Program, require_trusted
 
 _IN_FILE = re.compile(r"(.+\.py):([A-Za-z_]\w*)")
 _INSTALLED = {"site-packages", "dist-packages"}
@@ -92,14 +93,29 @@ def source_in_module(name: str, place: str, *, ours: bool, package: str = "") ->
     return Source(name, module, attribute, None if ours else _module_path(module), ours, package)
 
 
+def program_of(name: str, beside: Path) -> Program | None:
+    """The program behind the name of a plug-in; None for a plain name, which is ours or of an installed package."""
+    place = place_in_file(name)
+    return Program((beside / place[0]).resolve()) if place else None
+
+
+def require_source(source: Source) -> None:
+    """Refuse a plug-in's file that is not trusted; what is installed is. Raises MrpSumoError."""
+    if source.path and not source.module:
+        require_trusted(Program(source.path))
+
+
 def load(source: Source) -> Any:
     """Load a plug-in. Nothing else in the program executes a plug-in's file.
 
     Raises
     ------
+    MrpSumoError
+        For a file that is not trusted.
     PlugInError
         For whatever goes wrong in the file, with its line.
     """
+    require_source(source)
     try:
         module = importlib.import_module(source.module) if source.module else _file_module(source)
     except KeyboardInterrupt:

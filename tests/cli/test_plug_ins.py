@@ -125,7 +125,7 @@ def test_planner_that_sleeps_is_killed_at_its_limit(folder):
 def test_program_does_not_end_with_a_plug_in(folder):
     """In a process of its own, as a user has it."""
     (folder / "mine.py").write_text("import os\nos._exit(0)\n" + PLANNER)
-    command = [sys.executable, "-m", "mrp_sumo", "run", "mine.yaml", "--out", "out"]
+    command = [sys.executable, "-m", "mrp_sumo", "run", "mine.yaml", "--trust", "--out", "out"]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 1
     assert ended.stderr == "mrp-sumo: planner failed: mine.py:10: ended its process with exit code 0 during load()\n"

@@ -1,0 +1,141 @@
+"""Which programs of strangers may run: plug-in files, and commands of external planners, that scenarios and suites name.
+
+A program runs when the user has named it (on the command line, or in a call), when everything is trusted (`--trust`), or when the
+file that names it lies in a folder that was trusted once. Worker processes trust what they are handed: who hands it out has asked.
+"""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import read_text
+
+MAX_BYTES = 1_000_000  # of the list of folders
+_named: set["Program"] = set()
+_everything = False
+
+
+@dataclass(frozen=True)
+class Program:
+    """A plug-in's file, or a command."""
+
+    path: Path | None  # resolved; None for a command
+    command: str = ""
+
+    @property
+    def shown(self) -> str:
+        """What would be run, in one line."""
+        text = str(self.path) if self.path else self.command
+        return "".join(c if c.isprintable() else "?" for c in text[:300])
+
+
+def trust(program: Program) -> None:
+    """Trust a program that the user has named, until this process ends."""
+    _named.add(program)
+
+
+def trust_everything() -> None:
+    """Trust all programs, until this process ends."""
+    global _everything
+    _everything = True
+
+
+@contextmanager
+def everything_trusted(wanted: bool = True) -> Iterator[None]:
+    """Trust all programs within a context, where that is wanted."""
+    global _everything
+    before, _everything = _everything, _everything or wanted
+    try:
+        yield
+    finally:
+        _everything = before
+
+
+def is_trusted(program: Program) -> bool:
+    """Whether a program may run."""
+    return _everything or program in _named
+
+
+def require_trusted(program: Program) -> None:
+    """The last gate, where a plug-in's file would be executed.
+
+    Raises
+    ------
+    MrpSumoError
+        When it may not.
+    """
+    if not is_trusted(program):
+        raise MrpSumoError(f"would run {program.shown}, which is not trusted: name it on the command line, or add --trust")
+
+
+def in_trusted_folder(folder: Path) -> bool:
+    """Whether a folder, or one above it, was trusted once."""
+    place = folder.resolve()
+    return any(place.is_relative_to(trusted) for trusted in trusted_folders())
+
+
+def trusted_folders() -> tuple[Path, ...]:
+    """The folders that were trusted once, sorted.
+
+    Raises
+    ------
+    MrpSumoError
+        When the list cannot be read.
+    """
+    path = _list_file()
+    return tuple(Path(line) for line in read_text(path, MAX_BYTES).splitlines() if line.startswith("/")) if path.exists() else ()
+
+
+def trust_folder(folder: Path) -> Path:
+    """Trust the programs that files of a folder, and of folders in it, name.
+
+    Raises
+    ------
+    MrpSumoError
+        When it is no folder, or the list cannot be written.
+    """
+    place = folder.resolve()
+    if not place.is_dir():
+        raise MrpSumoError(f"{folder}: {'is a file, expected a folder' if place.exists() else 'no such folder'}")
+    if not str(place).isprintable():
+        raise MrpSumoError(f"{str(place)!r}: a folder with such a name cannot be kept in the list of trusted ones")
+    _write({*trusted_folders(), place})
+    return place
+
+
+def forget_folder(folder: Path) -> Path:
+    """Trust a folder no longer.
+
+    Raises
+    ------
+    MrpSumoError
+        When it was not trusted, or the list cannot be written.
+    """
+    place, known = folder.resolve(), trusted_folders()
+    if place not in known:
+        above = next((trusted for trusted in known if place.is_relative_to(trusted)), None)
+        raise MrpSumoError(f"{place}: is not in the list of trusted folders" + (f", but {above} above it is" if above else ""))
+    _write(set(known) - {place})
+    return place
+
+
+def _list_file() -> Path:
+    home = os.environ.get("XDG_CONFIG_HOME", "")
+    return (Path(home) if home.startswith("/") else Path.home() / ".config") / "mrp-sumo" / "trusted"
+
+
+def _write(folders: set[Path]) -> None:
+    """The list, whole or not at all."""
+    path = _list_file()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".trusted.") as scratch:
+        new = Path(scratch) / "trusted"
+        with new.open("w", encoding="utf-8") as file:
+            file.write("".join(f"{folder}\n" for folder in sorted(folders)))
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
