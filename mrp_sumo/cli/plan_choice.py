@@ -68,8 +68,8 @@ def step_of(text: str) -> float:
     import json
 
     step_s = json.loads(text).get("step_s")
-    if not isinstance(step_s, int | float) or not step_s > 0:
-        raise PlanError(f"step_s is {step_s!r}, expected a number above 0")
+    if not isinstance(step_s, int | float) or not 0 < step_s < 1e6:
+        raise PlanError(f"step_s is {step_s!r:.20}, expected a number above 0, below a million")
     return float(step_s)
 
 

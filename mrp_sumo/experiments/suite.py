@@ -31,7 +31,7 @@ Until = Literal["map", "plan", "execution"]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class RunLimits(_Strict):

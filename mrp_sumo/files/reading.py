@@ -47,11 +47,14 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError]
     require_regular(path, max_bytes, error)
     try:
         with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
-            _check(path, os.fstat(file.fileno()), max_bytes, error)  # it may be another by now
-            data = file.read(max_bytes + 1)
+            found = os.fstat(file.fileno())
+            _check(path, found, max_bytes, error)  # it may be another by now
+            data = file.read(found.st_size + 1)  # not max_bytes: memory for all of it would be taken
+            while len(data) <= max_bytes and (more := file.read(2**16)):  # files of the system have no size
+                data += more
     except OSError as fault:
         raise error(f"{shortened(path)}: {sentence(fault)}") from None
-    if len(data) > max_bytes:  # files of the system that have no size
+    if len(data) > max_bytes:
         raise error(f"{shortened(path)}: more than {_size(max_bytes)}, which is not read")
     return data
 

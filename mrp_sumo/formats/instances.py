@@ -5,6 +5,7 @@ from the upper left corner. Refuses robots that stand or go where nothing is fre
 a `.scen` for a map of another size, and agents with different lists of potential goals.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +18,12 @@ from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MapError, PlanError, nearest
 from mrp_sumo.formats.peers import Cells, cells_of
-from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
 from mrp_sumo.maps.readers.movingai import is_grid, occupancy, read_problem_set
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 from mrp_sumo.traffic.draw import uniform_draw
 
+FARTHEST_M = 1e7  # of a vertex from the origin
 POINT = RobotType("point", 0.2, 0.2, 1.0, 1.0, 1.0, 3.15, source="benchmark instances say nothing about robots")
 
 
@@ -138,8 +140,13 @@ def _from_yaml(source: Text, num_robots: int | None, seed: int) -> Instance:
 
 def _grid(source: Text, grid: Any) -> tuple[PlanGraph, Cells]:
     size = grid.get("dimensions") if isinstance(grid, Mapping) else None
-    if not isinstance(size, list) or len(size) != 2 or not all(isinstance(n, int) and 0 < n < 100_000 for n in size):
-        raise source.fault(f"map.dimensions is {size!r:.40}, expected [width, height]", "map")
+    if (
+        not isinstance(size, list)
+        or len(size) != 2
+        or not all(isinstance(n, int) and 0 < n < 100_000 for n in size)
+        or math.prod(size) > MAX_CELLS
+    ):
+        raise source.fault(f"map.dimensions is {size!r:.40}, expected [width, height] of at most {MAX_CELLS:.0e} cells", "map")
     width, height = size
     free = np.ones((height, width), np.bool_)
     blocked = _pairs(source, grid.get("obstacles") or [], "map.obstacles has")
@@ -216,13 +223,17 @@ def _named(source: Text, values: list[Any], graph: PlanGraph, what: str) -> IntA
 
 def _pairs(source: Text, values: Any, what: str) -> IntArray:
     for k, value in enumerate(values):
-        if not isinstance(value, list) or len(value) != 2 or not all(isinstance(n, int) and not isinstance(n, bool) for n in value):
+        if (
+            not isinstance(value, list)
+            or len(value) != 2
+            or not all(isinstance(n, int) and not isinstance(n, bool) and abs(n) < 2**31 for n in value)
+        ):
             raise source.fault(f"{what} {value!r:.40} at position {k}, expected [x, y]")
     return np.array(values, np.int64).reshape(-1, 2)
 
 
 def _floats(source: Text, values: list[Any]) -> Any:
     for k, value in enumerate(values):
-        if not isinstance(value, list) or len(value) != 2 or not all(isinstance(n, int | float) for n in value):
+        if not isinstance(value, list) or len(value) != 2 or not all(isinstance(n, int | float) and abs(n) < FARTHEST_M for n in value):
             raise source.fault(f"roadmap.vertices has {value!r:.40} at position {k}, expected [x, y]", "roadmap", "vertices")
     return np.array(values, np.float64).reshape(-1, 2)

@@ -24,7 +24,8 @@ from mrp_sumo.errors import MapError, PlanError, nearest
 from mrp_sumo.maps.yaml_text import Text, parse
 
 FORMATS = {"yaml": "libMultiRobotPlanning schedule", "paths": "EECBS paths.txt", "lacam": "lacam result.txt", "smart": "SMART paths"}
-_STEP = re.compile(r"\(\s*(-?\d+)\s*,\s*(-?\d+)\s*(?:,\s*(-?[\d.]+)\s*)?\)")
+_STEP = re.compile(r"\(\s*(-?\d{1,12})\s*,\s*(-?\d{1,12})\s*(?:,\s*(-?\d{1,12}(?:\.\d{0,12})?)\s*)?\)")
+MAX_STEPS = 10_000_000  # of a robot: a path is a list
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +155,9 @@ def goals_reached(problem: Problem, plan: Plan) -> IntArray:
 
 def own_time_s(text: str) -> float | None:
     """What a peer's output says of its solver's time: `runtime` of libMultiRobotPlanning, `comp_time` of lacam; None without."""
-    if found := re.search(r"^\s+runtime:\s*([\d.eE+-]+)\s*$", text, re.MULTILINE):
+    if found := re.search(r"^\s+runtime:\s*(\d{1,12}(?:\.\d*)?(?:[eE][+-]?\d\d?)?)\s*$", text, re.MULTILINE):
         return float(found[1])
-    found = re.search(r"^comp_time=([\d.]+)\s*$", text, re.MULTILINE)
+    found = re.search(r"^comp_time=(\d{1,12}(?:\.\d*)?)\s*$", text, re.MULTILINE)
     return float(found[1]) / 1000 if found else None
 
 
@@ -271,7 +272,7 @@ def _read_arrows(text: str, name: str, num_robots: int | None) -> list[list[Any]
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip():
             continue
-        head = re.match(r"\s*Agent\s+(\d+)\s*:", line)
+        head = re.match(r"\s*Agent\s+(\d{1,9})\s*:", line)
         if not head:
             raise PlanError(f"{name}:{number}: '{line[:40]}', expected 'Agent K: ...'")
         robot = int(head[1])
@@ -287,7 +288,7 @@ def _read_arrows(text: str, name: str, num_robots: int | None) -> list[list[Any]
                 path.append((int(step[2]), int(step[1])))
                 continue
             t = round(float(step[3]))
-            if abs(t - float(step[3])) > 1e-6 or t < len(path) or (k == 0 and t != 0):
+            if abs(t - float(step[3])) > 1e-6 or not len(path) <= t < MAX_STEPS or (k == 0 and t != 0):
                 raise PlanError(f"{name}:{number}: agent {robot} has time {step[3]} at position {k}, expected whole steps from 0 up")
             if t > len(path) and path[-1] != (int(step[1]), int(step[2])):
                 raise PlanError(f"{name}:{number}: agent {robot} has nothing between times {len(path) - 1} and {t} and moves")
@@ -303,8 +304,12 @@ def _read_arrows(text: str, name: str, num_robots: int | None) -> list[list[Any]
 def _read_lacam(text: str, name: str, num_robots: int | None) -> list[list[Any]]:
     solution = re.split(r"^solution=", text, maxsplit=1, flags=re.MULTILINE)[1]  # not comp_time_initial_solution=
     if num_robots is None:
-        agents = re.search(r"^agents=(\d+)", text, re.MULTILINE)
-        num_robots = int(agents[1]) if agents else len(_STEP.findall(solution.strip().split("\n")[0]))
+        num_robots = len(_STEP.findall(solution.strip().split("\n")[0]))
+        agents = re.search(r"^agents=(.*)$", text, re.MULTILINE)
+        if agents and agents[1].strip() != "0" and not num_robots:
+            raise PlanError(f"{name}: the solution is empty: not solved")
+        if agents and agents[1].strip() != str(num_robots):
+            raise PlanError(f"{name}: agents={agents[1].strip():.20}, but the solution begins with {num_robots}")
     paths: list[list[Any]] = [[] for _ in range(num_robots)]
     expected = 0
     for line in solution.splitlines():
@@ -313,8 +318,8 @@ def _read_lacam(text: str, name: str, num_robots: int | None) -> list[list[Any]]
         head, colon, rest = line.partition(":")
         if not colon or not head.strip().isdecimal():
             break  # key=value lines may follow
-        if int(head) != expected:
-            raise PlanError(f"{name}: step {int(head)} follows step {expected - 1} of the solution")
+        if len(head) > 12 or int(head) != expected:
+            raise PlanError(f"{name}: step {head.strip():.20} follows step {expected - 1} of the solution")
         steps = [(int(step[1]), int(step[2])) for step in _STEP.finditer(rest)]
         if len(steps) != num_robots:
             raise PlanError(f"{name}: {len(steps)} agents at step {expected}, the problem has {num_robots} robots")

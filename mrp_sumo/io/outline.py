@@ -80,5 +80,5 @@ def read_outline(path: Path) -> Outline | None:
             doors=np.array(document["doors"], np.float64).reshape(-1, 2, 2),
             **{key: tuple(np.array(p, np.float64).reshape(-1, 2) for p in document[key]) for key in ("floors", "holes", "lifts")},
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise MrpSumoError(f"{path}: not the outline of a building: {error}") from None

@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 RESULT = "result.json"
 
 
+# what readers stumble over in a file that was changed
+DAMAGE = (ArithmeticError, AttributeError, LookupError, NotImplementedError, OSError, TypeError, ValueError)
+
+
 def load_run(folder: str | Path) -> "RunFolder":
     """The run in a folder.
 
@@ -175,7 +179,7 @@ class RunFolder:
                 costmap=self.costmap,
                 constants=constants_of(self.result["scenario"]),
             )
-        except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
+        except DAMAGE as error:
             lines = str(error).splitlines() or [""]
             raise MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {lines[0]}") from None
 

@@ -30,7 +30,7 @@ GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
 
 class MapChoice(_Strict):

@@ -113,6 +113,8 @@ def _watch(child: subprocess.Popen[bytes], path: Path, out: Path, name: str, see
     if child.poll() is None:
         os.killpg(child.pid, signal.SIGKILL)
     code = child.wait()
+    if code > 0:
+        raise SystemExit(f"{name}: the campaign itself failed")
     if code not in (0, -signal.SIGKILL):
         current = max(rows_in(path), default=-1) + 1
         _record(

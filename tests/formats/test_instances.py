@@ -92,3 +92,23 @@ def test_benchmark_instance_is_read():
     cells, start = instance.cells, instance.problem.start
     rows = (INSTANCES / "warehouse_0.4_n9_s3000.scen").read_text().splitlines()[1:]
     assert [(cells.column[v], cells.row[v]) for v in start] == [tuple(map(int, row.split()[4:6])) for row in rows]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GRID.replace("dimensions: [3, 2]", "dimensions: [99999, 99999]"),
+        GRID.replace("[[1, 1]]", "[[1, 99999999999999999999]]"),
+        ROADMAP.replace("a: [0, 0]", "a: [.nan, 0]"),
+        ROADMAP.replace("a: [0, 0]", "a: [" + "9" * 400 + ", 0]"),
+    ],
+)
+def test_numbers_beyond_range_are_refused_in_a_line(write, text):
+    with pytest.raises(MrpSumoError) as caught:
+        read_instance(write("u.yaml", text))
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_height_of_five_thousand_digits_is_refused(write):
+    with pytest.raises(MrpSumoError, match="height is '9999"):
+        read_instance(write("u.map", MAP.replace("height 2", "height " + "9" * 5000)), None, 1)

@@ -155,3 +155,22 @@ def test_goals_reached_are_the_assignment_of_a_plan(problem, cells):
     assert "not at its goal" in judge(problem, astray, goals_reached(problem, astray)).faults[0]
     one_goal = replace(problem, goal=problem.goal[:1], goal_of=np.full(2, -1))
     assert goals_reached(one_goal, astray).tolist() == [-1, 0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Agent 0: (0,0)->(" + "9" * 5000 + ",0)->\nAgent 1: (1,1)->\n",
+        "Agent " + "9" * 5000 + ": (0,0)->\n",
+        "Agent 0:(0,0,0)->(0,0,99999999999)->\n",
+        "Agent 0:(0,0,0)->(0,0,1.2.3)->\n",
+        "agents=99999999999\nsolved=1\nsolution=\n0:(0,0),\n",
+        "agents=" + "9" * 5000 + "\nsolved=1\nsolution=\n",
+        "agents=1\nsolution=\n" + "9" * 5000 + ":(0,0),\n",
+    ],
+    ids=lambda text: text[:30],
+)
+def test_numbers_beyond_range_are_refused_before_they_are_used(text):
+    with pytest.raises(PlanError) as caught:
+        read_places(text, None, "plan.txt")
+    assert len(str(caught.value).splitlines()) == 1

@@ -135,3 +135,13 @@ def test_schema_describes_every_key():
     schema = Scenario.model_json_schema()
     assert set(schema["properties"]) == set(Scenario.model_fields)
     assert schema["$defs"]["PlannerChoice"]["properties"]["time_limit_s"]["default"] == 60.0
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "1e999"])
+def test_numbers_that_are_not_finite_are_refused_wherever_they_stand(tmp_path, value):
+    text = GOOD + f"execution:\n  disturbances:\n    speed_noise: {value}\n    obstacles: [{{x_m: 1, y_m: 2, begin_s: {value}}}]\n"
+    lines = lines_for(tmp_path, text)
+    assert [line.split(": ")[:2] for line in lines] == [
+        ["case.yaml:8", "execution.disturbances.speed_noise"],
+        ["case.yaml:9", "execution.disturbances.obstacles[0].begin_s"],
+    ]

@@ -101,7 +101,7 @@ def occupancy(source: Text) -> BoolArray:
         if len(words) != 2 or words[0] not in ("type", "height", "width"):
             raise _fault(source, number, f"'{line[:40]}' in the header, expected type, height, width or map")
         if words[0] != "type":
-            if not words[1].isdecimal() or not 0 < int(words[1]) <= MAX_CELLS:
+            if not words[1].isdecimal() or len(words[1]) > 12 or not 0 < int(words[1]) <= MAX_CELLS:
                 raise _fault(source, number, f"{words[0]} is '{words[1][:20]}', expected a whole number above 0")
             size[words[0]] = int(words[1])
     if start is None or len(size) != 2:

@@ -23,7 +23,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
-from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.io.run_reader import DAMAGE, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.reports.pictures.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
@@ -131,7 +131,7 @@ def page_of(run: AnyRun) -> str:
     try:
         record = view_record(run)
         about = _about(run, record)
-    except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
+    except DAMAGE as error:
         raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     return replay_page(record, about)
 

@@ -1,0 +1,410 @@
+"""Damaged files of every format, through every command that reads them, and arguments nobody gives.
+
+Expected: exit code 0, 1 or 2; a refusal in lines that begin with `mrp-sumo:` and leaves nothing behind; no traceback; the trial's limits
+of time and memory hold. Commands run in the campaign's process, by `mrp_sumo.cli.main.main`.
+"""
+
+import contextlib
+import io
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from campaigns.driver import Trial
+
+from mrp_sumo.cli.main import COMMANDS, main
+
+LIMIT_S = 30
+WORD = re.compile(rb"[^\s,\[\]{}:()\"'>-]+")
+JUNK = (
+    b"", b"null", b"-1", b"0", b"1e308", b"1e400", b"-1e-320", b"nan", b"inf", b".nan", b".inf", b"99999999999999999999",
+    b"9223372036854775807",
+    b"-9223372036854775809", b"[]", b"{}", b'"', b"'", b"[", b"{", b"]", b"}", b": ", b"- ", b"&a", b"*a", b"true", b"~", b"a", b"..",
+    b"/", b"\x00",
+    b"\x1b[31m", b"\r", b"\x0b", b"\x85", b"\xff\xfe", "²".encode(), "٣".encode(), "\u2028".encode(), b"2020-01-01", b"0x1F", b"1_000",
+    b"1.5", b"!!python/object:os.system",
+    b"<<: *a", b"L1", b"\t", b"#", b"|", b"%", b"@", b"Agent 0:", b"1:2:3", b"[" * 500, b"{a: " * 200, b"[" * 100_000, b"9" * 5000,
+)  # fmt: skip
+VALUES: tuple[Any, ...] = (
+    None, True, False, 0, -1, 1, 2**31, 2**63, -(2**63) - 1, 10**400, 1e308, -1e308, 1e-320, 0.5, float("nan"), float("inf"),
+    "", "a", "\x00", "..", "x" * 5000,
+    [], {}, [[]], [None], {"": None}, {"a": {"b": []}}, "2020-01-01", "\ud800",
+)  # fmt: skip
+
+MAP = "type octile\nheight 4\nwidth 5\nmap\n.....\n.@.@.\n.....\n.....\n"
+SCEN = "version 1\n0\tsmall.map\t5\t4\t0\t0\t4\t3\t7\n0\tsmall.map\t5\t4\t4\t0\t0\t3\t7\n"
+ROBOT = "length_m: 0.3\nwidth_m: 0.2\nmax_speed_mps: 0.5\naccel_mps2: 0.5\n"
+ROBOT += "decel_mps2: 0.5\nturn_rate_rad_s: 1.0\ngap_m: 0.05\nsource: a data sheet\n"
+SCENARIO = """\
+name: trial
+seed: 3
+map: {file: small.building.yaml, level: L1, graph: 0, snap_m: 0.01, split_crossings: true}
+discretisation: {kind: grid, cell_m: 0.5}
+robots: {count: 2, type: cart.yaml, draw: uniform}
+assignment: {mode: optimal, solver: linear_sum_assignment, cost: path}
+planner: {name: cbs, time_limit_s: 2.0, parameters: {heuristic: true}}
+execution:
+  policy: adg
+  step_length_s: 0.1
+  time_limit_s: 30.0
+  on_deadlock: resolve
+  recovery: {give_way: true, patience_s: 5.0, replanner: lacam}
+  mutex_groups: {middle: [crossing_2_2, crossing_3_2]}
+  disturbances:
+    speed_noise: 0.05
+    breakdowns: [{robot: 1, begin_s: 2.0, duration_s: 3.0}]
+    obstacles: [{x_m: 4.0, y_m: 2.0, begin_s: 1.0, duration_s: 4.0, radius_m: 0.2}]
+    closures: [{between: [crossing_2_1, crossing_4_1], begin_s: 1.0, duration_s: 5.0}]
+record: {period_s: 0.2, bag: true, storage: mcap, rmf_messages: jazzy, robots: [robot_0], poses: true}
+"""
+SUITE = """\
+name: study
+description: A trial.
+base: {map: small.building.yaml, robots: 2, planner: {name: cbs, time_limit_s: 2.0}}
+grid_search: {seed: 0..1, planner: [astar, cbs]}
+exclude: [{planner: astar, seed: 1}]
+repeat: 1
+until: plan
+limits: {wall_s: 60, memory_mb: 2000}
+views: {cost: 'select planner, avg(soc_steps) from results group by planner'}
+"""
+CONFIG = "starts: {robot_0: [1.0, 1.0]}\ngoals: {robot_0: [3.0, 3.0]}\n"
+CONFIG += "cellSize: 0.35\nlocationTolerance: 0.7\nwindowSize: 10\nrecordingTimeout: 600\n"
+SHEET = "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A file that is damaged, or any of a folder, and a command that reads it."""
+
+    file: str
+    command: tuple[str, ...]
+    needs: tuple[str, ...] = ()  # more files
+
+
+PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
+ON_MAP = ("--map", "small.map", "--scen", "small.scen")
+READINGS = (
+    Reading("scenario.yaml", ("plan", "scenario.yaml"), ("small.building.yaml", "cart.yaml")),
+    Reading("scenario.yaml", ("run", "scenario.yaml", "--out", "out"), ("small.building.yaml", "cart.yaml")),
+    Reading("cart.yaml", ("plan", "scenario.yaml"), ("small.building.yaml", "scenario.yaml")),
+    Reading("suite.yaml", ("batch", "suite.yaml", "--dry-run"), ("small.building.yaml",)),
+    Reading("small.building.yaml", ("import", "small.building.yaml", "--out", "out")),
+    Reading("small.building.yaml", ("convert", "small.building.yaml", "out.map")),
+    Reading("small.map", ("plan", *ON_MAP), ("small.scen",)),
+    Reading("small.map", ("import", "small.map", "--out", "out")),
+    Reading("small.scen", ("plan", *ON_MAP), ("small.map",)),
+    Reading("small.scen", ("import", "small.scen", "--out", "out"), ("small.map",)),
+    Reading("sheet.yaml", ("import", "sheet.yaml", "--out", "out"), ("room.pgm",)),
+    Reading("room.pgm", ("import", "sheet.yaml", "--out", "out"), ("sheet.yaml",)),
+    Reading("instance.yaml", ("plan", "--map", "instance.yaml")),
+    Reading("roadmap.yaml", ("plan", "--map", "roadmap.yaml")),
+    *(Reading(plan, ("validate", plan, *ON_MAP), ("small.map", "small.scen")) for plan in PLANS),
+    *(Reading(plan, ("convert", plan, "out.yaml", "--map", "small.map"), ("small.map",)) for plan in PLANS),
+    *(Reading("run", command, ()) for command in (
+        ("replay", "run"), ("render", "run", "--at", "2", "--out", "out.png"), ("export", "run", "--csv"),
+        ("export", "run", "--bag", "--out", "again"),
+        ("export", "run", "--geojson"), ("export", "run", "--fcd"), ("report", "run", "--out", "page.html"), ("analyze", "run"),
+    )),
+    *(Reading("run/bag", ("analyze", "run/bag")) for _ in range(3)),
+    Reading("bag3", ("analyze", "bag3")),
+    Reading("ros1.bag", ("analyze", "ros1.bag")),
+    Reading("config.yaml", ("analyze", "run/bag", "--config", "config.yaml"), ("run",)),
+    *(Reading("batch", command, ()) for command in (
+        ("status", "batch"), ("query", "batch", "select count(*) from results"), ("query", "batch", "cost"),
+        ("report", "batch", "--out", "page.html"),
+        ("compare", "batch", "batch"), ("batch", "suite.yaml", "--out", "batch", "--dry-run"),
+        ("analyze", "batch", "--metric", "soc_steps"),
+    )),
+)  # fmt: skip
+WORDS = (
+    "--out",
+    "--seed",
+    "--map",
+    "--scen",
+    "--robots",
+    "--set",
+    "--planner",
+    "--time-limit",
+    "--json",
+    "--format",
+    "--limit",
+    "--csv",
+    "--metric",
+    "--at",
+)
+WORDS += (
+    "-1",
+    "0",
+    "1e400",
+    "nan",
+    "",
+    ".",
+    "..",
+    "/",
+    "/dev/null",
+    "x" * 300,
+    "\x00",
+    "seed=-1",
+    "planner=",
+    "=",
+    "a=b=c",
+    "robots.count=[",
+    "scenario.yaml",
+    "run",
+)
+WORDS += (
+    "small.map",
+    "small.scen",
+    "batch",
+    "suite.yaml",
+    "plan.json",
+    "ünï",
+    "\udcff",
+    "--",
+    "-v",
+    "cbs",
+    "execution={}",
+    "map.graph=all",
+)
+UNSAFE = ("warmup", "batch", "list", "schema", "generate")  # take long, or write where they are told to
+
+
+class _TooLong(BaseException):
+    pass
+
+
+class Fuzz:
+    """Nine trials in ten damage a file, the others make up arguments."""
+
+    size = None
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._kept = tempfile.TemporaryDirectory(prefix="fuzz-")
+        self._material = Path(self._kept.name)
+        make_material(self._material)
+        os.environ["MPLBACKEND"] = "Agg"
+
+    def trial(self, number: int, folder: Path) -> Trial:
+        chance = random.Random(f"{self._seed} {number}")
+        if chance.random() < 0.1:
+            for name in ("scenario.yaml", "small.building.yaml", "cart.yaml", "small.map", "small.scen", "plan.json", "suite.yaml"):
+                shutil.copy(self._material / name, folder)
+            command = [chance.choice([name for name in COMMANDS if name not in UNSAFE]), *chance.choices(WORDS, k=chance.randint(0, 5))]
+            return attempt(command, folder, "arguments")
+        reading = chance.choice(READINGS)
+        for name in {
+            reading.file.split("/")[0],
+            *reading.needs,
+            *(("suite.yaml", "small.building.yaml") if reading.file == "batch" else ()),
+        }:
+            source = self._material / name
+            shutil.copytree(source, folder / name) if source.is_dir() else shutil.copy(source, folder)
+        target = folder / reading.file
+        if target.is_dir():
+            target = chance.choice(sorted(path for path in target.rglob("*") if path.is_file() and path.name != "batch.lock"))
+        target.write_bytes(damaged(target.read_bytes(), chance))
+        return attempt(list(reading.command), folder, f"{reading.file}: {reading.command[0]}")
+
+
+def damaged(data: bytes, chance: random.Random) -> bytes:
+    """The data with one to four faults."""
+    for _ in range(chance.choice((1, 1, 1, 2, 4))):
+        data = chance.choice(_DAMAGES)(data, chance)
+    return data
+
+
+def attempt(command: list[str], folder: Path, kind: str) -> Trial:
+    """Run a command in a folder and look at how it ends."""
+    shown = "mrp-sumo " + " ".join(_quoted(word) for word in command)
+    (folder / "command.sh").write_text(shown + "\n", errors="surrogateescape")
+    scratch = folder.parent / f"{folder.name}.tmp"
+    scratch.mkdir(exist_ok=True)
+    before = _files(folder)
+    out, err = io.StringIO(), io.StringIO()
+    code: Any = None
+    faults: list[str] = []
+    previous, home = tempfile.tempdir, Path.cwd()
+    signal.signal(signal.SIGALRM, _alarm)
+    signal.alarm(LIMIT_S)
+    tempfile.tempdir = str(scratch)
+    os.chdir(folder)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            code = main(command)
+    except SystemExit as error:
+        code = error.code or 0
+    except _TooLong:
+        faults.append(f"takes more than {LIMIT_S} s")
+    except BaseException as error:
+        places = [f"{Path(f.filename).name}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__) if "mrp_sumo" in f.filename]
+        faults += [
+            traceback.format_exc(),
+            f"{type(error).__name__} at {places[-1] if places else '?'}: {' '.join(str(error).split())[:120]}",
+        ]
+        faults.reverse()
+    finally:
+        signal.alarm(0)
+        tempfile.tempdir = previous
+        os.chdir(home)
+    if not faults:
+        faults += _faults_of(code, err.getvalue(), sorted(_files(folder) - before))
+        faults += [f"left in the temporary folder: {path.name}" for path in scratch.iterdir()]
+    shutil.rmtree(scratch, ignore_errors=True)
+    return Trial(kind, f"exit code {code}" if code is not None else "fault", tuple(faults), shown)
+
+
+def _faults_of(code: Any, errors: str, new: list[str]) -> Iterator[str]:
+    if code not in (0, 1, 2):
+        yield f"exit code {code!r}"
+    if "Traceback (most recent call last)" in errors:
+        yield f"a traceback is printed: {errors[-2000:]}"
+    if code == 2:
+        lines = errors.splitlines()
+        if not lines:
+            yield "exit code 2 without a word"
+        if odd := [line for line in lines if not line.startswith("mrp-sumo: ")]:
+            yield f"a refusal of more than its line: {odd[0][:200]!r}"
+        if new:
+            yield f"refused, but {new[0]} is left"
+
+
+def _files(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")} - {"command.sh"}
+
+
+def _alarm(number: int, frame: FrameType | None) -> None:
+    raise _TooLong
+
+
+def _quoted(word: str) -> str:
+    return "'" + word.replace("'", "'\\''") + "'" if not re.fullmatch(r"[\w./=-]+", word) else word
+
+
+def _word(data: bytes, chance: random.Random) -> bytes:
+    words = list(WORD.finditer(data[:200_000]))
+    if not words:
+        return chance.choice(JUNK)
+    found = chance.choice(words)
+    return data[: found.start()] + chance.choice(JUNK) + data[found.end() :]
+
+
+def _line(data: bytes, chance: random.Random) -> bytes:
+    lines = data.split(b"\n")
+    at = chance.randrange(len(lines))
+    match chance.randrange(4):
+        case 0:
+            del lines[at]
+        case 1:
+            lines.insert(at, lines[at])
+        case 2:
+            lines.insert(at, lines.pop(chance.randrange(len(lines))))
+        case _:
+            lines[at] = b" " * chance.randint(1, 3) + lines[at]
+    return b"\n".join(lines)
+
+
+def _cut(data: bytes, chance: random.Random) -> bytes:
+    return data[: chance.randrange(len(data) + 1)]
+
+
+def _bytes(data: bytes, chance: random.Random) -> bytes:
+    changed = bytearray(data or b"\0")
+    for _ in range(chance.choice((1, 3, 30))):
+        changed[chance.randrange(len(changed))] = chance.randrange(256)
+    return bytes(changed)
+
+
+def _inserted(data: bytes, chance: random.Random) -> bytes:
+    at = chance.randrange(len(data) + 1)
+    return data[:at] + chance.choice(JUNK) + data[at:]
+
+
+def _value(data: bytes, chance: random.Random) -> bytes:
+    """Another value, or none, at a place of a JSON document; a record of a batch gets its checksum again."""
+    import zlib
+
+    try:
+        document = json.loads(data)
+    except ValueError:
+        return _word(data, chance)
+    places = list(_places(document))
+    if not places:
+        return json.dumps(chance.choice(VALUES)).encode()
+    parent, key = chance.choice(places)
+    match chance.randrange(4):
+        case 0:
+            del parent[key]
+        case 1:
+            parent[key] = [parent[key]]
+        case _:
+            parent[key] = chance.choice(VALUES)
+    if isinstance(document, dict) and "crc32" in document and "record" in document:
+        body = json.dumps(document["record"], separators=(",", ":")).encode()
+        return b'{"crc32":"%08x","record":' % zlib.crc32(body) + body + b"}\n"
+    return json.dumps(document).encode()
+
+
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield value, key
+        yield from _places(inner)
+
+
+_DAMAGES: tuple[Callable[[bytes, random.Random], bytes], ...] = (_word, _word, _line, _cut, _bytes, _inserted, _value, _value, _value)
+
+
+def make_material(folder: Path) -> None:
+    """A small file of each format, made by the commands themselves."""
+    from mrp_sumo.maps.generate import GENERATORS
+
+    GENERATORS["grid"](9).write(folder / "small.building.yaml")
+    texts = {
+        "small.map": MAP,
+        "small.scen": SCEN,
+        "cart.yaml": ROBOT,
+        "scenario.yaml": SCENARIO,
+        "suite.yaml": SUITE,
+        "config.yaml": CONFIG,
+        "sheet.yaml": SHEET,
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    (folder / "room.pgm").write_bytes(b"P5\n16 16\n255\n" + bytes([254] * 256))
+    (folder / "instance.yaml").write_text(
+        "map:\n  dimensions: [4, 3]\n  obstacles:\n  - [1, 1]\nagents:\n"
+        "- name: agent0\n  start: [0, 0]\n  goal: [3, 2]\n- name: agent1\n  start: [3, 0]\n  goal: [0, 2]\n"
+    )
+    (folder / "roadmap.yaml").write_text(
+        "roadmap:\n  undirected: true\n  vertices:\n    a: [0, 0]\n    b: [1, 0]\n    c: [1, 1]\n  edges:\n  - [a, b]\n  - [b, c]\n"
+        "agents:\n- name: agent0\n  start: a\n  goal: c\n"
+    )
+    home = Path.cwd()
+    os.chdir(folder)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            for command in (
+                *(
+                    ["plan", *ON_MAP, "--out", plan, "--format", kind]
+                    for plan, kind in zip(PLANS, ("json", "yaml", "paths", "lacam", "smart"))
+                ),
+                ["run", "scenario.yaml", "--out", "run"],
+                ["export", "run", "--bag", "--storage", "sqlite3", "--out", "bag3"],
+                ["export", "run", "--ros1", "--out", "ros1.bag"],
+                ["batch", "suite.yaml", "--out", "batch", "--workers", "1"],
+            ):
+                if main(command) == 2:
+                    raise RuntimeError(f"the material cannot be made: {command}")
+    finally:
+        os.chdir(home)

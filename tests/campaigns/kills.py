@@ -1,0 +1,170 @@
+"""Batches, their workers and their Dask schedulers killed at random moments: nothing lost, nothing doubled, the same results.
+
+A trial makes a batch of fake runs (tests/fake_runs.py), kills it, one of its workers or its scheduler some times with SIGKILL, and goes on
+each time. After some kills there are files that were being written, as a power cut leaves them (a rename is after its sync; no disk is cut
+off here). At the end the records are those of a batch that nobody disturbed.
+"""
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from campaigns.driver import Trial
+
+from mrp_sumo.io.results import CSV, TABLE, records_in, tables_are_whole
+
+TESTS = Path(__file__).resolve().parents[1]
+SUITE = "base: office_5\ngrid_search: {robots.count: [1, 2], seed: 0..19}\n"
+NUM_RUNS = 40
+
+
+class Kills:
+    """Local workers three times in four, else a Dask cluster."""
+
+    size = None
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def trial(self, number: int, folder: Path) -> Trial:
+        chance = random.Random(f"{self._seed} {number}")
+        (folder / "study.yaml").write_text(SUITE)
+        out = folder / "out"
+        dask = chance.random() < 0.25
+        faults: list[str] = []
+        kept: set[str] = set()
+        kills = 0
+        wanted = chance.randint(2, 5)
+        for _ in range(60):
+            with _scheduler(folder, chance.randint(1, 2)) if dask else _nobody() as cluster:
+                address, servants = cluster
+                batch = _started(folder, "2", *address)
+                victim = chance.choice(["batch", "batch", "worker", "scheduler"] if dask else ["batch", "worker"])
+                if kills < wanted:
+                    with suppress(subprocess.TimeoutExpired):
+                        batch.wait(chance.uniform(0.5, 2.5))
+                    if batch.poll() is None:
+                        kills += _kill(victim, batch, servants, chance)
+                with suppress(subprocess.TimeoutExpired):
+                    batch.wait(90)
+                if batch.poll() is None:
+                    faults.append("the batch hangs after a kill")
+                _end(batch)
+            if batch.returncode != 0 and chance.random() < 0.4:
+                _leave_parts(out, chance)
+            there = {record["key"] for record in records_in(out, lambda line: None)}
+            if lost := kept - there:
+                faults.append(f"{len(lost)} results were lost")
+            kept = there
+            if faults or (batch.returncode == 0 and len(there) == NUM_RUNS and tables_are_whole(out)):
+                break
+        else:
+            faults.append("the batch does not end")
+        faults += _faults_of(out)
+        kind = "with Dask" if dask else "local workers"
+        return Trial(kind, f"{kills} kills", tuple(faults), "python tests/drive_batch.py study.yaml out 2")
+
+
+def _faults_of(out: Path) -> Iterator[str]:
+    """Each run once, each with the result that its seed has; nothing half written is left."""
+    records = list(records_in(out, lambda line: None))
+    keys = [record["key"] for record in records]
+    if len(keys) != NUM_RUNS or len(set(keys)) != NUM_RUNS:
+        yield f"{len(keys)} records of {len(set(keys))} runs, expected {NUM_RUNS}"
+    for record in records:
+        seed, count = record["scenario"]["seed"], record["scenario"]["robots"]["count"]
+        crashed = record["status"] == "crashed"  # its worker was killed twice
+        if not crashed and record["metrics"].get("soc_steps") != 10 * seed + count:
+            yield f"{record['key']}: another result: {record['status']}, {record['metrics'].get('soc_steps')}"
+    if left := [path.name for path in out.rglob(".*")]:
+        yield f"left behind: {left}"
+    rows = (out / CSV).read_text().splitlines() if (out / CSV).is_file() else []
+    if len(rows) != NUM_RUNS + 1:
+        yield f"{CSV} has {len(rows)} lines"
+
+
+def _leave_parts(out: Path, chance: random.Random) -> None:
+    """Files under other names, written in part or not at all."""
+    shards = [path for path in (out / "runs").glob("*") if path.is_dir()]
+    for _ in range(chance.randint(1, 3)):
+        place = chance.choice([out, *shards])
+        name = f".{chance.choice([TABLE, CSV, 'plan.json'])}.77" if place == out else f".{place.name}{chance.randrange(10**6)}.json.77"
+        (place / name).write_bytes(b'{"crc32":"'[: chance.randrange(11)]) if place.is_dir() else None
+
+
+def _kill(victim: str, batch: "subprocess.Popen[bytes]", servants: list["subprocess.Popen[bytes]"], chance: random.Random) -> int:
+    target = batch.pid
+    if victim == "worker":
+        workers = [servant.pid for servant in servants[1:]] or _children(batch.pid)
+        if not workers:
+            return 0
+        target = chance.choice(workers)
+    elif victim == "scheduler" and servants:
+        target = servants[0].pid
+    with suppress(ProcessLookupError):
+        os.kill(target, signal.SIGKILL)
+    if victim == "scheduler" or (victim == "worker" and servants):
+        with suppress(subprocess.TimeoutExpired):
+            batch.wait(10)  # it may end by itself, or wait for workers: then it is ended too
+        _end(batch)
+    return 1
+
+
+def _children(pid: int) -> list[int]:
+    """Processes that a process of ours started."""
+    found = []
+    with suppress(OSError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            found += [int(child) for child in (task / "children").read_text().split()]
+    return found
+
+
+def _started(folder: Path, *arguments: str) -> "subprocess.Popen[bytes]":
+    environment = os.environ | {"PYTHONPATH": f"{TESTS}:{TESTS.parent}", "FAKE_SLEEP": "0.15", "FAKE_NOTES": str(folder)}
+    command = [sys.executable, str(TESTS / "drive_batch.py"), str(folder / "study.yaml"), str(folder / "out"), *arguments]
+    with (folder / "batch.err").open("ab") as errors:
+        return subprocess.Popen(command, env=environment, stderr=errors)
+
+
+def _end(process: Any) -> None:
+    if process.poll() is None:
+        process.kill()
+    process.wait()
+
+
+@contextmanager
+def _nobody() -> Iterator[tuple[list[str], list[Any]]]:
+    yield [], []
+
+
+@contextmanager
+def _scheduler(folder: Path, num_workers: int) -> Iterator[tuple[list[str], list[Any]]]:
+    """A Dask scheduler and its workers, in processes of their own."""
+    environment = os.environ | {"PYTHONPATH": f"{TESTS}:{TESTS.parent}", "FAKE_SLEEP": "0.15", "FAKE_NOTES": str(folder)}
+    log = folder / "scheduler.log"
+    with log.open("wb") as errors:
+        command = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+        servants = [subprocess.Popen(command, env=environment, stderr=errors, cwd=folder)]
+        address = ""
+        until = time.monotonic() + 30
+        while not address and time.monotonic() < until:
+            time.sleep(0.1)
+            found = re.search(r"tcp://127\.0\.0\.1:\d+", log.read_text())
+            address = found[0] if found else ""
+        for _ in range(num_workers):
+            command = [sys.executable, "-m", "dask", "worker", address, "--nworkers", "1", "--nthreads", "1", "--no-dashboard"]
+            command += ["--preload", str(TESTS / "drive_batch.py")]
+            servants.append(subprocess.Popen(command, env=environment, stderr=errors, cwd=folder))
+        try:
+            yield [address], servants
+        finally:
+            for servant in servants:
+                _end(servant)
