@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from heapq import heappop, heappush
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 
@@ -29,6 +28,8 @@ def ranked_assignments(cost: FloatArray, check_clock: Callable[[], None] = lambd
     cost, goal_of
         The sum, and [R] the goal of each robot, -1 for none.
     """
+    from scipy.optimize import linear_sum_assignment
+
     num_robots, num_goals = cost.shape
     spare = np.zeros((num_robots, max(0, num_robots - num_goals)))  # goals that stand for none
     square = np.hstack([np.asarray(cost, np.float64), spare])

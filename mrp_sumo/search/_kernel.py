@@ -9,6 +9,7 @@ may be deleted at any time.
 
 import hashlib
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -20,18 +21,22 @@ from typing import Any
 
 from mrp_sumo.core.imports import without
 
-with without("scipy.linalg", "coverage"):  # for BLAS, which no kernel calls, and for lines that it cannot see
-    import numba.np.arraymath
+with without("scipy", "coverage"):  # for BLAS, which no kernel calls, and for lines that it cannot see
+    import numba
 import llvmlite
-import numba
+from llvmlite.binding import parse_bitcode
 from numba.core import event
 from numba.core.caching import Cache, CompileResultCacheImpl, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 from numba.core.types import unliteral
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ("mrp_sumo/core", "mrp_sumo/search")  # kernels of all rooms may import from here
 MOST_FOLDERS = 8  # of different sources that are kept for a room; the least recently used go first
+
+_LOOKED_UP = re.compile(rb"_ZN(?:7cpython|08NumbaEnv)[^\0]+")  # symbols in machine code: its entry, and the constants of its functions
 
 _defined: list[Path] = []  # index files of the kernels that this process has defined
 
@@ -198,3 +203,40 @@ class _KernelCacheImpl(CompileResultCacheImpl):
 
 class _KernelCache(Cache):
     _impl_class = _KernelCacheImpl
+
+    def load_overload(self, sig, target_context):
+        """As numba's, but what only the compiler needs is loaded when there is something to compile."""
+        rtsys.initialize(target_context)
+        target_context.codegen()._library_class = _Library
+        with without("scipy.linalg"):
+            with self._guard_against_spurious_io_errors():
+                found = self._load_overload(sig, target_context)
+            if found is None:
+                target_context.refresh()
+        return found
+
+
+class _Library(JITCodeLibrary):
+    """Machine code; what a caller of it is compiled from is parsed when there is a caller to compile, for it takes longer than loading."""
+
+    _bitcode: bytes | None = None
+
+    @classmethod
+    def _unserialize(cls, codegen, state):
+        name, kind, data = state
+        if kind != "object":
+            return super()._unserialize(codegen, state)
+        library = codegen.create_library(name)
+        machine_code, library._bitcode = data
+        library.enable_object_caching()
+        library._set_compiled_object(machine_code)
+        library._finalize_final_module()
+        codegen._engine._defined_symbols.update(found.decode() for found in set(_LOOKED_UP.findall(machine_code)))
+        return library
+
+    def _get_module_for_linking(self):
+        if self._bitcode is not None:
+            self._shared_module = parse_bitcode(self._bitcode)
+            self._codegen._engine._load_defined_symbols(self._shared_module)
+            self._bitcode = None
+        return super()._get_module_for_linking()

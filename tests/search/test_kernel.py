@@ -35,11 +35,16 @@ def copied(tmp_path):
     return copy
 
 
+def printed(root, cache, program):
+    """What a program prints."""
+    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=root, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
 def answer(root, cache):
     """What the caller returns, and how often it was loaded instead of compiled."""
-    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache)}
-    done = subprocess.run([sys.executable, "-c", CALL], env=environment, cwd=root, capture_output=True, text=True, check=True)
-    return tuple(map(int, done.stdout.split()))
+    return tuple(map(int, printed(root, cache, CALL).split()))
 
 
 @pytest.mark.parametrize(("file", "old", "new"), [("_callee.py", "return THREE", "return 5"), ("_constants.py", "= 3", "= 5")])
@@ -66,6 +71,28 @@ def test_sources_with_the_fields_that_kernels_find_by_number_count_too(tmp_path)
 def test_copies_of_the_same_sources_share_their_kernels(copied, tmp_path):
     assert answer(copied("one"), tmp_path / "cache") == (6, 0)
     assert answer(copied("other"), tmp_path / "cache") == (6, 1)
+
+
+def test_caller_is_compiled_from_a_loaded_callee_and_loaded_without_it(copied, tmp_path):
+    root = copied("one")
+    callee = "from planners._callee import steps; print(steps(), sum(steps.stats.cache_hits.values())); "
+    assert printed(root, tmp_path / "cache", callee) == "3 0\n"
+    assert printed(root, tmp_path / "cache", callee + CALL) == "3 1\n6 0\n"
+    assert answer(root, tmp_path / "cache") == (6, 1)
+
+
+def test_loaded_kernel_makes_arrays_and_raises_errors(copied, tmp_path):
+    root = copied("one")
+    (root / "planners/_callee.py").write_text(
+        "import numpy as np\nfrom mrp_sumo.search._kernel import kernel\n\n@kernel\ndef zeros(n):\n"
+        "    if n < 0:\n        raise ValueError('less than none', n)\n    return np.zeros(n)\n"
+    )
+    call = (
+        "from planners._callee import zeros\nprint(zeros(2), sum(zeros.stats.cache_hits.values()))\n"
+        "try:\n    zeros(-1)\nexcept ValueError as error:\n    print(error.args)"
+    )
+    for loaded in range(2):
+        assert printed(root, tmp_path / "cache", call) == f"[0. 0.] {loaded}\n('less than none', -1)\n"
 
 
 def test_kernel_works_where_nothing_can_be_written(copied, tmp_path):
