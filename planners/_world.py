@@ -18,7 +18,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import goals_clash
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from planners._compass import extend_all
-from planners.configuration._pibt import PibtInstance, PibtScratch
+from planners.configuration._pibt_instance import PibtInstance, PibtScratch
 
 TABLE_BYTES = 400_000_000  # tables of steps larger than this are packed
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes

@@ -20,11 +20,13 @@ from mrp_sumo.io.scenario import Scenario
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.roadmap import cut_lanes
+from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 
 BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84, 0.1)
 CELL_M = 0.4
 CART = RobotType("cart", 0.6, 0.4, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)
+POINT = RobotType("point", 0.2, 0.2, 1.0, 1.0, 1.0, 1.0)
 SMALL_CART = RobotType("cart", 0.4, 0.3, 1.0, 1.0, 1.0, 2.0)
 LENGTH = 8  # cells of 1 m in a corridor
 NASTY = "</script><img src=x onerror=alert(1)> & \u2028 'ö'"
@@ -64,6 +66,23 @@ def on_a_circle(lanes, num_vertices):
     turn = np.arange(num_vertices) * 2 * np.pi / num_vertices
     nav = nav_graph(name="lanes", xy=np.column_stack([np.cos(turn), np.sin(turn)]), lanes=lanes, length_m=np.ones(len(lanes)))
     return cut_lanes(nav, 1.0)
+
+
+def corridor(length):
+    """Vertices 0 to length - 1, each with a lane to the next and back."""
+    return on_a_circle([(a, b) for i in range(length - 1) for a, b in ((i, i + 1), (i + 1, i))], length)
+
+
+def problem_on(graph, start, goal, seed=0):
+    """Robots that are points, each with its goal."""
+    return Problem(graph, fleet_of(POINT, len(start)), np.array(start), np.array(goal), np.arange(len(start)), 1.0, seed)
+
+
+def random_grid(size, num_robots, seed, blocked=0.2):
+    """A square of cells of which a share is blocked, with starts and goals drawn in one component."""
+    free = np.random.default_rng([seed, 99]).random((size, size)) >= blocked
+    graph = grid_graph(free, 1.0, (0.0, 0.0))
+    return problem_on(graph, *uniform_draw(graph, num_robots, seed), seed)
 
 
 def problem_of(graph, paths, robot=BURGER, step_s=3.0):

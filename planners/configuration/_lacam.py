@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.configuration._pibt import nearer, reorder, step
+from planners.configuration._pibt import reorder, step
+from planners.configuration._pibt_instance import nearer
 
 NONE = -1
 # positions in LacamMemory.count

@@ -12,7 +12,7 @@ from mrp_sumo.planning.answers import order_clash
 from planners._world import build_world, checked_deadline, is_large, solved, sum_of_costs, tiled, timed_out, without_search
 from planners.configuration import _flow
 from planners.configuration._flow import Flow
-from planners.configuration._pibt import PibtInstance
+from planners.configuration._pibt_instance import PibtInstance
 
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides larger than this take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow

@@ -29,6 +29,12 @@ BOUNDED = [("ecbs", {"w": 1.2}), ("eecbs", {"w": 1.2}), ("eecbs", {"w": 1.5}), (
 LIMIT_S = 1.0
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    for name in ("cbs", "cbs_ta", "ecbs", "ecbs_ta", "eecbs", "lacam", "prioritised"):
+        planner(name, {}).prepare()
+
+
 def compare(name, parameters, seed):
     """Put one question to a planner and to the slow search, and hold the answer against the truth."""
     problem = random_problem(seed)

@@ -1,0 +1,61 @@
+"""What the kernels of PIBT and LaCAM plan on, and how near vertices are to a robot's goal."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+from planners._compass import UNKNOWN, read_code
+
+
+class PibtInstance(NamedTuple):
+    """What does not change while planning. V vertices, L lanes, R robots; arrays are only read (but `code`, which grows)."""
+
+    first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
+    head: np.ndarray  # [L] int64
+    goal: np.ndarray  # [R] int64
+    table: np.ndarray  # [R, V] steps to the robot's goal, or [1, 1] when packed
+    packed: bool  # distances are looked up in `code` instead: only which way is nearer is known
+    code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
+    first_packed: np.ndarray  # `first` and `head` in int32, a queue and coordinates: see _compass; [1] and [1, 2] unless packed
+    head_packed: np.ndarray
+    queue: np.ndarray
+    bound: np.ndarray
+    two_way: bool  # every lane has its opposite: robots can swap in corridors
+    guided: bool  # robots go by `guide`, not by steps
+    guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
+    following: bool  # nobody may enter a vertex in the step in which another leaves it
+    rotations: bool  # rings of robots may move at once
+
+
+class PibtScratch(NamedTuple):
+    """Room for a step. `now` and `next` are -1 everywhere between calls."""
+
+    now: np.ndarray  # [V] robot on each vertex
+    next: np.ndarray  # [V] robot that has reserved it
+    stack: np.ndarray  # [R] robots that inherited priority
+    choice: np.ndarray  # [R] position in the robot's candidates
+    candidate: np.ndarray  # [R, D + 1] vertices from the most preferred down; D the largest out-degree
+    num: np.ndarray  # [R] of them
+    partner: np.ndarray  # [R] robot to swap with, -1 for none
+    key: np.ndarray  # [D + 1] what candidates are sorted by
+
+
+@kernel
+def nearer(world, robot, u, v):
+    """Steps to the goal of `robot` from u less those from v. u and v are neighbours or the same."""
+    if not world.packed:
+        return np.int64(world.table[robot, u]) - np.int64(world.table[robot, v])
+    a, b = read_code(world.code, robot, u), read_code(world.code, robot, v)
+    if a == UNKNOWN or b == UNKNOWN:
+        return np.int64(0)
+    d = (a - b + 3) % 3
+    return np.int64(d if d < 2 else -1)
+
+
+@kernel
+def prefers(world, robot, u, v):
+    """Whether a robot prefers u to v, which are neighbours or the same."""
+    if world.guided:
+        return world.guide[robot, u] < world.guide[robot, v]
+    return nearer(world, robot, u, v) < 0

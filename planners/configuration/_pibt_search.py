@@ -1,0 +1,56 @@
+"""PIBT over time, in attempts, until all robots are at their goals or the time is up."""
+
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.problem import Problem
+from planners._world import SLICE_S, build_scratch, gave_up, timed_out
+from planners.configuration import _pibt
+from planners.configuration._search_start import search_start
+
+CHANCE = 11  # purpose of the stream of chance
+
+
+def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
+    """See `Pibt.plan`.
+
+    Parameters
+    ----------
+    pibt
+        A `Pibt`, whose module imports this one.
+    problem, time_limit_s
+        As given to it.
+    packed
+        See `search_start`.
+    """
+    start = search_start(problem, time_limit_s, CHANCE, flow=pibt.flow, following=pibt.following, rotations=pibt.rotations, packed=packed)
+    if isinstance(start, PlanResult):
+        return start
+    steps, rng, num_robots = start.steps, start.rng, problem.num_robots
+    max_steps = pibt.max_steps or int(min(max(1000, 20 * steps.max() + 10 * num_robots), 20_000))
+    scratch = build_scratch(start.world)
+    base_order = np.argsort(-steps, kind="stable")
+    at_once = 1
+    for attempt in range(1, pibt.num_attempts + 1):
+        order = base_order.copy()
+        path = np.empty((min(max_steps, 2 * int(steps.max()) + 64) + 1, num_robots), np.int32)
+        path[0] = start.problem.start
+        t = 0
+        while t < max_steps:
+            if perf_counter() > start.deadline_s:
+                return timed_out(start.begin_s, start.lower_bound, f"no solution within {time_limit_s:g} s", attempts=attempt)
+            if t == len(path) - 1:
+                path = np.concatenate((path, np.empty((min(len(path), max_steps + 1 - len(path)), num_robots), np.int32)))
+            slice_s = perf_counter()
+            last = t
+            world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
+            until = min(t + at_once, len(path) - 1, until)
+            t, home = _pibt.run(world, scratch, path, t, until, order, base_order, pibt.hindrance, rng)
+            if home:
+                return start.solved(path[: t + 1], attempts=attempt)
+            at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
+    message = f"no solution in {pibt.num_attempts} attempts of {max_steps} steps each"
+    return gave_up(start.begin_s, start.lower_bound, message, attempts=pibt.num_attempts)

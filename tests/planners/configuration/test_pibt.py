@@ -1,0 +1,84 @@
+"""PIBT: kernels against the algorithm in plain Python, steps against what is allowed."""
+
+import numpy as np
+import pytest
+from worlds import corridor, problem_on, random_grid
+
+from planners._world import build_scratch, build_world, steps_table
+from planners.configuration import _pibt
+from planners.configuration.pibt import Pibt, Step
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    Pibt().prepare()
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_step_of_pibt_moves_everybody_without_collision(seed, packed):
+    problem = random_grid(10, 40, seed)
+    world, _ = build_world(problem, np.inf, packed=packed)
+    scratch, rng = build_scratch(world), np.random.default_rng(seed)
+    here, order = problem.start.copy(), np.arange(40)
+    lanes = set(zip(problem.graph.tail.tolist(), problem.graph.head.tolist(), strict=True))
+    for _ in range(30):
+        to = np.full(40, -1)
+        assert _pibt.step(world, scratch, here, to, order, True, rng)
+        assert len(set(to.tolist())) == 40
+        moves = {(a, b) for a, b in zip(here.tolist(), to.tolist(), strict=True) if a != b}
+        assert moves <= lanes
+        assert not {(b, a) for a, b in moves} & moves
+        assert (scratch.now == -1).all() and (scratch.next == -1).all()
+        here = to
+
+
+def test_imposed_vertices_are_kept_or_refused():
+    problem = problem_on(corridor(3), [0, 1], [2, 0])
+    world, _ = build_world(problem, np.inf, packed=False)
+    scratch, rng = build_scratch(world), np.random.default_rng(0)
+    to = np.array([0, -1])
+    assert _pibt.step(world, scratch, problem.start, to, np.arange(2), False, rng)
+    assert to[0] == 0
+    assert not _pibt.step(world, scratch, problem.start, np.array([1, 0]), np.arange(2), False, rng)  # a swap
+    assert not _pibt.step(world, scratch, problem.start, np.array([1, 1]), np.arange(2), False, rng)
+    assert (scratch.now == -1).all() and (scratch.next == -1).all()
+
+
+def neighbours_and_steps(problem):
+    """[V] lists of neighbours and [R][V] steps to the goals."""
+    graph = problem.graph
+    neighbours = [graph.head[graph.first[v] : graph.first[v + 1]].tolist() for v in range(graph.num_vertices)]
+    return neighbours, steps_table(problem, np.inf).tolist()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_kernels_choose_what_the_algorithm_in_plain_python_chooses(seed):
+    if seed < 10:
+        problem = random_grid(9, 10 + 4 * seed, seed, blocked=0.1 + 0.02 * seed)
+    else:  # narrow, so that robots have to swap
+        graph = random_grid(9, 2, seed, blocked=0.42).graph
+        draw = np.random.default_rng([seed, 7])
+        num_robots = min(seed - 6, graph.num_vertices)
+        problem = problem_on(graph, draw.permutation(graph.num_vertices)[:num_robots], draw.permutation(graph.num_vertices)[:num_robots])
+    world, _ = build_world(problem, np.inf, packed=False)
+    scratch, rng, same_rng = build_scratch(world), np.random.default_rng(seed), np.random.default_rng(seed)
+    neighbours, steps = neighbours_and_steps(problem)
+    here, order, base_order = problem.start.copy(), np.arange(problem.num_robots), np.arange(problem.num_robots)
+    for _ in range(60):
+        to = np.full(problem.num_robots, -1)
+        assert _pibt.step(world, scratch, here, to, order, False, rng)
+        step = Step(neighbours, steps, problem.target.tolist(), here.tolist(), same_rng.random)
+        assert step.choose(order.tolist()) == to.tolist()
+        here = to
+        _pibt.reorder(world, here, order, base_order, order)
+
+
+def test_two_robots_in_a_corridor_swap_at_its_fork():
+    """0 - 1 - 2 - 3, and 4 beside 1: the robot on 1 wants to 3, the one on 2 to 0."""
+    neighbours = [[1], [0, 2, 4], [1, 3], [2], [1]]
+    steps = [[3, 2, 1, 0, 3], [0, 1, 2, 3, 2]]
+    here, rng = [1, 2], np.random.default_rng(0)
+    for _ in range(20):
+        here = Step(neighbours, steps, [3, 0], here, rng.random).choose([0, 1])
+    assert here == [3, 0]

@@ -1,0 +1,124 @@
+"""MAPF-LNS2: kernels against slow truth, pairs in collision against the referee."""
+
+import numpy as np
+import pytest
+from worlds import random_grid
+
+from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
+from mrp_sumo.traffic.referee import judge
+from planners._world import steps_table, sum_of_costs
+from planners.configuration.lacam import Lacam
+from planners.neighbourhood import _lns, _sipps, _traffic
+from planners.neighbourhood._collisions import find_collisions
+from planners.neighbourhood._refinement import Refinement, room_to_repair, task_of
+from planners.neighbourhood.lns2 import Lns2
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    for planner in (Lns2(), Lacam()):
+        planner.prepare()
+
+
+def test_runs_of_bits_end_where_they_end():
+    rng = np.random.default_rng(3)
+    for density in (0.0, 0.02, 0.5, 0.98, 1.0):
+        bits = rng.random(128) < density
+        words = np.array([sum(int(bits[32 * w + k]) << k for k in range(32)) for w in range(4)], np.int64)
+        for t in range(128):
+            end = t
+            while end + 1 < 128 and bits[end + 1] == bits[t]:
+                end += 1
+            assert _traffic.run_end(words, t) == (bits[t], end)
+
+
+def traffic_for(problem, num_planned, horizon=64):
+    """Traffic of the first robots, planned one after another with collisions allowed."""
+    task = task_of(problem, steps_table(problem, np.inf))
+    traffic, labels, hood = room_to_repair(task, horizon, 4)
+    assert _lns.plan_all(task, traffic, labels, np.arange(num_planned), 0, num_planned)
+    return task, traffic, labels, hood
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
+    problem = random_grid(8, 16, seed, blocked=0.15)
+    task, traffic, labels, _ = traffic_for(problem, 15)
+    at, robot = traffic.at[:15].T.astype(int), 15
+    start, goal = int(problem.start[robot]), int(problem.target[robot])
+    graph = problem.graph
+    reached, earliest = {start}, -1
+    for t in range(63):
+        if goal in reached and not (at[t:] == goal).any():
+            earliest = t
+            break
+        onward = set()
+        for v in reached:
+            for u in [v, *graph.head[graph.first[v] : graph.first[v + 1]].tolist()]:
+                swap = ((at[t] == u) & (at[t + 1] == v)).any()
+                if not swap and not (at[t + 1] == u).any():
+                    onward.add(u)
+        reached = onward
+    found = _sipps.plan_one(
+        task.first, task.head, task.reverse, traffic, labels, robot, start, goal, task.steps[robot], 62, False, 10**6
+    )  # fmt: skip
+    assert found == earliest
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pairs_in_collision_are_those_the_referee_sees(seed):
+    problem = random_grid(8, 24, seed, blocked=0.1)
+    task, traffic, labels, hood = traffic_for(problem, 24)
+    pairs = find_collisions(task, traffic, hood)
+
+    def seen():
+        verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
+        assert not verdict.faults
+        return len({(c.robot, c.other) for c in verdict.conflicts})
+
+    assert pairs == seen()
+    left = _lns.repair(task, traffic, labels, hood, 4, pairs, 20, np.random.default_rng(seed))
+    assert left <= pairs
+    assert left == seen() == find_collisions(task, traffic, hood)
+
+
+def test_refinement_only_ever_lowers_the_cost_of_valid_plans():
+    problem = random_grid(10, 30, 1)
+    result = Lacam(polish=0).plan(problem, 20.0)
+    paths = paths_of_plan(result.plan, 1.0)
+    rows = max(map(len, paths))
+    path = np.array([[p[min(t, len(p) - 1)] for p in paths] for t in range(rows)])
+    refinement = Refinement(task_of(problem, steps_table(problem, np.inf)), path, 5, np.random.default_rng(0))
+    costs = [sum_of_costs(path, problem.target)]
+    for labels in (2_000, 20_000, 100_000):
+        refinement.until(np.inf, most_labels=labels)
+        assert judge(problem, plan_of_paths(list(refinement.path().T), 1.0)).valid
+        assert sum_of_costs(refinement.path(), problem.target) == refinement.cost
+        costs.append(refinement.cost)
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] < costs[0]
+
+
+@pytest.mark.parametrize("kind", [{"following": True}, {"rotations": False}])
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_in_collision_are_found_where_following_or_rings_count(kind, seed):
+    problem = random_grid(8, 24, seed, blocked=0.1)
+    task = task_of(problem, steps_table(problem, np.inf))
+    traffic, labels, hood = room_to_repair(task, 64, 4, **kind)
+    assert _lns.plan_all(task, traffic, labels, np.arange(24), 0, 24)
+    pairs = find_collisions(task, traffic, hood)
+    left = _lns.repair(task, traffic, labels, hood, 4, pairs, 2000, np.random.default_rng(seed))
+    verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
+    met = {(c.robot, c.other) for c in (*verdict.conflicts, *(verdict.following if "following" in kind else ()))}
+    assert not verdict.faults
+    assert len(met) <= left
+    assert (left == 0) == (find_collisions(task, traffic, hood) == 0)
+    if "following" in kind:
+        assert left == len(met)
+
+
+def test_tables_beyond_the_memory_are_not_made():
+    result = Lns2(memory_mb=1).plan(random_grid(30, 60, 0), 5.0)
+    assert result.status is Status.GAVE_UP
+    assert "expected at most 1 MB" in result.message
+    assert Lns2(memory_mb=1).plan(random_grid(40, 300, 0), 5.0).message == "tables of distances take more than 1 MB"
