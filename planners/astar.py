@@ -16,7 +16,7 @@ from mrp_sumo.search.distance import distances
 
 @dataclass(frozen=True)
 class AStar:
-    """The baseline of the paper. Its sum of costs is a lower bound for every other planner."""
+    """Independent shortest paths, which may collide: the baseline. Their sum of costs is a lower bound for every other planner."""
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "no coordination"
@@ -28,7 +28,7 @@ class AStar:
         warm(self)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """See `Planner`. SOLVED whether or not the paths collide: the referee tells."""
+        """See `Planner`. SOLVED whether or not the paths collide, which the referee judges."""
         from planners._astar import shortest_path
 
         require_limit(time_limit_s)

@@ -10,7 +10,7 @@ from mrp_sumo.planning.external import assigns, check_command, plan_externally
 
 @dataclass(frozen=True)
 class External:
-    """Plans by running a command such as `lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}`."""
+    """Another program, run by a command such as `lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}`."""
 
     assigns: ClassVar[bool] = False  # of one with {yaml_free} in its command: True
     guarantee: ClassVar[str] = "the program's own, not complete here"

@@ -3,6 +3,7 @@
 import argparse
 import re
 import shlex
+from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from test_architecture import FLOORS
 
 from mrp_sumo.cli.main import COMMANDS
+from planners import PLUGINS
 
 PROJECT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*(PROJECT / name for name in ("README.md", "CONTRIBUTING.md")), *sorted((PROJECT / "docs").glob("*.md"))]
@@ -89,3 +91,17 @@ def test_the_page_on_architecture_draws_the_floors_of_the_test():
     table = re.findall(r"^\| (\d+) \| (.+?) \|", text, re.M)
     drawn = [set(re.findall(r"`(\w+)`", rooms)) - {"planners"} for _, rooms in sorted(table, key=lambda row: int(row[0]))]
     assert tuple(drawn) == FLOORS
+
+
+def test_every_planner_is_documented_with_its_parameters_and_defaults():
+    text = (PROJECT / "docs" / "planners.md").read_text(encoding="utf-8")
+    parameters, meanings = text.split("| name | parameters |")[1].split("| parameter | meaning |")
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", parameters, re.M))
+    assert rows.keys() == PLUGINS["planners"].keys()
+    explained = set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.+?) \|", meanings, re.M))))
+    for name, where in PLUGINS["planners"].items():
+        module, _, found = where.partition(":")
+        defaults = {field.name: field.default for field in fields(getattr(import_module(module), found))}
+        written = {key: "" if value == "empty" else value for key, value in re.findall(r"`(\w+)` \((.+?)\)", rows[name])}
+        assert written == {key: str(value).lower() for key, value in defaults.items()}, name
+        assert written.keys() <= explained, name

@@ -17,7 +17,7 @@ from mrp_sumo.errors import PlanError
 
 @dataclass(frozen=True)
 class Lacam:
-    """Plans by LaCAM; `anytime` makes it LaCAM*, which uses all its time unless it proves optimality.
+    """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
     Where tables allow, robots are guided by the traffic flow at first, see `_flow`, and the first solution is polished by
     large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
@@ -30,11 +30,11 @@ class Lacam:
     anytime: bool = False
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
     rotations: bool = True  # rings of robots may move at once
-    num_tries: int = 1  # configurations generated for one, the best is kept
+    num_tries: int = 1  # configurations generated each time, of which the best is kept
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    flow: int = 1  # rounds of giving ways that do not run against each other, for a guide; 0 for none
-    polish: int = 1800  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
-    neighbourhood: int = 4  # robots planned again at a time
+    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic; 0 for none
+    polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
+    neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
 
     def __post_init__(self) -> None:

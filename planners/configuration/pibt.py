@@ -107,17 +107,17 @@ class Step:
 
 @dataclass(frozen=True)
 class Pibt:
-    """Plans by PIBT; incomplete, no bound on the cost."""
+    """PIBT: fast, incomplete, no bound on the cost."""
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
 
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
     rotations: bool = True  # rings of robots may move at once
-    max_steps: int = 0  # give up an attempt after so many steps; 0: 20 x the longest way + 10 x robots, 1,000 to 20,000
+    max_steps: int = 0  # give up an attempt after so many steps; 0: 20 x the longest path + 10 x robots, 1,000 to 20,000
     num_attempts: int = 10
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    flow: int = 1  # rounds of giving ways that do not run against each other, for a guide; 0 for none
+    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic; 0 for none
 
     def __post_init__(self) -> None:
         if self.max_steps < 0 or self.num_attempts < 1 or self.flow < 0:

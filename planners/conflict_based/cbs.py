@@ -15,12 +15,15 @@ from planners.conflict_based._parameters import check
 
 @dataclass(frozen=True)
 class Cbs:
-    """Best first by cost plus heuristic; each expansion splits on a conflict. Options switch the improvements off."""
+    """Conflict-based search, with improvements that can be switched off.
 
-    heuristic: bool = True  # WDG: what pairs in conflict cost more
+    Nodes are expanded best first by cost plus heuristic; each expansion splits on a conflict.
+    """
+
+    heuristic: bool = True  # WDG, weighted pairwise dependencies: what each pair in conflict will cost more
     symmetries: bool = True  # rectangles, corridors, targets
-    bypass: bool = True
-    disjoint: bool = False
+    bypass: bool = True  # take a path of equal cost with fewer conflicts instead of splitting
+    disjoint: bool = False  # split into a constraint that forbids and one that demands, for one robot
     following: bool = False  # following conflicts count too
     memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 

@@ -15,11 +15,11 @@ from planners.conflict_based._parameters import check
 
 @dataclass(frozen=True)
 class CbsTa:
-    """Assigns and plans at once."""
+    """Conflict-based search with task assignment: assigns and plans at once."""
 
-    heuristic: bool = True  # WDG: what pairs in conflict cost more
+    heuristic: bool = True  # WDG, weighted pairwise dependencies: what each pair in conflict will cost more
     symmetries: bool = True  # rectangles, corridors, targets
-    bypass: bool = True
+    bypass: bool = True  # take a path of equal cost with fewer conflicts instead of splitting
     following: bool = False  # following conflicts count too
     memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 

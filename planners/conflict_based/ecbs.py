@@ -15,9 +15,12 @@ from planners.conflict_based._parameters import check
 
 @dataclass(frozen=True)
 class Ecbs:
-    """Among nodes that cost at most w times the least lower bound, the one with the fewest conflicts is expanded."""
+    """Enhanced CBS: cost at most `w` times the optimum.
 
-    w: float = 1.2
+    Among nodes that cost at most w times the least lower bound, the one with the fewest conflicts is expanded.
+    """
+
+    w: float = 1.2  # how many times the optimum a plan may cost
     symmetries: bool = True  # rectangles, corridors, targets
     following: bool = False  # following conflicts count too
     memory_mb: int = 4000  # for tables and nodes; beyond it gives up

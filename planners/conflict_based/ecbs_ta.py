@@ -16,9 +16,9 @@ from planners.conflict_based._parameters import check
 
 @dataclass(frozen=True)
 class EcbsTa:
-    """Assigns and plans at once, within w of the best."""
+    """Enhanced CBS with task assignment: assigns and plans at once, at most `w` times the optimum."""
 
-    w: float = 1.2
+    w: float = 1.2  # how many times the optimum a plan may cost
     symmetries: bool = True  # rectangles, corridors, targets
     following: bool = False  # following conflicts count too
     memory_mb: int = 4000  # for tables and nodes; beyond it gives up

@@ -21,11 +21,11 @@ from planners.conflict_based._parameters import check
 
 @dataclass(frozen=True)
 class Eecbs:
-    """The planner of choice when nearly optimal is good enough."""
+    """Explicit estimation CBS: the planner of choice when nearly optimal is good enough."""
 
-    w: float = 1.2
+    w: float = 1.2  # how many times the optimum a plan may cost
     symmetries: bool = True  # rectangles, corridors, targets
-    bypass: bool = True
+    bypass: bool = True  # take a path with fewer conflicts, within the bound, instead of splitting
     following: bool = False  # following conflicts count too; there is no incumbent then
     memory_mb: int = 4000  # for tables and nodes; beyond it gives up
     incumbent: bool = True  # look for a plan by large neighbourhood search too; without, the search is the paper's alone

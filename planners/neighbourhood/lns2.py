@@ -21,7 +21,7 @@ CHANCE = 13  # purpose of the stream of chance
 
 @dataclass(frozen=True)
 class Lns2:
-    """Plans by MAPF-LNS2; `anytime` spends the rest of the time on lower cost."""
+    """MAPF-LNS2: plans with collisions are repaired; `anytime` spends the rest of the time on lowering the cost."""
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
@@ -29,9 +29,9 @@ class Lns2:
     anytime: bool = False
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
     rotations: bool = True  # rings of robots may move at once
-    neighbourhood: int = 8  # robots planned again at a time while there are collisions, half of it afterwards
-    horizon: int = 0  # steps to plan for; 0: twice the longest way, plus 128 and half a step a robot
-    polish: int = 2500  # labels a robot that may be spent on making the first solution better, see `polishing_labels`; 0 for none
+    neighbourhood: int = 8  # robots replanned at a time while there are collisions; half as many afterwards
+    horizon: int = 0  # steps to plan for; 0: twice the longest path, plus 128 and half a step per robot
+    polish: int = 2500  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     memory_mb: int = 2000  # for tables; gives up at once where they would take more
 
     def __post_init__(self) -> None:
@@ -40,10 +40,7 @@ class Lns2:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners._world import (
-            small_problem,
-            whole_table,
-        )
+        from planners._world import small_problem, whole_table
         from planners.neighbourhood import _lns
         from planners.neighbourhood._collisions import find_collisions
         from planners.neighbourhood._refinement import Refinement, room_to_repair, task_of

@@ -23,9 +23,12 @@ ORDERS = 3  # purpose of the stream of chance
 
 @dataclass(frozen=True)
 class Prioritised:
-    """The first order is longest way first; after a failure the robot that failed goes first, then orders are random."""
+    """Prioritised planning by SIPP, with random restarts.
 
-    restarts: int = 1000
+    The first order is longest path first; after a failure the robot that failed goes first, and every fourth order is random.
+    """
+
+    restarts: int = 1000  # further orders of the robots to try
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
 
     assigns: ClassVar[bool] = False
