@@ -6,7 +6,7 @@
     python tools/bench_start.py --fresh                the slow rows too: tools/run.sh and tools/test.sh in a new clone, a wheel's first run
     python tools/bench_start.py --json                 a line for each row
 
-Each command is run once before it is measured, so that compiled code and networks are there; maps are imported with an
+Each command is run once before it is measured, so that byte code, kernels and networks are there; maps are imported with an
 empty cache. `report` writes the report of 180 made-up runs. CPU time and memory include the processes that a command
 starts (the peak is that of the largest). Targets are CPU seconds and MB; wall seconds for the rows of --fresh, which
 download packages.
@@ -73,7 +73,12 @@ def once(row: Row, checkout: Path, runs: Path) -> Figures:
     with tempfile.TemporaryDirectory() as scratch:
         arguments = [argument.format(scratch=scratch, runs=runs) for argument in row.arguments]
         cache = Path(scratch) if row.is_cold else runs.parent / checkout.as_posix().strip("/").replace("/", "-")
-        environment = {**os.environ, "PYTHONPATH": str(checkout), "XDG_CACHE_HOME": f"{cache}/cache"}
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+        environment |= {
+            "PYTHONPATH": str(checkout),
+            "PYTHONPYCACHEPREFIX": str(runs.parent / "bytecode"),
+            "XDG_CACHE_HOME": f"{cache}/cache",
+        }
         return measured([sys.executable, "-c", MAIN, *arguments], checkout, environment)
 
 

@@ -9,12 +9,15 @@ import json
 import sqlite3
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import rosbags.rosbag2.writer
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.metadata import dump_qos_v8
 
 from mrp_sumo.bags import streams as say
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
@@ -55,6 +58,15 @@ class FastWriter(Writer):
             self.min_timestamp = timestamp
         if timestamp > self.max_timestamp:
             self.max_timestamp = timestamp
+
+
+@cache
+def _profiles_text(profiles: tuple[Qos, ...]) -> str:
+    return dump_qos_v8(list(profiles))
+
+
+# the library writes the few kinds of profiles twice for each topic, which takes longer than a short run's messages
+rosbags.rosbag2.writer.dump_qos_v8 = lambda qos: _profiles_text(tuple(qos))  # type: ignore[attr-defined]
 
 
 def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> None:
