@@ -19,6 +19,7 @@ CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
     "fuzz": ("campaigns.fuzz:Fuzz", 30.0),
     "repeat": ("campaigns.repeat:Repeat", 600.0),
     "kills": ("campaigns.kills:Kills", 300.0),
+    "noise": ("campaigns.noise:Noise", 300.0),
 }
 
 

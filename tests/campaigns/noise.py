@@ -1,34 +1,24 @@
-"""Drives thousands of disturbed executions and lets the independent audit look for overlaps.
+"""Thousands of disturbed executions on all maps, by all policies and recoveries, each judged by an audit of its own and by the program's.
 
-    python tools/campaign_execution.py OUT --driven 2000                 until so many runs have driven; a second call goes on
-    python tools/campaign_execution.py OUT --share 1/2                   every second run: two processes, one folder
-    python tools/campaign_execution.py OUT --maps DIR                    maps below DIR too (*.building.yaml)
-    python tools/campaign_execution.py OUT --again 50 --processes 8      are the same trajectories driven again, by spawned processes?
-    python tools/campaign_execution.py OUT --table                       what there is so far
-
-Everything about a run is drawn from its number: the world (bundled maps and those below DIR, each as a grid and as a
-roadmap; generated warehouses and roads; racks with narrow aisles; tangles of lanes with acute angles and crossings),
-robots, policy, step length, disturbances and what is done about deadlocks. A line of JSON a run goes to
-OUT/runs-K-N.jsonl. Runs with a fault are printed.
+Everything about a run is drawn from its number: the world (bundled maps, each as a grid and as a roadmap; generated warehouses and
+roads; racks with narrow aisles; tangles of lanes with acute angles and crossings), robots, policy, step length, disturbances and what is
+done about deadlocks. The audit of its own follows footprints with shapely, another author's geometry, and knows nothing of ours.
 """
 
-import argparse
 import collections
 import hashlib
 import json
-import multiprocessing
 import re
-import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
+from campaigns.driver import Trial
 from scipy.spatial import Delaunay, cKDTree
 
 from mrp_sumo.core.execution import Execution
@@ -84,6 +74,22 @@ def racks(rng: np.random.Generator) -> PlanGraph:
 
 
 PASSING = {"racks": racks, "tangle": tangle}  # worlds of one run
+
+
+class Noise:
+    """One run a trial."""
+
+    size = None
+
+    def __init__(self, seed: int) -> None:
+        self._scratch = tempfile.TemporaryDirectory(prefix="noise-")
+        self._worlds, self._first = Worlds(None, Path(self._scratch.name)), seed * 10_000_000
+
+    def trial(self, number: int, folder: Path) -> Trial:
+        row = one(self._first + number, self._worlds)
+        (folder / "run.json").write_text(json.dumps(row, indent=1, default=str))
+        wrong = tuple(row.get("wrong", ()))
+        return Trial(f"{row['family']}, {row['policy']}", row["ended"], wrong, "cat run.json  # all follows from the number")
 
 
 class Worlds:
@@ -277,6 +283,7 @@ def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, p
         wrong.append("bookings do not add up")
     if needs_sound_plan(policy) and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
         wrong.append("deadlock in plan order")
+    wrong += overlaps(run, fleet, level)
     nearest = np.inf
     for k in np.unique(np.linspace(0, len(run.t_s) - 1, 150).astype(int)):
         for floor in np.unique(level):
@@ -290,7 +297,7 @@ def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, p
         "sim_s": run.sim_time_s,
         "at_goal": int(np.isfinite(run.goal_s).sum()),
         "overlaps": found["num_overlaps"],
-        "other_faults": sum(v for k, v in found.items() if k.startswith("num_") and k != "num_overlaps"),
+        "other_faults": sum(v or 0 for k, v in found.items() if k.startswith("num_") and k != "num_overlaps"),
         "clearance_m": found["min_clearance_m"],
         "deadlocks": events["deadlock"],
         "resolved": events["resolved"],
@@ -304,137 +311,19 @@ def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, p
     }
 
 
-def rows_in(folder: Path) -> dict[int, dict[str, Any]]:
-    """What there is, by number. A line that was cut off is made again."""
-    rows = {}
-    for path in sorted(folder.glob("runs-*.jsonl")):
-        for line in path.read_text().splitlines():
-            try:
-                row = json.loads(line)
-            except ValueError:
-                continue
-            rows[row["number"]] = row
-    return rows
-
-
-def drive_many(options: argparse.Namespace) -> int:
-    """Runs of this process' share that are not there yet, until enough have driven."""
-    share, shares = (int(part) for part in options.share.split("/"))
-    options.out.mkdir(parents=True, exist_ok=True)
-    there = rows_in(options.out)
-    mine = (number for number in count(options.first) if number % shares == share % shares)
-    wanted = options.driven / shares
-    driven = sum("digest" in row for number, row in there.items() if number % shares == share % shares)
-    until, wrong = time.monotonic() + 60 * options.minutes, 0
-    with tempfile.TemporaryDirectory() as scratch, (options.out / f"runs-{share}-{shares}.jsonl").open("a") as file:
-        worlds = Worlds(options.maps, Path(scratch))
-        for number in mine:
-            if driven >= wanted or time.monotonic() > until:
-                break
-            if number in there:
-                continue
-            begun = time.process_time()
-            row = one(number, worlds)
-            row["all_cpu_s"] = round(time.process_time() - begun, 3)
-            driven += "digest" in row
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            if row.get("wrong"):
-                wrong += 1
-                print(json.dumps(row), flush=True)
-    return 1 if wrong else 0
-
-
-def drive_again(options: argparse.Namespace) -> int:
-    """Runs that have driven, spread over the campaign, by spawned processes: do they give the same bytes? Those in which
-    a planner found no new plan in time are left out: that time is the clock's.
-    """
-    rows = rows_in(options.out)
-    before = [rows[number] for number in sorted(rows) if "digest" in rows[number] and not rows[number]["unresolved"]]
-    chosen = [before[k] for k in np.unique(np.linspace(0, len(before) - 1, options.again).astype(int))]
-    parts = [[(row["number"], row["planner"]) for row in chosen[k :: options.processes]] for k in range(options.processes)]
-    with multiprocessing.get_context("spawn").Pool(options.processes) as pool:
-        told = dict(pair for part in pool.starmap(_digests, [(part, options.maps) for part in parts if part]) for pair in part)
-    other = [row["number"] for row in chosen if told[row["number"]] != row["digest"]]
-    same = len(chosen) - len(other)
-    print(f"{len(chosen)} runs again in {options.processes} processes: {same} with the same bytes; others: {other or 'none'}")
-    return 1 if other else 0
-
-
-def _digests(runs: list[tuple[int, str]], maps: Path | None) -> list[tuple[int, str]]:
-    with tempfile.TemporaryDirectory() as scratch:
-        worlds = Worlds(maps, Path(scratch))
-        return [(number, one(number, worlds, name).get("digest", "")) for number, name in runs]
-
-
-def table(rows: Iterable[dict[str, Any]]) -> str:
-    """By policy and by family of maps, as Markdown."""
-    rows = list(rows)
-    columns = (
-        "",
-        "runs",
-        "driven",
-        "robots",
-        "robot-hours",
-        "disturbed",
-        "all at goal",
-        "deadlocks",
-        "gave way",
-        "detours",
-        "planned anew",
-    )
-    columns += ("overlaps", "other faults", "least clearance, m")
-    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
-
-    def line(name: str, part: list[dict[str, Any]]) -> str:
-        drove = [row for row in part if "digest" in row]
-        hours = sum(row["robots"] * row["sim_s"] for row in drove) / 3600
-        clear = min((row["clearance_m"] for row in drove if row["clearance_m"] is not None), default=float("nan"))
-        disturbed_ = sum(bool(row["disturbed_by"]) for row in drove)
-        sums = [sum(row[key] for row in drove) for key in ("deadlocks", "gave_way", "detours", "resolved", "overlaps")]
-        faults = sum(bool(row["wrong"]) and not row["overlaps"] for row in drove)
-        done = sum(row["at_goal"] == row["robots"] for row in drove)
-        values = (name, len(part), len(drove), sum(row["robots"] for row in drove), f"{hours:.0f}", disturbed_, done, *sums, faults)
-        return "| " + " | ".join(map(str, values)) + f" | {clear:.4f} |"
-
-    for key in ("policy", "family", "dt_s"):
-        groups = collections.defaultdict(list)
-        for row in rows:
-            groups[row[key]].append(row)
-        lines += [line(f"{key.removesuffix('_s')} {name}", groups[name]) for name in sorted(groups)]
-    lines += [line("all", rows), "", "| did not drive | runs |", "|---|---|"]
-    reasons = collections.Counter(f"{row['ended']} {row.get('why', '')}".strip() for row in rows if "digest" not in row)
-    lines += [f"| {reason} | {number} |" for reason, number in reasons.most_common()]
-    disturbances = collections.Counter(kind for row in rows if "digest" in row for kind in row["disturbed_by"])
-    lines += [
-        "",
-        "| disturbance | driven runs with it |",
-        "|---|---|",
-        *(f"| {kind} | {number} |" for kind, number in disturbances.most_common()),
-    ]
-    maps = {(row["map"], row["kind"]) for row in rows if "digest" in row and row["family"] in ("bundled", "corpus")}
-    lines += ["", f"{len({name for name, _ in maps})} bundled and corpus maps driven on, {len(maps)} with their discretisations."]
-    return "\n".join(lines)
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--driven", type=int, default=2000)
-    parser.add_argument("--minutes", type=float, default=np.inf)
-    parser.add_argument("--share", default="0/1", metavar="K/N")
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--maps", type=Path)
-    parser.add_argument("--again", type=int, metavar="RUNS")
-    parser.add_argument("--processes", type=int, default=8)
-    parser.add_argument("--table", action="store_true")
-    options = parser.parse_args()
-    if options.again:
-        return drive_again(options)
-    failed = 0 if options.table else drive_many(options)
-    print(table(rows_in(options.out).values()))
-    return failed
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def overlaps(run: Execution, fleet: Fleet, level: np.ndarray, touch_m2: float = 1e-6) -> list[str]:
+    """Pairs of footprints that overlap at a sample, by shapely; the first of each pair."""
+    half = np.column_stack((fleet.length_m, fleet.width_m)) / 2
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[None] * half[:, None]  # [R, 4, 2]
+    found: dict[tuple[int, int], str] = {}
+    for k in range(len(run.t_s)):
+        there = np.flatnonzero(np.isfinite(run.x_m[k]))
+        c, s = np.cos(run.yaw_rad[k, there, None]), np.sin(run.yaw_rad[k, there, None])
+        x, y = np.moveaxis(corners[there], -1, 0)  # [N, 4] each
+        at_x, at_y = run.x_m[k, there, None], run.y_m[k, there, None]
+        shapes = shapely.polygons(np.stack((at_x + c * x - s * y, at_y + s * x + c * y), -1))
+        for i, j in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
+            pair = a, b = int(there[i]), int(there[j])
+            if a < b and level[a] == level[b] and pair not in found and shapely.intersection(shapes[i], shapes[j]).area > touch_m2:
+                found[pair] = f"shapely: robots {a} and {b} overlap at {run.t_s[k]:.1f} s"
+    return list(found.values())
