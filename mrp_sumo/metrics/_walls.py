@@ -24,7 +24,7 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
     first, listed
         CSR: the walls that a robot in the interval after it was at a place can matter to.
     walls
-        [W, 4] middle x, y, direction, half length.
+        [W, 6] middle x, y, direction, half length, cosine and sine of the direction.
     best
         What is farther than this is of no interest.
 
@@ -34,12 +34,12 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
         The least distance (0 when any touches) as far as it is below the given one, and [4] the interval (the sample
         before), the share of it that has passed, robot and wall.
     hits
-        [H, 4] the same for the first contact of every robot with every wall.
+        [H, 5] the same for the first contact of every robot with every wall, and 1 where its centre ever crosses that wall.
     """
     num_samples, num_robots = x.shape
     num_walls = len(walls)
-    where, hits, num_hits = np.full(4, -1.0), np.empty((64, 4)), 0
-    known = {np.int64(-1)}
+    where, hits, num_hits = np.full(4, -1.0), np.empty((64, 5)), 0
+    known, crossed = {np.int64(-1)}, {np.int64(-1)}
     stack, found = np.empty((128, 4)), np.empty(3)
     for k in range(num_samples):
         after = min(k + 1, num_samples - 1)
@@ -48,10 +48,19 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
                 continue
             if k > 0 and x[k, r] == x[after, r] and y[k, r] == y[after, r] and yaw[k, r] == yaw[after, r] and x[k - 1, r] == x[k, r]:
                 continue  # it stands: the interval before ended as this one goes on
+            moved = np.hypot(x[after, r] - x[k, r], y[after, r] - y[k, r])
+            reach = np.hypot(half_length[r], half_width[r]) + (moved if np.isfinite(moved) else 0.0)
             for at in range(first[cell[k, r]], first[cell[k, r] + 1]):
                 wall = listed[at]
+                # the circle around it, wherever it is in this interval, first
+                dx, dy, cos, sin = x[k, r] - walls[wall, 0], y[k, r] - walls[wall, 1], walls[wall, 4], walls[wall, 5]
+                along, outside = max(abs(cos * dx + sin * dy) - walls[wall, 3], 0.0), best + reach
+                if along**2 + (cos * dy - sin * dx) ** 2 > outside**2:
+                    continue
                 pair = np.int64(r) * num_walls + wall
                 _meet_wall(x, y, yaw, k, after, r, half_length[r], half_width[r], walls[wall], best, pair in known, stack, found)
+                if _crosses(x[k, r], y[k, r], x[after, r], y[after, r], walls[wall]):
+                    crossed.add(pair)
                 if found[0] < best:
                     best = found[0]
                     where[0], where[1], where[2], where[3] = k, found[1], r, wall
@@ -61,7 +70,20 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
                         hits = np.concatenate((hits, np.empty_like(hits)))
                     hits[num_hits, 0], hits[num_hits, 1], hits[num_hits, 2], hits[num_hits, 3] = k, found[2], r, wall
                     num_hits += 1
+    for hit in range(num_hits):
+        hits[hit, 4] = 1.0 if np.int64(hits[hit, 2]) * num_walls + np.int64(hits[hit, 3]) in crossed else 0.0
     return best, where, hits[:num_hits]
+
+
+@kernel
+def _crosses(x0, y0, x1, y1, wall):
+    """Whether a centre comes from one side of a wall to the other, or to the wall."""
+    cos, sin = wall[4], wall[5]
+    v0, v1 = cos * (y0 - wall[1]) - sin * (x0 - wall[0]), cos * (y1 - wall[1]) - sin * (x1 - wall[0])
+    if not v0 * v1 <= 0.0 or v0 == v1:
+        return False
+    f = v0 / (v0 - v1)
+    return abs(cos * (x0 + f * (x1 - x0) - wall[0]) + sin * (y0 + f * (y1 - y0) - wall[1])) <= wall[3]
 
 
 @kernel
@@ -74,19 +96,12 @@ def _meet_wall(x, y, yaw, k, after, r, half_length, half_width, wall, best, know
     move_x, move_y, turn = x[k, r] - x[after, r], y[k, r] - y[after, r], short_way(yaw[after, r] - yaw_r)
     if not np.isfinite(move_x + move_y):  # it goes: it is looked at where it was
         move_x, move_y, turn = 0.0, 0.0, 0.0
-    # the circle around it first
-    radius = np.hypot(half_length, half_width)
-    cos, sin, moved = np.cos(yaw_w), np.sin(yaw_w), np.hypot(move_x, move_y)
-    along, across = abs(cos * dx + sin * dy) - half_wall, abs(cos * dy - sin * dx)
-    outside = np.hypot(max(along, 0.0), across) - radius - moved
-    if outside > 0.0 and outside >= best:
-        return
     begin = rectangle_distance(dx, dy, yaw_r, yaw_w, half_length, half_width, half_wall, 0.0)
     found[0] = max(begin, 0.0)
     if begin < -TOUCH_M and not known:
         found[2] = 0.0
         return
-    pace = moved + radius * abs(turn)  # m its points move at most
+    pace = np.hypot(move_x, move_y) + np.hypot(half_length, half_width) * abs(turn)  # m its points move at most
     if pace == 0.0:
         return
     end = rectangle_distance(dx + move_x, dy + move_y, yaw_r + turn, yaw_w, half_length, half_width, half_wall, 0.0)

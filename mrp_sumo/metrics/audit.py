@@ -13,12 +13,12 @@ from mrp_sumo.core.execution import Execution, Outcome, positions_at
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.maps.boxes import overlapping
-from mrp_sumo.maps.clearance import segment_distances
 from mrp_sumo.metrics import _audit, _walls
 
 LISTED = 20  # findings of a kind that are told one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
+MOST_PLACES = 2000  # along either side of the floor
 LOOK_M = 1.0  # how far walls are looked for at first
 KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
     "speed": "num_speed_violations",
@@ -131,23 +131,24 @@ def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> d
         return dict.fromkeys(names)
     best, where, hits = _nearest_walls(execution, fleet, walls)
     t = execution.t_s
+    hits = hits[np.lexsort((hits[:, 3], hits[:, 2], hits[:, 0] + hits[:, 1]))]
+
+    def time(k: float, share: float) -> float:
+        return float(t[int(k)] + share * (t[min(int(k) + 1, len(t) - 1)] - t[int(k)]))
+
     contacts = []
-    for k, share, r, w in sorted(hits.tolist(), key=lambda hit: (hit[0] + hit[1], hit[2:])):
-        t_s, robot = float(t[int(k)] + share * (t[min(int(k) + 1, len(t) - 1)] - t[int(k)])), int(r)
-        (x,), (y,), _ = positions_at(execution, np.array([t_s]))
-        way = np.stack([execution.x_m[:, robot], execution.y_m[:, robot]], axis=1)
-        a, b = (np.broadcast_to(end, way[1:].shape) for end in walls[int(w)])
-        crosses = bool((segment_distances(way[:-1], way[1:], a, b) == 0).any())
-        contacts.append({"robot": fleet.robot_name[robot], "t_s": t_s, "x_m": float(x[robot]), "y_m": float(y[robot]), "crosses": crosses})
+    for k, share, r, _, crosses in hits[:LISTED].tolist():
+        robot, t_s = int(r), time(k, share)
+        (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
+        place = {"x_m": float(xs[robot]), "y_m": float(ys[robot])}
+        contacts.append({"robot": fleet.robot_name[robot], "t_s": t_s, **place, "crosses": bool(crosses)})
     nearest = None
     if np.isfinite(best):
-        k, robot = int(where[0]), int(where[2])
-        t_s = float(t[k] + where[1] * (t[min(k + 1, len(t) - 1)] - t[k]))
-        nearest = {"robot": fleet.robot_name[robot], "t_s": t_s}
+        nearest = {"robot": fleet.robot_name[int(where[2])], "t_s": time(where[0], where[1])}
     return {
-        "num_wall_contacts": len(contacts),
-        "num_wall_crossings": sum(contact["crosses"] for contact in contacts),
-        "wall_contacts": contacts[:LISTED],
+        "num_wall_contacts": len(hits),
+        "num_wall_crossings": int(hits[:, 4].sum()),
+        "wall_contacts": contacts,
         "min_wall_clearance_m": float(best) if nearest else None,
         "min_wall_clearance": nearest,
     }
@@ -158,16 +159,23 @@ def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tup
     x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
     here = np.isfinite(x) & np.isfinite(y)
     if not here.any() or not len(walls):
-        return np.inf, np.zeros(4), np.zeros((0, 4))
+        return np.inf, np.zeros(4), np.zeros((0, 5))
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
     xy = np.stack([x[here], y[here]], axis=1)
-    column, row = np.floor((xy - xy.min(axis=0)) / PLACE_M).astype(np.int64).T
-    place, of_place = np.unique(column * (row.max() + 1) + row, return_inverse=True)
+    low = xy.min(axis=0)
+    side_m = max(PLACE_M, float(np.ptp(xy, axis=0).max()) / MOST_PLACES)
+    column, row = np.floor((xy - low) / side_m).astype(np.int64).T
+    columns, rows = int(column.max()) + 1, int(row.max()) + 1
+    square = column * rows + row
+    is_used = np.zeros(columns * rows, np.bool_)
+    is_used[square] = True
+    place = np.flatnonzero(is_used)
     cell = np.full(x.shape, -1, np.int64)
-    cell[here] = of_place
-    corner = xy.min(axis=0) + PLACE_M * np.stack([place // (row.max() + 1), place % (row.max() + 1)], axis=1)
+    cell[here] = (np.cumsum(is_used) - 1)[square]
+    corner = low + side_m * np.stack([place // rows, place % rows], axis=1)
     way = walls[:, 1] - walls[:, 0]
-    strokes = np.column_stack([walls.mean(axis=1), np.arctan2(way[:, 1], way[:, 0]), np.hypot(*way.T) / 2])
+    bearing = np.arctan2(way[:, 1], way[:, 0])
+    strokes = np.column_stack([walls.mean(axis=1), bearing, np.hypot(*way.T) / 2, np.cos(bearing), np.sin(bearing)])
     boxes = np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1)
     moved_m = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
     around_m = float(np.hypot(half_length, half_width).max()) + float(moved_m[np.isfinite(moved_m)].max(initial=0.0))
@@ -175,7 +183,7 @@ def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tup
     farthest_m, look_m = float(np.hypot(*np.ptp(everything, axis=0))) + around_m, LOOK_M
     while True:
         near_m = around_m + look_m
-        i, j = overlapping(np.concatenate([corner - near_m, corner + PLACE_M + near_m], axis=1), boxes)
+        i, j = overlapping(np.concatenate([corner - near_m, corner + side_m + near_m], axis=1), boxes)
         first = np.searchsorted(i, np.arange(len(corner) + 1))
         best, where, hits = _walls.wall_closeness(x, y, yaw, half_length, half_width, cell, first, j, strokes, look_m)
         if where[2] >= 0:
