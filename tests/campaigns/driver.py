@@ -22,6 +22,7 @@ from typing import Any, Protocol
 
 MEMORY_BYTES = 4 << 30
 TRIALS_PER_CHILD = 300
+STARTING_S = 900.0
 
 
 @dataclass(frozen=True)
@@ -92,14 +93,16 @@ def run(command: list[str], name: str, out: Path, seed: int, minutes: float, lim
 def _watch(child: subprocess.Popen[bytes], path: Path, out: Path, name: str, seed: int, limit_s: float, until: float) -> None:
     """Wait for a child; when it hangs or dies, record its trial."""
     size, since = -1, time.monotonic()
+    patience_s = STARTING_S  # kernels may have to be compiled first
     while child.poll() is None:
         time.sleep(0.1)
         now = path.stat().st_size if path.is_file() else 0
         if now != size:
+            patience_s = STARTING_S if size < 0 else limit_s + 30
             size, since = now, time.monotonic()
             if since > until:
                 break
-        elif time.monotonic() - since > limit_s + 30:  # of which 30 s for starting
+        elif time.monotonic() - since > patience_s:
             current = max(rows_in(path), default=-1) + 1
             _record(
                 path,
