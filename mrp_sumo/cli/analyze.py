@@ -112,6 +112,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
     from mrp_sumo.errors import MrpSumoError, nearest
     from mrp_sumo.metrics.mrp_bench import execution_metrics
 
+    bag = bag if bag.name else bag.resolve()  # '.'
     folder = bag / "bag" if (bag / "bag" / "metadata.yaml").is_file() else bag
     if folder.is_file() and (folder.parent / "metadata.yaml").is_file():
         folder = folder.parent

@@ -4,7 +4,7 @@ import argparse
 from inspect import signature
 from pathlib import Path
 
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, sentence
 from mrp_sumo.maps.generate import GENERATORS, VERTICES_A_ROBOT
 
 SUFFIX = ".building.yaml"
@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         drawing.write(path)
     except OSError as error:
-        raise MapError(f"--out {path}: {(error.strerror or str(error)).lower()}") from None
+        raise MapError(f"--out {path}: {sentence(error)}") from None
     room = len(drawing.stations) // VERTICES_A_ROBOT
     facts = f"{len(drawing.stations)} vertices, {len(drawing.lanes)} edges, {drawing.width_m:.1f} x {drawing.height_m:.1f} m"
     print(f"{path}: {facts}, room for {room} robots")

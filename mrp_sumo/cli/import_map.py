@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:
     from mrp_sumo.core.fleet import RobotType
@@ -133,7 +133,7 @@ def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
                 shutil.rmtree(out)
             work.replace(out)
     except OSError as error:
-        raise MapError(f"{out}: {(error.strerror or str(error)).lower()}") from None
+        raise MapError(f"{out}: {sentence(error)}") from None
 
 
 def _nav_graphs(map_: "Map") -> dict[str, Any]:

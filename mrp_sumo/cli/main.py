@@ -5,6 +5,7 @@ A subcommand is a module of this folder with `arguments(parser)` and `run(option
 """
 
 import argparse
+import errno
 import gc
 import os
 import sys
@@ -66,13 +67,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `mrp-sumo ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except RuntimeError as error:
+        if not str(error).startswith("Symlink loop"):  # as Path.resolve reports one
+            raise
+        print(f"mrp-sumo: {sentence(OSError(errno.ELOOP, ''))}: {str(error).removeprefix('Symlink loop from ')}", file=sys.stderr)
+        return 2
     except OSError as error:
         if error.errno is None:  # none of the system's
             raise
         from mrp_sumo.files.reading import shortened
 
-        where = shortened(Path(os.fsdecode(error.filename))) if isinstance(error.filename, str | bytes | os.PathLike) else "a file"
-        print(f"mrp-sumo: {where}: {sentence(error)}", file=sys.stderr)
+        if isinstance(error.filename, str | bytes | os.PathLike):
+            print(f"mrp-sumo: {shortened(Path(os.fsdecode(error.filename)))}: {sentence(error)}", file=sys.stderr)
+        else:  # about a file that is open, or a temporary one
+            print(f"mrp-sumo: {error.strerror if error.errno == errno.ENOENT else sentence(error)}", file=sys.stderr)
         return 2
 
 

@@ -4,7 +4,6 @@ A batch that was ended by whatever means goes on where it was: a run with a reco
 one is made. A run that crashed is made again a stated number of times, over all sessions of the batch.
 """
 
-import errno
 import fcntl
 import json
 import time
@@ -15,12 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from mrp_sumo.errors import BatchError
+from mrp_sumo.errors import BatchError, sentence
 from mrp_sumo.experiments.cluster import Cluster
 from mrp_sumo.experiments.identity import code_version, library_versions
 from mrp_sumo.experiments.processes import Makers, Processes
 from mrp_sumo.experiments.suite import PlannedRun, SuiteFile, runs_of
 from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.results import (
     PLAN,
     BatchRecord,
@@ -162,8 +162,9 @@ def run_batch(
                 write_tables(folder, _in_order(batch))
             log.add(", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
         except OSError as error:
-            full = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror or str(error)
-            raise BatchError(f"{folder}: {full}; {len(batch.status)} of {len(batch.runs)} results are kept, start again to go on") from None
+            raise BatchError(
+                f"{folder}: {sentence(error)}; {len(batch.status)} of {len(batch.runs)} results are kept, start again to go on"
+            ) from None
         finally:
             log.close()
     return batch
@@ -315,7 +316,7 @@ def _locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / "batch.lock").open("a")
     except OSError as error:
-        raise BatchError(f"{folder}: cannot be written to: {error.strerror}") from None
+        raise BatchError(f"{shortened(folder)}: cannot be written to: {sentence(error)}") from None
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

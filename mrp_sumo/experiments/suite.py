@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
-from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
+from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest, sentence
 from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
@@ -362,7 +362,7 @@ class _Inputs:
         try:
             return input_hash(paths), plug_in_hash(scenario, self._file.folder)
         except OSError as error:
-            raise ScenarioError(f"{error.filename}: cannot be read: {error.strerror}") from None
+            raise ScenarioError(f"{error.filename}: cannot be read: {sentence(error)}") from None
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:

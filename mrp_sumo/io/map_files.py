@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from mrp_sumo.core.graph import NavGraph, PlanGraph
-from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.errors import MapError, nearest, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.geojson import write_geojson
 from mrp_sumo.maps.grid import paper_cells
 from mrp_sumo.maps.map import Map
@@ -50,7 +51,7 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
         losses = _graphs_left_out(map_) + _WRITE[suffix](map_, partial, cell_m)
         partial.replace(path)
     except OSError as error:
-        raise MapError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+        raise MapError(f"{shortened(path)}: {sentence(error)}") from None
     finally:
         partial.unlink(missing_ok=True)
     return losses

@@ -21,7 +21,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.errors import BatchError
+from mrp_sumo.errors import BatchError, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import parameter_columns
 
@@ -156,7 +157,7 @@ def _read_body(path: str, name: str) -> bytes:
         with open(path, "rb", buffering=0) as file:  # noqa: PTH123
             data = file.read()
     except OSError as error:
-        raise BatchError(f"{name}: cannot be read: {error.strerror}") from None
+        raise BatchError(f"{name}: cannot be read: {sentence(error)}") from None
     size = len(_HEAD % 0)
     body = data[size : -len(_TAIL)]
     if data[:size] != _HEAD % zlib.crc32(body) or not data.endswith(_TAIL) or not (begin := _BEGIN.match(body)):
@@ -188,7 +189,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}") from None
     except OSError as error:
-        raise BatchError(f"{path}: cannot be read: {error.strerror}") from None
+        raise BatchError(f"{shortened(path)}: cannot be read: {sentence(error)}") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BatchError(f"{path}: not the plan of a batch; move it away and start the batch again, no result is lost") from None
     return dict(plan)

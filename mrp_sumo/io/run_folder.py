@@ -23,7 +23,8 @@ from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
@@ -133,7 +134,7 @@ def write_run(
         (new / RESULT).write_text(laid_out(document) + "\n", encoding="utf-8")
         put_in_place(new, out)
     except OSError as error:
-        raise MrpSumoError(f"{out}: cannot be written: {error.strerror or error}") from None
+        raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
     finally:
         shutil.rmtree(new, ignore_errors=True)
     return document

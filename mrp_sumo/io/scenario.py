@@ -14,7 +14,16 @@ from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
@@ -25,6 +34,7 @@ from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.plugins.source import program_of
 from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
 
+MAX_NAME_BYTES = 200
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
@@ -250,10 +260,19 @@ class Recording(_Strict):
     poses: bool = Field(False, description="Put /robot_poses into the bag: what /tf says, as a PoseArray.")
 
 
+def _folder_name(name: str) -> str:
+    """A name that can be a folder's, with room for a suffix."""
+    if name in (".", "..") or len(name.encode()) > MAX_NAME_BYTES or not name.isprintable() or "/" in name:
+        raise ValueError(f"found {name[:40]!r}, expected the name of a folder, of at most {MAX_NAME_BYTES} bytes")
+    return name
+
+
 class Scenario(_Strict):
     """One problem and how to solve, execute and record it."""
 
-    name: str = Field("", pattern=r"^[\w.+-]*$", description="Of the run folder; the file's name by default.")
+    name: Annotated[str, AfterValidator(_folder_name)] = Field(
+        "", pattern=r"^[\w.+-]*$", description="Of the run folder; the file's name by default."
+    )
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     map: MapChoice
     discretisation: Discretisation = Discretisation()
@@ -343,7 +362,10 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
     document = read_document(path)
     scenario = validated(document, Scenario)
     if not scenario.name:
-        scenario = scenario.model_copy(update={"name": path.stem})
+        try:
+            scenario = scenario.model_copy(update={"name": _folder_name(path.stem)})
+        except ValueError as error:
+            raise ScenarioError(f"{shortened(path)}: the file's name is the run's: {error}") from None
     return changed(ScenarioFile(scenario, document, {}), overrides or {})
 
 

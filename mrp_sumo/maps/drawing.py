@@ -132,8 +132,11 @@ class Drawing:
     def write(self, path: Path) -> None:
         """Write the file, whole or not at all."""
         part = path.with_name(path.name + ".part")
-        part.write_text(self.text(), encoding="utf-8")
-        part.replace(path)
+        try:
+            part.write_text(self.text(), encoding="utf-8")
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
     def _corner(self, point: Point) -> int:
         """Number of the point among those that walls, floors, doors and measurements share."""

@@ -18,7 +18,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mrp_sumo.core.execution import positions_at
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.events import event_document
 from mrp_sumo.io.record import STATE_NAMES, RunRecord, robot_states
 
@@ -44,7 +45,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield partial
         partial.rename(path)
     except OSError as error:
-        raise MrpSumoError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
     finally:
         if partial.is_dir():
             shutil.rmtree(partial, ignore_errors=True)

@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 
 from mrp_sumo import __version__
-from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.errors import BatchError, MrpSumoError, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.reports import paper
 from mrp_sumo.reports.charts.chart import Chart
@@ -70,7 +71,7 @@ def write_report(source: Path, out: Path | None = None) -> Path:
         (new / INDEX).write_text(text, encoding="utf-8")
         put_in_place(new, out)
     except OSError as error:
-        raise BatchError(f"{out}: cannot be written: {error.strerror or error}") from None
+        raise BatchError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
     finally:
         shutil.rmtree(new, ignore_errors=True)
     return out / INDEX

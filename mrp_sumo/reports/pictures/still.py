@@ -14,7 +14,8 @@ from matplotlib.patheffects import withStroke
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import STATE_NAMES, RunRecord
 from mrp_sumo.reports.pictures.labels import place_labels
@@ -57,7 +58,7 @@ def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, widt
     try:
         figure.write(path, dpi)
     except OSError as error:
-        raise MrpSumoError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
     return path
 
 

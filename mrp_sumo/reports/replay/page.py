@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import DAMAGE, load_run
@@ -122,7 +123,7 @@ def write_page(page: str, out: Path) -> Path:
         part.replace(out)
     except OSError as error:
         part.unlink(missing_ok=True)
-        raise MrpSumoError(f"{out}: cannot be written: {error.strerror or error}") from None
+        raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
     return out
 
 
