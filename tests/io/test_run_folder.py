@@ -147,7 +147,7 @@ def test_nothing_stays_when_the_disk_is_full(tmp_path, monkeypatch):
     run_of_four(out, tmp_path / "x.net.xml")
     before = (out / "result.json").read_bytes()
     monkeypatch.setattr(run_folder, "write_events", full)
-    with pytest.raises(MrpSumoError, match="run: cannot be written: No space left on device"):
+    with pytest.raises(MrpSumoError, match="run: cannot be written: the disk is full"):
         run_of_four(out, tmp_path / "x.net.xml")
     assert (out / "result.json").read_bytes() == before
     assert {p.name for p in tmp_path.iterdir()} == {"x.net.xml", "run"}
