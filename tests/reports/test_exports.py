@@ -78,7 +78,7 @@ def test_a_place_that_is_taken_is_refused_and_a_full_disk_leaves_nothing(tmp_pat
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("pathlib.Path.write_text", full)
-    with pytest.raises(MrpSumoError, match="cannot be written: No space left on device"):
+    with pytest.raises(MrpSumoError, match="cannot be written: the disk is full"):
         write_geojson(tmp_path / "run.geojson", record_of_four(seconds=1.0))
     assert [p.name for p in tmp_path.iterdir()] == ["t.csv"]
 
