@@ -268,6 +268,32 @@ def plan_graph(
     )
 
 
+def with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
+    """The same vertices with these lanes [L] only."""
+    lanes = np.flatnonzero(open_)
+    nav = nav_graph(
+        name=graph.name,
+        xy=graph.xy,
+        lanes=np.stack([graph.tail[lanes], graph.head[lanes]], 1),
+        level_names=graph.level_names,
+        level=graph.level,
+        vertex_name=graph.vertex_name,
+        vertex_options=graph.vertex_options,
+        length_m=graph.length_m[lanes],
+        speed_mps=graph.speed_mps[lanes],
+        lane_options=[graph.lane_options[lane] for lane in lanes.tolist()],
+        source=graph.source,
+    )
+    return plan_graph(
+        nav,
+        kind=graph.kind,
+        cell_m=graph.cell_m,
+        vertex_of_station=graph.vertex_of_station,
+        nav_lane=graph.nav_lane,
+        offset_m=graph.offset_m,
+    )
+
+
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
     """The array as a contiguous read-only copy."""
     array = np.array(array, order="C")

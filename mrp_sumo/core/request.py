@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrp_sumo.core.fleet import some_of
-from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen, with_lanes
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.errors import PlanError
@@ -54,35 +54,9 @@ def one_shot(request: Request) -> Problem:
         raise PlanError(f"{name} has {found} stops ahead, and a one-shot planner expects one")
     return replace(
         request.site,
-        graph=_with_lanes(request.site.graph, ~request.closed) if request.closed.any() else request.site.graph,
+        graph=with_lanes(request.site.graph, ~request.closed) if request.closed.any() else request.site.graph,
         fleet=some_of(request.site.fleet, request.robot),
         start=frozen(request.start),
         goal=frozen(request.stop),
         goal_of=frozen(np.arange(len(request.robot))),
-    )
-
-
-def _with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
-    """The same vertices with these lanes only."""
-    lanes = np.flatnonzero(open_)
-    nav = nav_graph(
-        name=graph.name,
-        xy=graph.xy,
-        lanes=np.stack([graph.tail[lanes], graph.head[lanes]], 1),
-        level_names=graph.level_names,
-        level=graph.level,
-        vertex_name=graph.vertex_name,
-        vertex_options=graph.vertex_options,
-        length_m=graph.length_m[lanes],
-        speed_mps=graph.speed_mps[lanes],
-        lane_options=[graph.lane_options[lane] for lane in lanes.tolist()],
-        source=graph.source,
-    )
-    return plan_graph(
-        nav,
-        kind=graph.kind,
-        cell_m=graph.cell_m,
-        vertex_of_station=graph.vertex_of_station,
-        nav_lane=graph.nav_lane,
-        offset_m=graph.offset_m,
     )

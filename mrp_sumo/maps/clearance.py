@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, with_lanes
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
@@ -101,32 +101,10 @@ def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
     MapError
         When no lane is left.
     """
-    kept = np.flatnonzero(~(without.is_narrow_lane | without.is_narrow_vertex[graph.tail] | without.is_narrow_vertex[graph.head]))
-    if len(kept) == graph.num_lanes:
-        return graph
-    if not len(kept):
+    kept = ~(without.is_narrow_lane | without.is_narrow_vertex[graph.tail] | without.is_narrow_vertex[graph.head])
+    if not kept.any():
         raise MapError(f"no lane of '{graph.name}' leaves '{without.robot.name}' room beside the walls")
-    rest = nav_graph(
-        name=graph.name,
-        xy=graph.xy,
-        lanes=np.stack([graph.tail[kept], graph.head[kept]], axis=1),
-        level_names=graph.level_names,
-        level=graph.level,
-        vertex_name=graph.vertex_name,
-        vertex_options=graph.vertex_options,
-        length_m=graph.length_m[kept],
-        speed_mps=graph.speed_mps[kept],
-        lane_options=[graph.lane_options[lane] for lane in kept.tolist()],
-        source=graph.source,
-    )
-    return plan_graph(
-        rest,
-        kind=graph.kind,
-        cell_m=graph.cell_m,
-        vertex_of_station=graph.vertex_of_station,
-        nav_lane=graph.nav_lane,
-        offset_m=graph.offset_m,
-    )
+    return graph if kept.all() else with_lanes(graph, kept)
 
 
 def standing_walls(building: Building, level_names: Collection[str]) -> FloatArray:
