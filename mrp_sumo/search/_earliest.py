@@ -71,6 +71,22 @@ def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
     return step, begin
 
 
+@kernel(inline="always")
+def _entered_before(state, e, begin, arrive):
+    """Whether an interval of a vertex, whose last state is e, was entered as early before."""
+    known = False
+    while e >= 0 and not known:
+        known = state[e, LABEL] == begin and state[e, STEP] <= arrive
+        e = np.int64(state[e, ALIKE])
+    return known
+
+
+@kernel(inline="always")
+def _banned(u, v, ban_u, ban_v):
+    """Whether a lane is the banned edge, in either direction."""
+    return ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u))
+
+
 @kernel
 def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
     """The least cost under the constraints laid out.
@@ -136,7 +152,7 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
         for lane in range(first[u], first[u + 1]):
             v = head[lane]
             to_go = np.int64(distance[v])
-            if to_go >= UNREACHABLE or (ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u))):
+            if to_go >= UNREACHABLE or _banned(u, v, ban_u, ban_v):
                 continue
             arrive, begin = t + 1, np.int64(0)
             constrained = touched[v] == stamp or t < last_must
@@ -146,15 +162,10 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
                     arrive, begin = _entry(rule, k_rule, must, stamp, last_must, u, v, arrive, latest)
                     if arrive > latest:
                         break
-                known = False  # whether the interval was entered as early before
-                e = np.int64(at[v])
-                if e >= num_states or state[e, VERTEX] != v:
-                    e = np.int64(-1)
-                last = e
-                while e >= 0 and not known:
-                    known = state[e, LABEL] == begin and state[e, STEP] <= arrive
-                    e = np.int64(state[e, ALIKE])
-                if not known:
+                last = np.int64(at[v])
+                if last >= num_states or state[last, VERTEX] != v:
+                    last = np.int64(-1)
+                if not _entered_before(state, last, begin, arrive):
                     bucket = arrive + to_go - shortest
                     if num_states >= len(state) or bucket >= len(top):
                         code = SCRATCH_FULL

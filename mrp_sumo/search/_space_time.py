@@ -14,16 +14,14 @@ from mrp_sumo.search._constraints import (
     BELOW,
     EARLIEST,
     EXPANSIONS,
-    FROM,
     LABEL,
     LAST_MUST,
     LATEST,
-    NEXT,
     STAMP,
     STEP,
-    TAIL,
-    TO,
     VERTEX,
+    barred,
+    elsewhere,
     load,
 )
 from mrp_sumo.search._earliest import earliest_arrival
@@ -75,6 +73,53 @@ def _visits_at_goal(occupancy, goal, begin, later):
 
 
 @kernel
+def _delays_that_fit(num_states, num_vertices):
+    """How many delays states can have, a power of two: states differ by vertex and delay, steps beyond the shortest path."""
+    delays = np.int64(1)
+    while 2 * delays * num_vertices <= num_states:
+        delays *= 2
+    return delays
+
+
+@kernel
+def _others_there(after, visit, low, num_robots):
+    """How many robots but the first are at a vertex at the step whose visits begin above `low`."""
+    num = 0
+    e = next_visit(after, after[next_visit(after, visit, low, num_robots)], low, num_robots)
+    while e:
+        num += 1
+        e = next_visit(after, after[e], low, num_robots)
+    return num
+
+
+@kernel
+def _who_leave(after, visit, low, num_robots, installed, meta, path, u, v, step, following):
+    """How many robots at v the step before go to u as the robot comes from there; with `following`, all who leave v."""
+    num = 0
+    e = next_visit(after, visit, low - num_robots, num_robots)
+    while e:
+        record = installed[e - low + num_robots - 1]
+        went = path[meta[record, PATH0] + min(step, meta[record, COST])]
+        if went == u or (following and went != v):
+            num += 1
+        e = next_visit(after, after[e], low - num_robots, num_robots)
+    return num
+
+
+@kernel
+def _who_follow(after, visit, low, num_robots, installed, meta, path, v, t):
+    """How many robots enter the vertex that the robot leaves, but those that come from v, where it goes."""
+    num = 0
+    e = next_visit(after, visit, low, num_robots)
+    while e:
+        record = installed[e - low - 1]
+        if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
+            num += 1
+        e = next_visit(after, after[e], low, num_robots)
+    return num
+
+
+@kernel
 def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
 
@@ -104,17 +149,14 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
     meta, path = store.meta, store.path
     busy, visit, after, since, installed = occupancy.busy, occupancy.visit, occupancy.after, occupancy.since, occupancy.record
     state, top, visited, later = scratch.state, scratch.top, scratch.visited, scratch.later
-    touched, rule_at, rule, must_be = scratch.touched, scratch.rule_at, scratch.rule, scratch.must
+    touched, rule_at, rule, must = scratch.touched, scratch.rule_at, scratch.rule, scratch.must
     stamp, limit = scratch.number[STAMP], scratch.limit
     num_robots, words = len(installed), len(busy) // len(since)
     horizon, last_must, earliest = words * WORD, limit[LAST_MUST], limit[EARLIEST]
     shortest = np.int64(distance[start])
-    # states are told apart by vertex and delay: steps so far and to go beyond the shortest way
-    room = np.int64(1)
-    while 2 * room * len(since) <= len(visited):
-        room *= 2
-    latest = min(limit[LATEST], max(least, min(bound, shortest + room - 1)))
-    if latest - shortest >= room:
+    delays = _delays_that_fit(len(visited), len(since))
+    latest = min(limit[LATEST], max(least, min(bound, shortest + delays - 1)))
+    if latest - shortest >= delays:
         return SCRATCH_FULL, np.int64(-1)
     shift = 0
     while (1 << shift) <= latest - shortest:
@@ -178,20 +220,10 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
             delay = step + distance[v] - shortest
             if delay > latest - shortest:
                 continue
-            if touched[v] == stamp:
-                clear = True
-                e = np.int64(rule_at[v])
-                while e >= 0:
-                    if rule[e, FROM] <= step <= rule[e, TO] and (rule[e, TAIL] < 0 or rule[e, TAIL] == u):
-                        clear = False
-                        break
-                    e = np.int64(rule[e, NEXT])
-                if not clear:
-                    continue
-            if step <= last_must:
-                must = must_be[step]
-                if must >> 32 == stamp and (must & 0xFFFFFFFF) != v:
-                    continue
+            if touched[v] == stamp and barred(rule, rule_at, u, v, step):
+                continue
+            if step <= last_must and elsewhere(must, stamp, step, v):
+                continue
             new_disturbs = disturbs
             if since[v] <= step:
                 new_disturbs += 1
@@ -199,27 +231,15 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
                 bits = busy[v * words + column] >> bit
                 new_disturbs += np.int64(bits & ONE)
                 if bits & MANY:
-                    e = next_visit(after, after[next_visit(after, visit[v * words + column], low, num_robots)], low, num_robots)
-                    while e:
-                        new_disturbs += 1
-                        e = next_visit(after, after[e], low, num_robots)
+                    new_disturbs += _others_there(after, visit[v * words + column], low, num_robots)
                 if u != v:
                     # who swaps places with the robot is there before and here after
                     if (here or following) and (busy[v * words + column_before] >> bit_before) & ONE:
-                        e = next_visit(after, visit[v * words + column_before], low - num_robots, num_robots)
-                        while e:
-                            record = installed[e - low + num_robots - 1]
-                            went = path[meta[record, PATH0] + min(step, meta[record, COST])]
-                            if went == u or (following and went != v):
-                                new_disturbs += 1
-                            e = next_visit(after, after[e], low - num_robots, num_robots)
+                        new_disturbs += _who_leave(
+                            after, visit[v * words + column_before], low, num_robots, installed, meta, path, u, v, step, following
+                        )
                     if following and (busy[u * words + column] >> bit) & ONE:
-                        e = next_visit(after, visit[u * words + column], low, num_robots)
-                        while e:
-                            record = installed[e - low - 1]
-                            if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
-                                new_disturbs += 1
-                            e = next_visit(after, after[e], low, num_robots)
+                        new_disturbs += _who_follow(after, visit[u * words + column], low, num_robots, installed, meta, path, v, t)
             cell = (v << shift) + delay
             e = np.int64(visited[cell])
             if e < num_states and state[e, VERTEX] == v and state[e, STEP] == step:
