@@ -222,7 +222,7 @@ def test_serve_answers_until_interrupted(folder):
         (lambda run: (run / "building.json").write_text("{}"), "not the outline of a building"),
         (lambda run: (run / "trajectory.parquet").write_bytes(b"PAR1"), "Parquet"),
         (lambda run: (run / "events.jsonl").write_text("not json\n"), "not JSON"),
-        (lambda run: (run / "events.jsonl").unlink(), "damaged"),
+        (lambda run: (run / "events.jsonl").unlink(), "events.jsonl: no such file"),
         (lambda run: (run / "trajectory.parquet").unlink(), "trajectory.parquet: lost, the run wrote it"),
         (lambda run: (run / "plan.json").unlink(), "plan.json: lost, the run wrote it"),
         (lambda run: never_written(run, "trajectory.parquet", "plan.json"), "nothing to replay"),
