@@ -37,7 +37,8 @@ def bundled_runs() -> Iterator[Run]:
         map_, count = scenario.split("_")
         for planner in PLANNERS:
             robots = {"count": int(count), "draw": "mrp_bench"}
-            yield f"bundled {scenario} {planner}", {"map": map_, "robots": robots, "seed": 3000, "planner": planner}
+            what = {"map": map_, "robots": robots, "seed": 3000, "planner": planner, "execution": {"time_limit_s": 300}}
+            yield f"bundled {scenario} {planner}", what
 
 
 def corpus_runs(folder: Path) -> Iterator[Run]:
