@@ -80,6 +80,9 @@ class Dispatcher:
 
     def finally_blocked(self, now_s: float) -> list[Event]:
         """Robots that have come to be blocked for good since the last look: by one that is broken, done, or has given up."""
+        if not self.ledger.state.waits.stuck.any():
+            self._reported_blocked[:] = False
+            return []
         for_good = self._for_good(np.zeros(self.ledger.num_robots, np.bool_)) & (self.ledger.state.grants.cause == _causes.OTHER)
         new = np.flatnonzero(for_good & ~self._reported_blocked).tolist()
         self._reported_blocked = for_good

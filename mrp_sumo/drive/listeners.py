@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,8 +16,7 @@ COMPARE_EVERY_S = 10.0  # the engine's own positions are kept this often for the
 AtGoalReport = Callable[[float, int], None]  # simulated time in s, robots that are where their tasks end
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
+class Moment(NamedTuple):
     """A time between two steps of the engine, when robots have been observed and granted what they may drive."""
 
     step: int

@@ -47,10 +47,10 @@ class SumoEngine:
     def lengthen(self, robots: Sequence[int], visits: Visits) -> None:
         """See Engine."""
         for robot in robots:
-            here = self._sumo.edge(robot)
-            visit = int(visits.next[visits.reached[robot]])
-            if visit < 0 or self._edge[visits.lane[visit]] != here:
-                visit = int(visits.reached[robot])  # it has not left the edge to the vertex behind it, or the one it was inserted on
+            here, reached = self._sumo.edge(robot), visits.reached.item(robot)
+            visit = visits.next.item(reached)
+            if visit < 0 or self._edge[visits.lane.item(visit)] != here:
+                visit = reached  # it has not left the edge to the vertex behind it, or the one it was inserted on
             ahead, stops = self._ahead(robot, visit, visits)
             if not ahead:  # it stays where it is
                 ahead = self._exit(self._graph.lane_between(*lane_ends(here)))
@@ -120,10 +120,13 @@ class SumoEngine:
     def _ahead(self, robot: int, visit: int, visits: Visits) -> tuple[list[str], bool]:
         """The edges after a visit's, and whether the route has to end in a stop."""
         edges: list[str] = []
-        while len(edges) < AHEAD and visits.next[visit] >= 0:
-            visit = int(visits.next[visit])
-            edges.append(self._edge[visits.lane[visit]])
-        if visits.next[visit] >= 0:
+        following, lane = visits.next.item, visits.lane.item
+        ahead = following(visit)
+        while ahead >= 0 and len(edges) < AHEAD:
+            visit = ahead
+            edges.append(self._edge[lane(visit)])
+            ahead = following(visit)
+        if ahead >= 0:
             self.routed[robot] = visits.rank[visit]
             return edges, False
         self.routed[robot] = WHOLE_WAY
