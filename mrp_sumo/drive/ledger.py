@@ -168,6 +168,7 @@ class Ledger:
         except PlanError:
             self.num_visits, self.num_needs = before
             self.entries.pop()
+            self._show()  # room may have been made
             raise
         self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
         self._take_over_joints(laid_out, ids, [way.back for way in ways])

@@ -67,6 +67,8 @@ def test_an_order_that_nobody_can_keep_leaves_the_ledger_as_it_was():
     with pytest.raises(PlanError, match="robot_0 stays at 'v1'"):
         ledger.append(Replan({0: way(1), 1: way(1)}, "replan"), policy_of("adg"), 1.0)
     assert content(ledger) == before
+    for seen, name in ((ledger.visits.arrived_s, "arrived_s"), (ledger.visits.next, "next")):  # kernels write where the ledger reads
+        assert np.shares_memory(seen, ledger.column(name))
     ledger.append(Replan({0: way(1, 3), 1: way(2, 0)}, "replan"), policy_of("adg"), 1.0)
     assert len(ledger.entries) == 2
 
