@@ -34,7 +34,7 @@ VISIT_COLUMNS = {  # of `Visits`, by what an empty place holds
     "turns": False,
     "arrived_s": np.nan,
 }
-PLANNED_COLUMNS = {"arrive_s": 0.0, "depart_s": 0.0, "robot": 0, "entry": 0}  # of the ledger alone
+EMPTY = VISIT_COLUMNS | {"arrive_s": 0.0, "depart_s": 0.0, "robot": 0}  # and of the ledger alone
 NEED_COLUMNS = {"resource": 0, "on_lane": False, "left_at_m": 0.0, "freed": False, "passage": 0, "closes": True}
 
 
@@ -67,47 +67,33 @@ class Ledger:
     `visits`, `needs` and `state` are what kernels see; the arrays of visits and needs may be longer than there are visits.
     """
 
-    def __init__(self, problem: Problem, plan: Plan, policy: Policy, resources: Resources) -> None:
-        """Begin with a plan for robots at rest.
-
-        Raises
-        ------
-        PlanError
-            When the policy keeps an order and the plan's cannot be kept.
-        """
+    def __init__(self, problem: Problem, resources: Resources) -> None:
+        """Begin with robots that stand at their starts, hold them, and have nothing to do yet."""
+        num_robots, graph = problem.num_robots, problem.graph
         self.problem = problem
         self.resources = resources
         self.tasks: tuple[Task, ...] = problem.tasks
         self.num_visits = self.num_needs = 0
         self.entries: list[Entry] = []
         self.turn_backs: list[TurnBack] = []
-        self.end_of_tasks = np.full(self.num_robots, -1)  # [R] vertex where each robot is to stay
+        self.end_of_tasks = np.full(num_robots, -1)  # [R] vertex where each robot is to stay
         for task in self.tasks:
             self.end_of_tasks[task.robot] = task.end
-        first, last = plan.first[:-1].copy(), plan.first[1:] - 1
-        self._pieces = [[(a, b + 1)] for a, b in zip(first.tolist(), last.tolist())]  # of each robot's way: ids [a, b)
-        self._columns = {name: np.full(plan.num_visits, empty) for name, empty in (VISIT_COLUMNS | PLANNED_COLUMNS).items()}
-        self._need_columns = {name: np.full(4 * plan.num_visits, empty) for name, empty in NEED_COLUMNS.items()}
-        self._need_first = np.zeros(plan.num_visits + 1, np.int64)
-        self._of_robot: dict[str, NDArray[Any]] = {"first": first, "last": last, "reached": first.copy(), "granted": first.copy()}
-        laid_out = motion_plan(self.graph, resources, plan, Departure.at_rest(self.num_robots), np.zeros(0, np.int64))
-        self._write(
-            laid_out,
-            np.ones(plan.num_visits, np.bool_),
-            Entry(0.0, "plan", "", 0, plan.num_visits, np.arange(self.num_robots), np.full(self.num_robots, -1), np.diff(plan.first)),
-        )
-        self.state = state_at_rest(self.num_robots, laid_out.needs.num_resources, self.graph.num_lanes, first)
-        self._keep_order(policy, plan, np.arange(plan.num_visits), policy.order(problem, plan, laid_out.needs))
-        self._columns["next"][:-1] = np.arange(1, plan.num_visits)
-        self._columns["next"][last] = -1
-        self._columns["rank"][:] = np.arange(plan.num_visits) - plan.first[plan.robot]
-        self._columns["arrived_s"][first] = 0.0
-        self.state.motion.yaw_rad[:] = laid_out.heading_rad[first]
-        self.state.home[:] = plan.vertex[last] == self.end_of_tasks
-        self.state.waits.goal_s[self.state.home & (first == last)] = 0.0  # robots that never move are at their goals
-        self._columns["robot"][:] = plan.robot
-        for r in range(self.num_robots):
-            self._hold(r, int(first[r]))
+        self._pieces = [[(r, r + 1)] for r in range(num_robots)]  # of each robot's way: ids [a, b)
+        self._columns = {name: np.zeros(0, np.asarray(empty).dtype) for name, empty in EMPTY.items()}
+        self._need_columns = {name: np.zeros(0, np.asarray(empty).dtype) for name, empty in NEED_COLUMNS.items()}
+        self._need_first = np.zeros(1, np.int64)
+        self._passing: IntArray = frozen(np.zeros(0, np.int64))
+        start = np.arange(num_robots)
+        self._of_robot: dict[str, NDArray[Any]] = {name: start.copy() for name in ("first", "last", "reached", "granted")}
+        laid_out = motion_plan(graph, resources, _at_starts(problem.start), Departure.at_rest(num_robots), np.zeros(0, np.int64))
+        self._write(laid_out, np.ones(num_robots, np.bool_))
+        self._columns["robot"][:num_robots] = start
+        self._columns["arrived_s"][:num_robots] = 0.0
+        self.state = state_at_rest(num_robots, laid_out.needs.num_resources, graph.num_lanes, start)
+        self.state.motion.yaw_rad[:] = np.nan  # robots face the way that they are sent first
+        for r in range(num_robots):
+            self._hold(r, r)
         self._show()
 
     @property
@@ -130,7 +116,7 @@ class Ledger:
         return self.ids(robot, int(self._of_robot["first"][robot]))
 
     def column(self, name: str) -> NDArray[Any]:
-        """[N] of all visits: a field of `Visits`, or robot, arrive_s, depart_s (as planned), entry (which brought it)."""
+        """[N] of all visits: a field of `Visits`, or robot, arrive_s, depart_s (as planned)."""
         return self._columns[name][: self.num_visits]
 
     def resources_from(self, robot: int, since: int) -> IntArray:
@@ -140,7 +126,7 @@ class Ledger:
         return resource
 
     def append(self, replan: Replan, policy: Policy, now_s: float) -> None:
-        """Send robots other ways.
+        """Send robots on their ways, or other ways from the last visits that they have been granted.
 
         Raises
         ------
@@ -157,19 +143,21 @@ class Ledger:
         fresh = np.ones(plan.num_visits, np.bool_)  # all but the joints, which are here already
         fresh[plan.first[:-1]] = False
         before = self.num_visits, self.num_needs
-        end, since, count = before[0] + int(fresh.sum()), self._columns["rank"][joint], np.diff(plan.first) - 1
-        ids = self._write(laid_out, fresh, Entry(now_s, replan.reason, replan.text, before[0], end, robots, since, count))
+        ids = self._write(laid_out, fresh)
         ids[~fresh] = joint
         new = {r: ids[plan.first[i] + 1 : plan.first[i + 1]] for i, r in enumerate(robots.tolist())}
         leave_s = dict(zip(robots.tolist(), plan.depart_s[plan.first[:-1]].tolist()))
-        live, at = self._live(new, leave_s, now_s - 1.0)
+        # what robots hold comes first in the order; a first plan has them at their starts from 0 s on
+        live, at = self._live(new, leave_s, now_s - 1.0 if self.entries else now_s)
         try:
             schedule = policy.order(self.problem, live, self._plan_needs(at))
         except PlanError:
             self.num_visits, self.num_needs = before
-            self.entries.pop()
             self._show()  # room may have been made
             raise
+        since, count = self._columns["rank"][joint], np.diff(plan.first) - 1
+        self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
+        self._face(robots, laid_out.heading_rad[plan.first[:-1]])
         self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
         self._take_over_joints(laid_out, ids, [way.back for way in ways])
         for r, visits in new.items():
@@ -214,7 +202,7 @@ class Ledger:
         self._show()
         return True
 
-    def _write(self, laid_out: MotionPlan, fresh: BoolArray, entry: Entry) -> IntArray:
+    def _write(self, laid_out: MotionPlan, fresh: BoolArray) -> IntArray:
         """Append the fresh visits with their needs. Returns [N] the ids of the plan's visits, where fresh."""
         plan, needs = laid_out.plan, laid_out.needs
         begin, count = self.num_visits, int(fresh.sum())
@@ -227,7 +215,6 @@ class Ledger:
         for name in ("vertex", "arrive_s", "depart_s"):
             self._columns[name][part] = getattr(plan, name)[fresh]
         self._columns["arrived_s"][part] = np.nan
-        self._columns["entry"][part] = len(self.entries)
         of_visit = np.bincount(needs.visit, minlength=plan.num_visits)[fresh]
         self._need_first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
         part = slice(need_begin, need_begin + need_count)
@@ -236,17 +223,16 @@ class Ledger:
         self._need_columns["left_at_m"][part] = laid_out.left_at_m[kept]
         self._need_columns["freed"][part] = False
         self.num_visits, self.num_needs = begin + count, need_begin + need_count
-        self.entries.append(entry)
         ids: IntArray = begin + np.cumsum(fresh) - 1
         return ids
 
     def _make_room(self, num_visits: int, num_needs: int) -> None:
         """Arrays twice as long where they do not suffice, so that appending takes constant time a visit."""
         if num_visits > len(self._columns["next"]):
-            self._columns = {name: _longer(column, num_visits) for name, column in self._columns.items()}
-            self._need_first = _longer(self._need_first, num_visits + 1)
+            self._columns = {name: _longer(column, num_visits, EMPTY[name]) for name, column in self._columns.items()}
+            self._need_first = _longer(self._need_first, num_visits + 1, 0)
         if num_needs > len(self._need_columns["resource"]):
-            self._need_columns = {name: _longer(column, num_needs) for name, column in self._need_columns.items()}
+            self._need_columns = {name: _longer(column, num_needs, NEED_COLUMNS[name]) for name, column in self._need_columns.items()}
 
     def _live(self, new: Mapping[int, IntArray], leave_s: Mapping[int, float], before_s: float) -> tuple[Plan, IntArray]:
         """The plan from the last visits that robots have reached on, and [N] the ids of its visits.
@@ -304,7 +290,7 @@ class Ledger:
     def _take_order(self, ids: IntArray, schedule: Schedule | None) -> None:
         """Robots pass in this order from now on; without one, first come, first served."""
         needs = self._need_columns
-        self._passing: IntArray = frozen(np.zeros(0, np.int64)) if schedule is None else schedule.robot
+        self._passing = frozen(np.zeros(0, np.int64)) if schedule is None else schedule.robot
         first, at = self._needs_of(ids)
         if schedule is None:
             needs["closes"][at] = True
@@ -326,6 +312,14 @@ class Ledger:
             back_lane=np.where(back, self.graph.reverse[lane], -1),
             back_m=np.where(back, motion.s_m[robots] - columns["at_m"][joint], 0.0),
         )
+
+    def _face(self, robots: IntArray, heading_rad: FloatArray) -> None:
+        """Robots that have not been sent anywhere before face the way that they go; those that go nowhere yet, east."""
+        yaw_rad = self.state.motion.yaw_rad
+        new = np.isnan(yaw_rad[robots])
+        yaw_rad[robots[new]] = heading_rad[new]
+        yaw_rad[np.isnan(yaw_rad)] = 0.0
+        self._columns["heading_rad"][self._of_robot["first"][robots[new]]] = heading_rad[new]
 
     def _turn_back(self, robots: Sequence[int]) -> None:
         """Remember where robots turn round on their lanes."""
@@ -402,6 +396,13 @@ class Ledger:
         self.needs = VisitNeeds(first=self._need_first, **self._need_columns, passing=self._passing)
 
 
+def planned_arrivals(ledger: Ledger) -> FloatArray:
+    """[N] when robots arrived at the visits of the first plan, which begin with their starts; NaN: not."""
+    arrived_s, entry = ledger.column("arrived_s"), ledger.entries[0]
+    last = np.cumsum(entry.count)
+    return np.insert(arrived_s[entry.begin : entry.end], last - entry.count, arrived_s[: ledger.num_robots])
+
+
 def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
     """What came after the first plan, as it was driven."""
     replies = []
@@ -411,6 +412,12 @@ def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
         first = frozen(np.concatenate([[0], np.cumsum(entry.count)]).astype(np.int64))
         replies.append(Reply(entry.t_s, entry.reason, entry.text, entry.robot, first, frozen(entry.since), **columns))
     return tuple(replies)
+
+
+def _at_starts(start: IntArray) -> Plan:
+    """The plan of robots that stay where they are."""
+    num_robots = len(start)
+    return Plan(frozen(np.arange(num_robots + 1)), start, frozen(np.zeros(num_robots)), frozen(np.full(num_robots, np.inf)))
 
 
 def _from_joints(ways: Sequence[Reroute], vertex: IntArray, now_s: float) -> Plan:
@@ -425,7 +432,7 @@ def _from_joints(ways: Sequence[Reroute], vertex: IntArray, now_s: float) -> Pla
     )
 
 
-def _longer(column: NDArray[Any], needed: int) -> NDArray[Any]:
-    longer = np.empty(max(needed, 2 * len(column)), column.dtype)
+def _longer(column: NDArray[Any], needed: int, empty: Any) -> NDArray[Any]:
+    longer = np.full(max(needed, 2 * len(column)), empty, column.dtype)
     longer[: len(column)] = column
     return longer

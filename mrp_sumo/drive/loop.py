@@ -23,11 +23,11 @@ from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.fit import resources_for
-from mrp_sumo.drive.ledger import Ledger, replies_of
+from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.listeners import AtGoalReport, EventLog, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
-from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.reroute import Replan, first_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.protocol import Engine
@@ -61,7 +61,8 @@ def simulate(
         When the policy keeps the plan's order and that is cyclic.
     """
     dt, policy = settings.step_length_s, policy_of(settings.policy, settings.policy_parameters)
-    ledger = Ledger(problem, plan, policy, resources_for(problem, plan))
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy, 0.0)
     world = World(
         *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
         *(float(problem.fleet.radius_m.max()), settings.seed),
@@ -208,7 +209,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
     if what.localisation_m or what.localisation_rad:
         believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
     goal_s = np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan)
-    arrived_s = ledger.column("arrived_s")[: plan.num_visits].copy()
+    arrived_s = planned_arrivals(ledger)
     ends = plan.first[1:] - 1  # where a way was given up, robots still reach the ends
     arrived_s[ends] = np.where(np.isfinite(arrived_s[ends]), arrived_s[ends], goal_s)
     driven = Execution(

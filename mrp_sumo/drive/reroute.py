@@ -1,9 +1,10 @@
-"""Replies to requests while robots drive: other ways for some of them, from the last visits that they have been granted."""
+"""Replies to requests: ways for some robots, from the last visits that they have been granted, which at first are their starts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.plan import Plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,15 @@ class Replan:
     """Other ways for some robots, all decided together."""
 
     reroute: Mapping[int, Reroute]
-    reason: str  # 'give_way', 'detour' or 'replan'
+    reason: str  # 'plan', 'give_way', 'detour' or 'replan'
     text: str = ""  # for people
     reordered: bool = False  # whether a plan of all robots, which is driven in its own order if that can be kept
     left_alone: frozenset[int] = field(default_factory=frozenset)  # robots that need nothing beyond what they have been granted
+
+
+def first_of(plan: Plan) -> Replan:
+    """A plan for robots at their starts, as the first reply."""
+    parts = [slice(a, b) for a, b in zip((plan.first[:-1] + 1).tolist(), plan.first[1:].tolist())]
+    leave_s = plan.depart_s[plan.first[:-1]].tolist()
+    ways = [Reroute(plan.vertex[part], plan.arrive_s[part], plan.depart_s[part], leaves) for part, leaves in zip(parts, leave_s)]
+    return Replan(dict(enumerate(ways)), "plan")

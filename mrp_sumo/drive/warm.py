@@ -12,6 +12,7 @@ from mrp_sumo.drive.disturbances import NONE
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.reroute import first_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.world import World
 
@@ -31,7 +32,8 @@ def prepare() -> None:
     fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 1)
     problem = Problem(graph, fleet, np.array([0]), np.array([1]), np.array([0]), 1.0)
     plan, policy, settings = plan_of_paths([[0, 1]], 1.0), policy_of("adg"), ExecutionSettings()
-    ledger = Ledger(problem, plan, policy, resources_for(problem, plan))
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy, 0.0)
     controller = Controller(ledger, policy, settings)
     conditions = World(NONE, graph, 1, 0.1, 1.0, 0.1, 0).conditions
     for step in range(2):

@@ -6,15 +6,17 @@ from worlds import BURGER, graph_of, line, problem_of, square_grid
 
 from mrp_sumo.core.execution import plans_in_force
 from mrp_sumo.drive.fit import resources_for
-from mrp_sumo.drive.ledger import Ledger, replies_of
+from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.policy import policy_of
-from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.drive.reroute import Replan, Reroute, first_of
 from mrp_sumo.errors import PlanError
 
 
 def ledger_of(graph, paths, policy="adg"):
     problem, plan = problem_of(graph, paths, BURGER)
-    return Ledger(problem, plan, policy_of(policy), resources_for(problem, plan)), plan
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy_of(policy), 0.0)
+    return ledger, plan
 
 
 def way(*vertices, leave_s=0.0, **other):
@@ -24,18 +26,38 @@ def way(*vertices, leave_s=0.0, **other):
 
 def content(ledger):
     """All that the ledger holds; its arrays may be longer."""
-    names = ("vertex", "lane", "at_m", "next", "rank", "arrive_s", "depart_s", "turns", "robot", "entry")
+    names = ("vertex", "lane", "at_m", "next", "rank", "arrive_s", "depart_s", "turns", "robot")
     state = [array.tobytes() for part in ledger.state[:-1] for array in part]
     first, *needs, passing = ledger.needs
     needs = [first[: ledger.num_visits + 1], *(array[: ledger.num_needs] for array in needs), passing]
     return [ledger.column(name).tobytes() for name in names], state, [array.tobytes() for array in needs], len(ledger.entries)
 
 
-def test_the_first_plan_is_the_first_entry_and_its_visits_are_numbered_as_in_the_plan():
-    ledger, plan = ledger_of(line(4), [[0, 1, 2, 3]])
-    assert ledger.num_visits == plan.num_visits and ledger.column("vertex").tolist() == [0, 1, 2, 3]
-    assert ledger.all_ids(0).tolist() == [0, 1, 2, 3] and ledger.column("next").tolist() == [1, 2, 3, -1]
+def test_a_ledger_begins_with_robots_that_hold_their_starts_and_have_nothing_to_do():
+    problem, plan = problem_of(line(4), [[0, 1], [3, 2]], BURGER)
+    ledger = Ledger(problem, resources_for(problem, plan))
+    assert ledger.column("vertex").tolist() == [0, 3] and ledger.column("next").tolist() == [-1, -1]
+    assert ledger.state.grants.holder.tolist()[:4] == [0, -1, -1, 1]
+    assert ledger.entries == [] and not ledger.state.home.any()
+
+
+def test_the_first_plan_is_the_first_entry_and_begins_at_the_starts():
+    ledger, plan = ledger_of(line(4), [[0, 1], [3, 2]])
+    assert ledger.all_ids(0).tolist() == [0, 2] and ledger.all_ids(1).tolist() == [1, 3]
+    assert ledger.column("next").tolist() == [2, 3, -1, -1]
+    assert ledger.state.motion.yaw_rad == pytest.approx([0.0, np.pi])  # robots face the way that they go
+    assert planned_arrivals(ledger)[plan.first[:-1]].tolist() == [0.0, 0.0] and len(planned_arrivals(ledger)) == plan.num_visits
     assert replies_of(ledger) == ()
+
+
+def test_a_first_plan_that_nobody_can_keep_leaves_the_ledger_empty():
+    problem, plan = problem_of(square_grid(2), [[0, 1], [1, 0]], BURGER)  # a swap
+    ledger = Ledger(problem, resources_for(problem, plan))
+    with pytest.raises(PlanError):
+        ledger.append(first_of(plan), policy_of("adg"), 0.0)
+    assert ledger.entries == [] and ledger.all_ids(0).tolist() == [0]
+    ledger.append(first_of(plan), policy_of("open_loop"), 0.0)
+    assert ledger.all_ids(0).tolist() == [0, 2]
 
 
 def test_new_visits_are_linked_in_the_place_of_those_that_are_cut_off():
