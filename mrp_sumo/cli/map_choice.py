@@ -27,6 +27,7 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     add("--robot-radius", metavar="M", type=float, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
     add("--snap", metavar="M", type=float, help="repair: join ends that lie this close to a vertex or lane they are not on")
     add("--split-crossings", action="store_true", help="repair: put a vertex where lanes cross without one")
+    add("--join-short", metavar="M", type=float, help="repair: join the ends of lanes shorter than this, where one end is unnamed")
     add("--largest-component", action="store_true", help="repair: keep the largest connected piece only")
 
 
@@ -46,9 +47,15 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
         reader=options.reader,
         **radius,
     )
-    if options.snap is None and not options.split_crossings and not options.largest_component:
+    if options.snap is None and options.join_short is None and not options.split_crossings and not options.largest_component:
         return map_
-    map_, changes = repair(map_, snap_m=options.snap, split_at_crossings=options.split_crossings, only_largest=options.largest_component)
+    map_, changes = repair(
+        map_,
+        snap_m=options.snap,
+        split_at_crossings=options.split_crossings,
+        join_short_m=options.join_short,
+        only_largest=options.largest_component,
+    )
     for change in changes or ("nothing to repair",):
         print(f"repair: {change}", file=sys.stderr)
     return map_

@@ -51,7 +51,9 @@ def run(options: argparse.Namespace) -> int:
     _print(result, out, options.verbose)
     if result.status in PLUG_IN_FAILED:
         print_failure(result.status.replace("_", " "), result.note, result.details if options.verbose else "")
-    return 0 if result.status == "completed" else 1
+    elif result.metric_faults:
+        print_failure("metric failed", "; ".join(result.metric_faults), result.details if options.verbose else "")
+    return 0 if result.status == "completed" and not result.metric_faults else 1
 
 
 @contextmanager

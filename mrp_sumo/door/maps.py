@@ -112,6 +112,7 @@ class Site(Map):
 def load_map(
     name_or_path: str | Path,
     *,
+    reader: str | None = None,
     graph: int | tuple[int, ...] | Literal["all"] | None = None,
     level: str | None = None,
     meters_per_pixel: float | None = None,
@@ -119,6 +120,7 @@ def load_map(
     robot_radius_m: float | None = None,
     snap_m: float | None = None,
     split_crossings: bool = False,
+    join_short_m: float | None = None,
     largest_component: bool = False,
 ) -> Site:
     """Load a map.
@@ -127,6 +129,8 @@ def load_map(
     ----------
     name_or_path
         A map file of any format, or the name of a bundled map such as "office".
+    reader
+        A map reader by name, or FILE.py:CLASS; by default the one that recognises the file.
     graph
         Which nav graph of a building; several, or "all", are united. The lowest with lanes by default.
     level
@@ -141,6 +145,8 @@ def load_map(
         Repair: join lane ends that lie this close to a vertex or lane they are not on.
     split_crossings
         Repair: put a vertex where lanes cross without one.
+    join_short_m
+        Repair: join the ends of lanes shorter than this, where one end has no name and no properties.
     largest_component
         Repair: keep the largest connected piece only.
 
@@ -161,11 +167,13 @@ def load_map(
     """
     values = {
         "file": str(name_or_path),
+        "reader": reader,
         "graph": graph,
         "level": level,
         "meters_per_pixel": meters_per_pixel,
         "snap_m": snap_m,
         "split_crossings": split_crossings,
+        "join_short_m": join_short_m,
         "largest_component": largest_component,
     }
     from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M

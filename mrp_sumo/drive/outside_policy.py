@@ -13,6 +13,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, PlugInError
 from mrp_sumo.plugins.face import place_of
+from mrp_sumo.plugins.limit import limited
 from mrp_sumo.plugins.source import Source, blamed
 from mrp_sumo.traffic.passages import Needs, Schedule
 
@@ -63,7 +64,8 @@ class OutsidePolicy:
     def _guarded(self, method: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
             try:
-                return method(*arguments)
+                with limited():
+                    return method(*arguments)
             except (KeyboardInterrupt, PlanError):  # an order that cannot be kept
                 raise
             except BaseException as error:

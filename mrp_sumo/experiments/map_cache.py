@@ -55,7 +55,11 @@ class MapCache:
                 beside=folder,
             )
             repaired, _ = repair(
-                map_, snap_m=choice.snap_m, split_at_crossings=choice.split_crossings, only_largest=choice.largest_component
+                map_,
+                snap_m=choice.snap_m,
+                split_at_crossings=choice.split_crossings,
+                join_short_m=choice.join_short_m,
+                only_largest=choice.largest_component,
             )
             return repaired
 

@@ -36,6 +36,7 @@ class RunResult:
     audit: dict[str, Any] | None
     metrics: dict[str, Any]  # JSON values by name
     details: str = ""  # the traceback of a plug-in that failed
+    metric_faults: tuple[str, ...] = ()  # a line for each of the user's metrics that failed; in `note`, too
 
     @property
     def source(self) -> str:

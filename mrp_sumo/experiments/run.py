@@ -132,7 +132,7 @@ def finish(
     if faults:
         note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
-    return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details)
+    return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, tuple(map(str, faults)))
 
 
 def _execute(setup: SetUp, solution: Solution, network: Path, report: StageReport, gui: bool) -> tuple[Execution | None, str]:

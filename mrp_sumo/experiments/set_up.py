@@ -25,6 +25,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
+from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
 from mrp_sumo.metrics.own import own_metric
 from mrp_sumo.planning.costs import cost_matrix
@@ -281,11 +282,27 @@ def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: Rob
         count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})
         raise ScenarioError(
             f"{what}lane '{nav.label(int(nav.tail[lane]))}' - '{nav.label(int(nav.head[lane]))}' of '{nav.name}' is {length_m[lane]:.3f} m "
-            + (f"and {count - 1} more are too short" if count > 1 else "long")
-            + "; no cell length makes a step longer than its lane: join the lane's ends in the map, or choose smaller robots"
+            + (f"and {count - 1} more are too short; " if count > 1 else "long; ")
+            + _remedy(nav, graph.cell_m, needed_m)
         )
     cell_m = cell_that_fits(length_m, needed_m)
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
+
+
+def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
+    """What helps against lanes shorter than two robots' centres are apart."""
+    millimetres = math.ceil(1000 * needed_m - 1e-6) / 1000
+    joined, _ = join_short(nav, millimetres)
+    left = np.flatnonzero(joined.length_m < needed_m - 1e-9)
+    if not left.size:
+        found = f"map.join_short_m: {millimetres:g} would join its ends"
+        step_m = joined.length_m / np.maximum(np.rint(joined.length_m / cell_m), 1)
+        if step_m.min(initial=np.inf) >= needed_m - 1e-9:
+            return found
+        return f"{found}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
+    lane = int(left[0])
+    ends = f"'{joined.label(int(joined.tail[lane]))}' - '{joined.label(int(joined.head[lane]))}'"
+    return f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots"
 
 
 def _with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, model: RobotType) -> PlanGraph:

@@ -55,6 +55,9 @@ class MapChoice(_Strict):
     meters_per_pixel: Positive | None = Field(None, description="Scale of a building without measurements.")
     snap_m: Positive | None = Field(None, description="Repair: join lane ends that lie this close to a vertex or lane they are not on.")
     split_crossings: bool = Field(False, description="Repair: put a vertex where lanes cross without one.")
+    join_short_m: Positive | None = Field(
+        None, description="Repair: join the ends of lanes shorter than this, where one end has no name and no properties."
+    )
     largest_component: bool = Field(False, description="Repair: keep the largest connected piece only.")
 
     @field_validator("graph", mode="before")

@@ -17,6 +17,7 @@ from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, GraphChoice, MapFile, R
 from mrp_sumo.maps.readers.registry import OF_TEXT, OURS
 from mrp_sumo.plugins import registry
 from mrp_sumo.plugins.face import place_of
+from mrp_sumo.plugins.limit import limited
 from mrp_sumo.plugins.source import blamed, digest
 
 __all__ = ["Finding", "Map", "files_of", "load_map"]
@@ -110,8 +111,11 @@ def _asked(name: str, file: MapFile) -> bool:
     """Whether a reader from outside recognises a file."""
     reader = _reader(name)
     try:
-        return bool(reader.detects(file))
-    except Exception as error:
+        with limited():
+            return bool(reader.detects(file))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise blamed(error, registry.find("readers", name), type(reader)) from error
 
 
@@ -121,7 +125,8 @@ def _read(name: str, file: MapFile, selection: Selection, beside: Path | None = 
     if source.ours:
         return reader.read(file, selection)
     try:
-        found = reader.read(file, selection)
+        with limited():
+            found = reader.read(file, selection)
     except KeyboardInterrupt:
         raise
     except BaseException as error:

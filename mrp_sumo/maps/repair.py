@@ -1,4 +1,4 @@
-"""Repairs of a nav graph, on request: ends that missed, crossings without a vertex, pieces that hang loose.
+"""Repairs of a nav graph, on request: ends that missed, crossings without a vertex, lanes too short, pieces that hang loose.
 
 Open-RMF repairs nothing, and neither does loading. Each step takes a graph and returns the repaired one
 with a line for every change, so that the user can judge it. Lanes through lifts are left alone.
@@ -24,7 +24,12 @@ Lane = tuple[int, int, float, float, Options]  # tail, head, length_m (0: the st
 
 
 def repair(
-    map_: Map, *, snap_m: float | None = None, split_at_crossings: bool = False, only_largest: bool = False
+    map_: Map,
+    *,
+    snap_m: float | None = None,
+    split_at_crossings: bool = False,
+    join_short_m: float | None = None,
+    only_largest: bool = False,
 ) -> tuple[Map, tuple[str, ...]]:
     """A map with repaired graph, and what was changed.
 
@@ -36,6 +41,8 @@ def repair(
         Join lane ends that lie within this distance of a vertex or lane they are not on.
     split_at_crossings
         Give lanes that cross a common vertex.
+    join_short_m
+        Join the ends of lanes shorter than this, where one of them is a mere bend or junction.
     only_largest
         Keep the largest connected piece only.
 
@@ -44,20 +51,23 @@ def repair(
     MapError
         For a grid, and a distance that is not above 0.
     """
-    if snap_m is None and not split_at_crossings and not only_largest:
+    if snap_m is None and not split_at_crossings and join_short_m is None and not only_largest:
         return map_, ()
     if isinstance(map_.nav, PlanGraph):
-        raise MapError(f"{map_.path.name} is a grid: there is nothing to snap or split")
+        raise MapError(f"{map_.path.name} is a grid: there is nothing to snap, split or join")
     nav, changes = map_.nav, []
     if snap_m is not None:
-        nav, told = snap(nav, snap_m)
-        changes += told
+        nav, done = snap(nav, snap_m)
+        changes += done
     if split_at_crossings:
-        nav, told = split_crossings(nav)
-        changes += told
+        nav, done = split_crossings(nav)
+        changes += done
+    if join_short_m is not None:  # after the steps that may leave short pieces
+        nav, done = join_short(nav, join_short_m)
+        changes += done
     if only_largest:
-        nav, told = largest_component(nav)
-        changes += told
+        nav, done = largest_component(nav)
+        changes += done
     if not changes:
         return map_, ()
     found = check_graph(nav)
@@ -113,6 +123,46 @@ def split_crossings(nav: NavGraph) -> tuple[NavGraph, list[str]]:
     if not places:
         return nav, []
     return _split(nav, {k: [v for _, v in sorted(on)] for k, on in stops.items()}, np.array(places), levels), changes
+
+
+def join_short(nav: NavGraph, shorter_than_m: float) -> tuple[NavGraph, list[str]]:
+    """Join the ends of lanes that are too short, the shortest first, until none is left that can be joined.
+
+    Of its ends the one goes that has no name and no properties, and of two such the one with fewer neighbours; its other lanes
+    end at the vertex that stays, so they move by less than `shorter_than_m`. A lane stays as it is where both ends have a name or
+    properties, or where it has some itself (a door, a mutex group).
+    """
+    if not 0 < shorter_than_m < np.inf:
+        raise MapError(f"the length below which lanes are joined is {shorter_than_m} m, expected a number above 0")
+    changes: list[str] = []
+    label = [nav.label(v) for v in range(nav.num_vertices)]  # numbers of the graph as it was drawn
+    while (found := _joinable(nav, shorter_than_m)) is not None:
+        stays, goes, length_m = found
+        changes.append(f"lane {label[stays]} - {label[goes]}, {length_m:.3f} m long, joined in {label[stays]}")
+        end = np.arange(nav.num_vertices)
+        end[goes] = stays
+        keep = end == np.arange(nav.num_vertices)
+        number = (np.cumsum(keep) - 1)[end]
+        moved = [goes in (a, b) for a, b in zip(nav.tail.tolist(), nav.head.tolist())]
+        lanes = [(int(number[a]), int(number[b]), 0.0 if new else long, v, o) for new, (a, b, long, v, o) in zip(moved, _lanes(nav))]
+        nav = _rebuilt(nav, lanes, np.flatnonzero(keep))
+        del label[goes]
+    return nav, changes
+
+
+def _joinable(nav: NavGraph, shorter_than_m: float) -> tuple[int, int, float] | None:
+    """The vertex that stays, the one that goes, and the length, of the shortest lane whose ends can be joined."""
+    plain = [not name and not any(options.values()) for name, options in zip(nav.vertex_name, nav.vertex_options)]
+    degree = np.bincount(nav.tail, minlength=nav.num_vertices) + np.bincount(nav.head, minlength=nav.num_vertices)
+    short = np.flatnonzero(nav.length_m < shorter_than_m - 1e-9)
+    for lane in short[np.argsort(nav.length_m[short], kind="stable")].tolist():
+        a, b = int(nav.tail[lane]), int(nav.head[lane])
+        both = [nav.lane_options[k] for k in (lane, int(nav.reverse[lane])) if k >= 0]
+        own = any(value for options in both for key, value in options.items() if key != "is_bidirectional")
+        ends = sorted((v for v in (a, b) if plain[v]), key=lambda v: (degree[v], -v))
+        if ends and not own:
+            return a + b - ends[0], ends[0], float(nav.length_m[lane])
+    return None
 
 
 def largest_component(nav: NavGraph) -> tuple[NavGraph, list[str]]:

@@ -11,6 +11,7 @@ from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.metrics.metric import Evidence, Metric, is_value, metric_of
 from mrp_sumo.metrics.registry import BY_NAME
 from mrp_sumo.plugins.face import place_of, shown
+from mrp_sumo.plugins.limit import limited
 from mrp_sumo.plugins.registry import find, target
 from mrp_sumo.plugins.source import Source, blamed
 
@@ -50,7 +51,8 @@ def guarded(name: str, beside: Path | None, report: Callable[[PlugInError], None
 
     def value(evidence: Evidence) -> Any:
         try:
-            found = metric(evidence)
+            with limited():
+                found = metric(evidence)
         except KeyboardInterrupt:
             raise
         except BaseException as error:

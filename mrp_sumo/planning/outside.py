@@ -11,9 +11,10 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlugInError
-from mrp_sumo.planning.processes import LOAD_LIMIT_S, Overtime, PlugInProcess
+from mrp_sumo.planning.processes import Overtime, PlugInProcess
 from mrp_sumo.plugins.description import Described, describe
 from mrp_sumo.plugins.kinds import KINDS
+from mrp_sumo.plugins.limit import LIMIT_S
 from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.source import Source, definition
 
@@ -42,7 +43,7 @@ class Outside:
             try:
                 self._process = PlugInProcess(self.kind, self._source, self._parameters)
             except Overtime:
-                raise PlugInError(f"{definition(self._source)}: not loaded after {LOAD_LIMIT_S:g} s") from None
+                raise PlugInError(f"{definition(self._source)}: not loaded after {LIMIT_S:g} s") from None
         return self._process
 
     def prepare(self) -> None:
@@ -73,9 +74,9 @@ class OutsidePlanner(Outside):
     def prepare(self) -> None:
         """Load it, and let it compile; raises as `process` does."""
         try:
-            self.process.ask("prepare", (), LOAD_LIMIT_S)
+            self.process.ask("prepare", (), LIMIT_S)
         except Overtime:
-            raise PlugInError(f"{definition(self._source)}: prepare() has not ended after {LOAD_LIMIT_S:g} s") from None
+            raise PlugInError(f"{definition(self._source)}: prepare() has not ended after {LIMIT_S:g} s") from None
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """As `Planner.plan`; PLANNER_FAILED with the line to show for whatever the plug-in does wrong."""
@@ -119,7 +120,7 @@ def described(kind: str, name: str) -> Described:
     try:
         process = PlugInProcess(kind, source, {}, first="describe")
     except Overtime:
-        raise PlugInError(f"{definition(source)}: not loaded after {LOAD_LIMIT_S:g} s") from None
+        raise PlugInError(f"{definition(source)}: not loaded after {LIMIT_S:g} s") from None
     process.close()
     found: Described = process.facts["described"]
     return found

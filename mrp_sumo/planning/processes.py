@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import PlugInError
+from mrp_sumo.plugins.limit import LIMIT_S
 from mrp_sumo.plugins.source import Source, definition, require_source
 
 if TYPE_CHECKING:
     import subprocess
     from multiprocessing.connection import Connection
-
-LOAD_LIMIT_S = 600.0  # for loading and compiling
 
 
 class Overtime(Exception):
@@ -70,7 +69,7 @@ class PlugInProcess:
         self._connection = Connection(ours.detach())
         self.close = weakref.finalize(self, _end, self._process, self._connection)
         self.facts: dict[str, Any] = {}
-        self.facts = self.ask(first, (kind, source, dict(parameters)), LOAD_LIMIT_S)[0]
+        self.facts = self.ask(first, (kind, source, dict(parameters)), LIMIT_S)[0]
 
     @property
     def alive(self) -> bool:

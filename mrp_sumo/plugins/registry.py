@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.plugins.face import check_face, check_methods, place_of
 from mrp_sumo.plugins.kinds import KINDS, Kind
+from mrp_sumo.plugins.limit import limited
 from mrp_sumo.plugins.parameters import fitted
 from mrp_sumo.plugins.source import Source, blamed, load, place_in_file, source_in_file, source_in_module
 
@@ -108,7 +109,8 @@ def made(kind: Kind, source: Source, parameters: Mapping[str, Any]) -> Any:
     what = f"{kind.one} '{source.name}'"
     values = fitted(what, plug_in, parameters)
     try:
-        result = plug_in(**values)
+        with limited():
+            result = plug_in(**values)
     except KeyboardInterrupt:
         raise
     except BaseException as error:

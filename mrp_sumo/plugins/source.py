@@ -18,6 +18,7 @@ from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.plugins.face import place_of, shown
+from mrp_sumo.plugins.limit import Overran, limited
 from mrp_sumo.plugins.trust import Program, require_trusted
 
 _IN_FILE = re.compile(r"(.+\.py):([A-Za-z_]\w*)")
@@ -117,7 +118,8 @@ def load(source: Source) -> Any:
     """
     require_source(source)
     try:
-        module = importlib.import_module(source.module) if source.module else _file_module(source)
+        with limited():
+            module = importlib.import_module(source.module) if source.module else _file_module(source)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
@@ -146,6 +148,8 @@ def blamed(error: BaseException, source: Source, target: Any = None) -> PlugInEr
         return PlugInError(str(error), error.details or details)
     text = " ".join(str(error).split())[:300]
     said = text if isinstance(error, MrpSumoError) else f"{type(error).__name__}: {text}" if text else type(error).__name__
+    if isinstance(error, Overran):
+        said = text
     if isinstance(error, SystemExit):
         said = f"ended the program (SystemExit: {error.code})"
     if isinstance(error, SyntaxError) and error.filename and _is_own(Path(error.filename), source):

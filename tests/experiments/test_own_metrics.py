@@ -10,8 +10,11 @@ from mrp_sumo.experiments.measure_later import measure_run
 from mrp_sumo.io.results import load_results
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.metrics.registry import METRICS
+from mrp_sumo.plugins import limit
 
 MINE = '''"""Metrics of ours."""
+
+import time
 
 import numpy as np
 
@@ -39,6 +42,10 @@ def text(run):
 
 def leaves(run):
     raise SystemExit(0)
+
+
+def endless(run):
+    time.sleep(60)
 
 
 def soc_steps(run):
@@ -84,17 +91,21 @@ def test_analyze_computes_a_metric_of_a_run(world, capsys):
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("broken", "mine.py:20: in broken: AttributeError: 'Evidence' object has no attribute 'nonsense'"),
+        ("broken", "mine.py:22: in broken: AttributeError: 'Evidence' object has no attribute 'nonsense'"),
         ("text", "text is 'far', expected a finite number, true or false, a list, or None"),
         ("leaves", "ended the program (SystemExit: 0)"),
+        ("endless", "mine.py:34: in endless: has not ended after 1 s"),
     ],
 )
-def test_metric_that_fails_is_one_line_and_costs_no_result(world, capsys, name, told):
+def test_metric_that_fails_is_one_line_and_exit_code_1_and_costs_no_result(world, capsys, monkeypatch, name, told):
+    monkeypatch.setattr(limit, "LIMIT_S", 1.0)
     out = world / name
-    assert main(["run", str(world / "mine.yaml"), "--metric", f"{world}/mine.py:{name}", "--out", str(out)]) == 0
+    assert main(["run", str(world / "mine.yaml"), "--metric", f"{world}/mine.py:{name}", "--out", str(out)]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("mrp-sumo: metric failed: ") and told in line
     result = json.loads((out / "result.json").read_text())
     assert told in result["note"] and result["metrics"][name] is None and result["status"] == "completed"
-    capsys.readouterr()
+    assert load_run(out).execution.x_m.size
     assert main(["analyze", str(out), "--metric", f"{world}/mine.py:{name}"]) == 1
     assert told in capsys.readouterr().err
 

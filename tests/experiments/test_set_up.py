@@ -75,23 +75,35 @@ levels:
 
 
 @pytest.mark.parametrize(
-    ("first_m", "cell_m", "told"),
+    ("second", "remedy"),
     [
-        (0.2, 0.5, "lane 'a' - 'b' of 'hall' is 0.200 m long; no cell length makes a step longer than its lane: join the lane's ends"),
-        (1.0, 0.2, "the shortest step of 'hall' is 0.200 m (discretisation.cell_m: 0.34 would do)"),
+        (
+            "[0.2, 0, {name: b}]",
+            "lane 'a' - 'b' of 'hall' is 0.200 m long; 'a' - 'b' cannot be joined, as both ends have a name or properties: "
+            "lengthen it in the map, or choose smaller robots",
+        ),
+        (
+            "[0.2, 0]",
+            "lane 'a' - 'v1' of 'hall' is 0.200 m long; map.join_short_m: 0.326 would join its ends, with discretisation.cell_m: 0.34",
+        ),
+        ("[1.0, 0]", "the shortest step of 'hall' is 0.200 m (discretisation.cell_m: 0.34 would do)"),
     ],
 )
-def test_robot_too_large_for_a_step_names_the_lane_or_the_cell_length_that_would_do(tmp_path, first_m, cell_m, told):
-    (tmp_path / "hall.nav.yaml").write_text(SHORT.replace("[0.2, 0,", f"[{first_m}, 0,"))
+def test_robot_too_large_for_a_step_learns_which_lane_it_is_and_what_would_help(tmp_path, second, remedy):
+    (tmp_path / "hall.nav.yaml").write_text(SHORT.replace("[0.2, 0, {name: b}]", second))
     path = tmp_path / "scenario.yaml"
-    path.write_text(f"map: hall.nav.yaml\ndiscretisation: {{kind: roadmap, cell_m: {cell_m}}}\nrobots: {{count: 1}}\n")
+    path.write_text("map:\n  file: hall.nav.yaml\ndiscretisation:\n  kind: roadmap\n  cell_m: 0.2\nrobots: {count: 1}\n")
     with MapCache() as maps, pytest.raises(ScenarioError) as error:
         set_up(read_scenario(path), maps)
-    assert told in str(error.value)
-    if "would do" in told:
-        path.write_text(path.read_text().replace(f"cell_m: {cell_m}", f"cell_m: {told.split('cell_m: ')[1].split(' ')[0]}"))
-        with MapCache() as maps:
-            assert set_up(read_scenario(path), maps).problem.num_robots == 1
+    assert remedy in str(error.value)
+    if "cell_m: " not in remedy:
+        return
+    text = path.read_text().replace("cell_m: 0.2", f"cell_m: {remedy.split('cell_m: ')[1].split(' ')[0]}")  # take its advice
+    if "join_short_m: " in remedy:
+        text = text.replace("hall.nav.yaml", f"hall.nav.yaml\n  join_short_m: {remedy.split('join_short_m: ')[1].split(' ')[0]}")
+    path.write_text(text)
+    with MapCache() as maps:
+        assert set_up(read_scenario(path), maps).problem.num_robots == 1
 
 
 WIDE_CELLS = "map: office\nseed: 3000\nrobots: {count: 9}\ndiscretisation:\n  cell_m: 1.0\n  clearance: "  # a grid that reaches into walls

@@ -6,7 +6,7 @@ from golden import MRP_BENCH
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.repair import largest_component, repair, snap, split_crossings
+from mrp_sumo.maps.repair import join_short, largest_component, repair, snap, split_crossings
 
 WAREHOUSE = MRP_BENCH / "warehouse.building.yaml"
 
@@ -83,3 +83,46 @@ def test_sound_graphs_are_left_alone():
 def test_distances_that_make_no_sense_are_refused():
     with pytest.raises(MapError, match="expected a number above 0"):
         snap(nav_graph(name="line", xy=[[0, 0], [1, 0]], lanes=[(0, 1)]), 0)
+
+
+def test_a_short_lane_is_joined_at_the_end_that_is_nothing_but_a_bend():
+    xy = [[0, 0], [0.2, 0], [0.2, 3], [2, 3]]
+    nav = nav_graph(name="bend", xy=xy, lanes=both_ways((0, 1), (1, 2), (2, 3)), vertex_name=["dock", "", "", "end"])
+    graph, changes = join_short(nav, 0.34)
+    assert (graph.vertex_name, pairs(graph)) == (("dock", "", "end"), [(0, 1), (1, 2)])
+    assert graph.length_m.tolist() == pytest.approx([9.04**0.5, 9.04**0.5, 1.8, 1.8])
+    assert changes == ["lane dock - v1, 0.200 m long, joined in dock"]
+
+
+def test_short_lanes_are_joined_until_none_is_left_and_a_junction_keeps_its_lanes():
+    xy = [[0, 0], [0.1, 0], [0.2, 0], [0.2, 3], [3, 0], [-3, 0]]  # two short lanes in a row, the last at a junction
+    nav = nav_graph(name="row", xy=xy, lanes=both_ways((0, 1), (1, 2), (2, 3), (2, 4), (5, 0)))
+    graph, changes = join_short(nav, 0.34)
+    assert len(changes) == 2
+    assert graph.xy.tolist() == [[0.2, 0], [0.2, 3], [3, 0], [-3, 0]]
+    assert pairs(graph) == [(0, 1), (0, 2), (0, 3)]
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        {"vertex_name": ["a", "b", "c"]},
+        {"vertex_options": [{"is_charger": True}, {"mutex": "bay"}, {}]},
+        {"lane_options": [{"door_name": "gate"}, {}, {}, {}]},
+    ],
+)
+def test_a_short_lane_with_something_at_both_ends_or_on_it_is_not_joined(kept):
+    nav = nav_graph(name="kept", xy=[[0, 0], [0.2, 0], [3, 0]], lanes=both_ways((0, 1), (1, 2)), **kept)
+    assert join_short(nav, 0.34) == (nav, [])
+
+
+def test_one_way_lanes_stay_one_way_when_a_short_one_is_joined():
+    nav = nav_graph(name="way", xy=[[0, 0], [3, 0], [3.2, 0], [6, 0]], lanes=[(0, 1), (1, 2), (2, 3)], vertex_name=["a", "", "b", "c"])
+    graph, _ = join_short(nav, 0.34)
+    assert sorted(zip(graph.tail.tolist(), graph.head.tolist())) == [(0, 1), (1, 2)]
+
+
+@pytest.mark.parametrize("length_m", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_length_that_joins_nothing_or_everything_is_refused(length_m):
+    with pytest.raises(MapError, match="expected a number above 0"):
+        join_short(nav_graph(name="one", xy=[[0, 0], [1, 0]], lanes=[(0, 1)]), length_m)
