@@ -9,6 +9,7 @@ import numpy as np
 from mrp_sumo.drive._causes import DISTURBED, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
 from mrp_sumo.drive._observe import observe
 from mrp_sumo.search._kernel import kernel
+from mrp_sumo.search._motion import stop_speed
 
 SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
@@ -173,19 +174,6 @@ def command(now, dt, kinematics, rules, visits, state, conditions, changed):
             changed[count] = r
             count += 1
     return count
-
-
-@kernel
-def stop_speed(free_m, decel_mps2, dt):
-    """The highest speed for the next step that still allows a stop within `free_m` at `decel_mps2`.
-
-    Exact for SUMO's Euler steps: speed v = n b + x (0 <= x < b = decel dt) needs (n+1) x dt + b dt n (n+1) / 2.
-    """
-    if free_m <= 0.0:
-        return 0.0
-    b = decel_mps2 * dt
-    n = np.floor((np.sqrt(1.0 + 8.0 * free_m / (b * dt)) - 1.0) / 2.0)
-    return n * b + (free_m - b * dt * n * (n + 1.0) / 2.0) / ((n + 1.0) * dt)
 
 
 @kernel
