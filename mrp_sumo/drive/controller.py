@@ -1,14 +1,18 @@
 """The controller: turns what the ledger allows into speeds, step by step, and the kernels' log into events."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mrp_sumo.core.execution import Event
+from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive import _causes, _controller
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Policy
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Kinematics, Rules, empty_log, empty_news
 from mrp_sumo.engines.protocol import Bodies, Engine
+from mrp_sumo.search._entry import entry_for
 
 A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
@@ -39,6 +43,8 @@ class Controller:
         self.follow(policy)
         self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
         self._num_changed = self._num_due = 0
+        self._advance: Callable[..., tuple[int, int, int]] = _controller.advance
+        self._visits: Visits | None = None  # that `_advance` is for
 
     def follow(self, policy: Policy) -> None:
         """Grant by this policy from now on."""
@@ -49,10 +55,11 @@ class Controller:
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
         ledger = self.ledger
-        num_logged, self._num_changed, self._num_due = _controller.advance(
-            *(observe, now_s, self.dt, bodies.driven_m, self.kinematics, self._rules),
-            *(ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news),
-        )
+        step = (observe, now_s, self.dt, bodies.driven_m, self.kinematics, self._rules)
+        arrays = (ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news)
+        if self._visits is not ledger.visits:  # the ledger's arrays are new ones
+            self._advance, self._visits = entry_for(_controller.advance, *step, *arrays), ledger.visits
+        num_logged, self._num_changed, self._num_due = self._advance(*step, *arrays)
         return self._events(num_logged) if num_logged else []
 
     def command(self, bodies: Engine) -> None:

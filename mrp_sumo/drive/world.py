@@ -70,6 +70,7 @@ class World:
         self._barriers += [Barrier(o.begin_s, o.begin_s + o.duration_s, *self._near(o)) for o in what.obstacles]
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
+        self._is_calm = not what.any
         self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt)
 
     def inform(self, robots: list[int], allowed_m: FloatArray) -> None:
@@ -79,7 +80,7 @@ class World:
 
     def update(self, now: float, grants: Grants) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
-        if not self.what.any:
+        if self._is_calm:
             return []
         what, dt, events = self.what, self.step_length_s, []
         if what.latency_s or what.message_loss:
