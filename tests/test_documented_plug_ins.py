@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.io.run_reader import load_run
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "planners.md").read_text()
 
@@ -20,7 +22,7 @@ def sample(file):
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    for name in ("onebyone.py", "greedy.py", "late.py"):
+    for name in ("onebyone.py", "greedy.py", "late.py", "patrol.py"):
         (tmp_path / name).write_text(sample(name))
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -51,6 +53,17 @@ def test_assigner_and_policy_of_the_page_run_from_a_scenario(files):
     first, second = ([robot["goal_s"] for robot in run["robots"] if robot["goal_s"]] for run in (usual, late))  # one starts at its goal
     assert len(first) == 2
     assert second == pytest.approx([goal_s + 5 for goal_s in first], abs=0.2)
+
+
+def test_dispatcher_of_the_page_brings_robots_back(files):
+    (files / "there_and_back.yaml").write_text(
+        "map: office\nrobots: 3\nplanner: lacam\nexecution: {dispatcher: {name: ./patrol.py:Patrol, parameters: {trips: 1}}}\n"
+    )
+    assert main(["run", "there_and_back.yaml", "--trust", "--out", "run"]) == 0
+    run = load_run(files / "run")
+    first, last = run.execution.x_m[[0, -1]], run.execution.y_m[[0, -1]]
+    assert np.hypot(first[0] - first[1], last[0] - last[1]).max() < 0.01  # where they began
+    assert [reply.reason for reply in run.execution.replies] == ["patrol"]
 
 
 def test_planner_of_the_page_satisfies_the_protocol(files):

@@ -24,7 +24,7 @@ class Request:
 
     now_s: float
     site: Problem
-    robot: IntArray  # [K] numbers in the fleet, ascending
+    robot: IntArray  # [K] numbers in the fleet
     start: IntArray  # [K] vertex that each is committed to reach, and free to leave
     stop_first: IntArray  # [K + 1] CSR
     stop: IntArray  # [S] vertices
@@ -39,6 +39,15 @@ def stops_ahead(tasks: Sequence[Sequence[Task]]) -> tuple[IntArray, IntArray]:
     return frozen(first.astype(np.int64)), frozen(np.array([v for of_robot in stops for v in of_robot], np.int64))
 
 
+def one_stop_each(request: Request) -> None:
+    """Refuse a request in which a robot has several stops, or none. Raises PlanError."""
+    count = np.diff(request.stop_first)
+    if (count != 1).any():
+        robot = int(request.robot[np.flatnonzero(count != 1)[0]])
+        name, found = request.site.fleet.robot_name[robot], int(count[count != 1][0])
+        raise PlanError(f"{name} has {found} stops ahead, and a one-shot planner expects one")
+
+
 def one_shot(request: Request) -> Problem:
     """The request as a classical problem: a start and a goal for each of its robots, on the lanes that are open.
 
@@ -47,11 +56,7 @@ def one_shot(request: Request) -> Problem:
     PlanError
         When a robot has several stops, or none.
     """
-    count = np.diff(request.stop_first)
-    if (count != 1).any():
-        robot = int(request.robot[np.flatnonzero(count != 1)[0]])
-        name, found = request.site.fleet.robot_name[robot], int(count[count != 1][0])
-        raise PlanError(f"{name} has {found} stops ahead, and a one-shot planner expects one")
+    one_stop_each(request)
     return replace(
         request.site,
         graph=with_lanes(request.site.graph, ~request.closed) if request.closed.any() else request.site.graph,

@@ -1,267 +1,89 @@
-"""The dispatcher: sees who does not get on, asks for other ways, the mildest first, and knows when all is done.
+"""Dispatchers: what decides what robots do next, and knows when all is done. A plug-in is a class with this face.
 
-* In a ring of waiting (first come, first served) one robot gives way at once, `drive.giving_way`.
-* A robot that has stood for the patience behind something that stays (a closed lane, a robot that is broken or at its
-  goal) takes the shortest way around it, first come, first served.
-* If that is not to be had, or the policy keeps an order, or a ring has lasted for the patience, any registered
-  planner plans anew for all robots, `drive.replanning`; the new plan's order is kept.
-
-A robot that can reach its goal no more stays where it is until a lane opens. Gives up trying, saying why, when there is no plan
-or its order cannot be kept, and tries again after twice the time.
+Every run begins with `OneShot`, whose one request is answered by the plan of the scenario's planner; the scenario's own dispatcher
+goes on from there, and recovery (`drive.recovery`) beside it.
 """
 
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Protocol, cast
 
-import numpy as np
-
-from mrp_sumo.core.execution import Event
-from mrp_sumo.core.graph import BoolArray
-from mrp_sumo.drive import _causes
-from mrp_sumo.drive.deadlock import DeadlockWatch
-from mrp_sumo.drive.giving_way import GivingWay, Surroundings, still_to_pass, who_gives_way
-from mrp_sumo.drive.ledger import Ledger
-from mrp_sumo.drive.replanning import lanes_needing, replan, situation
-from mrp_sumo.drive.reroute import Replan, Reroute
-from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import NEVER
-from mrp_sumo.drive.world import World
-from mrp_sumo.errors import PlanError
-from mrp_sumo.search.route import shortest_route
-
-SAME_RING = 3  # so many times a ring of the same robots is asked to give way, before a planner is
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.outside_dispatcher import OutsideDispatcher
+from mrp_sumo.drive.replanning import request_for
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.plugins import registry
 
 
-@dataclass(frozen=True)
-class GiveWay:
-    """One of these robots, each of which waits for the next, has to give way."""
+class Dispatcher(Protocol):
+    """Decides what robots do next. Made anew for every run; its fields are its parameters."""
 
-    ring: tuple[int, ...]
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """Whether all is done that there is to do. The run ends then, if recovery has nothing under way."""
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """What has to be decided now, what matters most first; nothing more is asked once one of them has been answered.
+
+        Parameters
+        ----------
+        around
+            What is known: `around.ledger` has the robots' visits, `around.closed` the lanes nobody may use.
+        """
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """Ways for robots, from the last visits that they have been granted; None: they go on as they are.
+
+        `around.plan(request)` has them from the planner of the run. Raises PlanError where there are none.
+        """
 
 
-@dataclass(frozen=True)
-class Detour:
-    """These robots stand behind something that stays."""
+class OneShot:
+    """All tasks are there at the start: a plan for all robots at once, and done when each stands where its tasks end."""
 
-    robots: tuple[int, ...]
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See Dispatcher."""
+        visits = around.ledger.visits
+        return bool((visits.reached == visits.last).all() and around.state.home.all())
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See Dispatcher."""
+        if not around.ledger.entries:
+            yield request_for(now_s, around, range(around.ledger.num_robots), "plan")
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See Dispatcher."""
+        return around.plan(request)
 
 
-@dataclass(frozen=True)
-class NewPlan:
-    """Nothing milder helps."""
+ONE_SHOT = "one_shot"
+OURS: Mapping[str, type] = {ONE_SHOT: OneShot}
 
 
-Case = GiveWay | Detour | NewPlan
+def dispatchers() -> tuple[str, ...]:
+    """The names of all registered dispatchers, sorted."""
+    return registry.names("dispatchers")
 
 
-class Dispatcher:
-    """What is asked, and answered, in the course of one execution."""
+def dispatcher_of(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Dispatcher:
+    """A dispatcher of this name, for one run.
 
-    def __init__(self, ledger: Ledger, world: World, settings: ExecutionSettings) -> None:
-        self.ledger, self.world, self.settings = ledger, world, settings
-        self.watch = DeadlockWatch()
-        self._events: list[Event] = []
-        self._giving: list[GivingWay] = []
-        self._barred_since = np.full(ledger.num_robots, np.inf)  # [R] before a closed lane
-        self._ring_since: dict[tuple[int, ...], float] = {}
-        self._asked: Counter[frozenset[int]] = Counter()
-        self._reported: set[str] = set()
-        self._reported_blocked = np.zeros(ledger.num_robots, np.bool_)  # [R]
-        self._failures = 0
-        self._again_s = 0.0  # no planner is asked before
-        self._cut_off = False  # a robot waits for a lane to open
-        self._num_closed = 0
+    Parameters
+    ----------
+    name
+        As registered, or `FILE.py:CLASS`.
+    parameters
+        Values for its parameters; their defaults otherwise.
+    beside
+        Where a relative path begins; the current folder by default.
 
-    def finished(self) -> bool:
-        """Whether all robots stand where their tasks end, and have nothing more to do."""
-        visits = self.ledger.visits
-        return bool((visits.reached == visits.last).all() and self.ledger.state.home.all())
-
-    def finally_blocked(self, now_s: float) -> list[Event]:
-        """Robots that have come to be blocked for good since the last look: by one that is broken, done, or has given up."""
-        if not self.ledger.state.waits.stuck.any():
-            self._reported_blocked[:] = False
-            return []
-        for_good = self._for_good(np.zeros(self.ledger.num_robots, np.bool_)) & (self.ledger.state.grants.cause == _causes.OTHER)
-        new = np.flatnonzero(for_good & ~self._reported_blocked).tolist()
-        self._reported_blocked = for_good
-        return [self._blocked_for_good(now_s, r) for r in new]
-
-    def _blocked_for_good(self, now_s: float, robot: int) -> Event:
-        state, names = self.ledger.state, self.ledger.problem.fleet.robot_name
-        other = int(state.grants.other[robot])
-        last = other
-        while state.waits.since_s[last] < np.inf and state.grants.other[last] >= 0:
-            last = int(state.grants.other[last])
-        why = "is broken" if self.world.broken[last] else "stays at its goal" if self.ledger.state.home[last] else "stays"
-        behind = f"behind {names[other]}" + (f", which waits for {names[last]}" if last != other else "")
-        vertex = int(self.ledger.column("vertex")[state.grants.wanted[robot]])
-        return Event(now_s, "blocked_for_good", robot, vertex, other, 0.0, f"{behind}, which {why}")
-
-    def due(self, now_s: float, keeps_order: bool) -> Iterator[Case]:
-        """What has to be decided now, the mildest first; none of it once one has been answered."""
-        if self.settings.on_deadlock != "resolve":
-            return
-        self._let_go(now_s)
-        state = self.ledger.state
-        barred = self._barred(now_s)
-        self._ring_since = {ring: self._ring_since.get(ring, now_s) for ring in sorted(self.watch.known)}
-        if self.settings.give_way and not keeps_order:
-            for ring in self._ring_since:
-                if self._asked[frozenset(ring)] < SAME_RING:
-                    yield GiveWay(ring)
-        patience_s = self.settings.patience_s
-        stuck = state.waits.stuck & (now_s - state.waits.mark_s >= patience_s)
-        late = np.flatnonzero(barred | (stuck & self._for_good(barred))).tolist()
-        if late and not keeps_order:
-            yield Detour(tuple(late))
-        opened = self._cut_off and np.count_nonzero(self.world.closed) < self._num_closed
-        old = any(now_s - since >= patience_s for since in self._ring_since.values())
-        if self.settings.replanner and (late or old or opened) and now_s >= self._again_s:
-            yield NewPlan()
-
-    def answer(self, case: Case, now_s: float) -> Replan | None:
-        """Other ways for robots, None where there are none."""
-        around = Surroundings(self.ledger, self.world.closed)
-        match case:
-            case GiveWay(ring):
-                return self._give_way(now_s, ring, around)
-            case Detour(robots):
-                return self._drive_around(now_s, robots, around)
-        try:
-            found = situation(now_s, around, self.world.broken)
-            answer = replan(found, around, self.settings.replanner)
-        except PlanError as error:
-            self.refused(error, now_s)
-            return None
-        self._cut_off_then = bool(found.cut_off)
-        return answer
-
-    def accepted(self, answer: Replan, now_s: float) -> None:
-        """The ledger has it."""
-        self.watch.forget(set(answer.reroute))
-        if not answer.reordered:
-            return
-        self._end_all(now_s)
-        self._failures, self._cut_off = 0, self._cut_off_then
-        self._again_s = now_s + self.settings.patience_s
-        self._num_closed = int(np.count_nonzero(self.world.closed))
-        self._ring_since.clear()
-        self._events.append(Event(now_s, "resolved", -1, text=answer.text))
-
-    def refused(self, error: PlanError, now_s: float) -> None:
-        """There is no new plan, or nobody can keep its order."""
-        why = str(error)
-        self._failures += 1
-        self._again_s = now_s + self.settings.patience_s * 2**self._failures
-        if why not in self._reported:
-            self._reported.add(why)
-            self._events.append(Event(now_s, "unresolved", -1, text=why))
-
-    def close(self, now_s: float) -> list[Event]:
-        """The run is over. Returns what has not been reported yet."""
-        self._end_all(now_s)
-        return self.drain()
-
-    def drain(self) -> list[Event]:
-        """What happened since this was last asked."""
-        events, self._events = self._events, []
-        return events
-
-    def _let_go(self, now_s: float) -> None:
-        """Robots that have let others pass go on."""
-        around, yielding = Surroundings(self.ledger, self.world.closed), self.ledger.state.yielding
-        for giving in list(self._giving):
-            yielding.pause_for[giving.robot] = still_to_pass(around, giving, self.world.broken)
-            if yielding.pause_for[giving.robot] < 0:
-                self._end(giving, now_s)
-                yielding.pause[giving.robot] = NEVER
-                yielding.gives_way[giving.robot] = False
-
-    def _barred(self, now_s: float) -> BoolArray:
-        """[R] who has stood before a closed lane for the patience."""
-        state, visits, closed = self.ledger.state, self.ledger.visits, self.world.closed
-        if not closed.any():
-            self._barred_since[:] = np.inf
-            return np.zeros(self.ledger.num_robots, np.bool_)
-        ahead = visits.next[visits.granted]
-        ahead = np.where(ahead >= 0, ahead, visits.last)
-        at_closed = (state.grants.cause == _causes.DISTURBED) & (self.world.hold_until <= now_s) & ~state.grants.on_lane
-        at_closed &= closed[visits.lane[ahead]] & (state.motion.speed_mps == 0)
-        self._barred_since[:] = np.where(at_closed, np.minimum(self._barred_since, now_s), np.inf)
-        waited: BoolArray = now_s - self._barred_since >= self.settings.patience_s
-        return waited
-
-    def _for_good(self, barred: BoolArray) -> BoolArray:
-        """[R] whose chain of waiting ends at a robot that stays: broken, at its goal, or given up; not one barred itself."""
-        state = self.ledger.state
-        cause, other, since_s = state.grants.cause, state.grants.other, state.waits.since_s
-        found = np.zeros(len(cause), np.bool_)
-        given_up = (cause == _causes.LETTING_PASS) & ~state.yielding.gives_way
-        stays = self.world.broken | (cause == _causes.FINISHED) | given_up
-        for r in np.flatnonzero(state.waits.stuck).tolist():
-            at, seen = r, {r}
-            while since_s[at] < np.inf and other[at] >= 0:
-                at = int(other[at])
-                if at in seen:
-                    break
-                seen.add(at)
-            found[r] = stays[at] and not barred[at]
-        return found
-
-    def _give_way(self, now_s: float, ring: tuple[int, ...], around: Surroundings) -> Replan | None:
-        found = who_gives_way(around, ring, self.world.hold_until > now_s, now_s)
-        if found is None:
-            return None
-        giving, way = found
-        self._asked[frozenset(ring)] += 1
-        for before in [g for g in self._giving if g.robot == giving.robot]:
-            self._end(before, now_s)
-        self._giving.append(giving)
-        return Replan({giving.robot: way}, "give_way", self._lets_pass(giving))
-
-    def _end(self, giving: GivingWay, now_s: float) -> None:
-        self._giving.remove(giving)
-        duration_s = round(now_s - giving.begin_s, 9)
-        text = self._lets_pass(giving)
-        self._events.append(Event(giving.begin_s, "gave_way", giving.robot, giving.place, giving.others[0], duration_s, text))
-
-    def _end_all(self, now_s: float) -> None:
-        for giving in list(self._giving):
-            self._end(giving, now_s)
-
-    def _lets_pass(self, giving: GivingWay) -> str:
-        names = self.ledger.problem.fleet.robot_name
-        return f"lets {', '.join(names[r] for r in giving.others)} pass at '{self.ledger.graph.label(giving.place)}'"
-
-    def _drive_around(self, now_s: float, late: tuple[int, ...], around: Surroundings) -> Replan | None:
-        """Shorter ways than waiting, for all of these that have one."""
-        graph, state, visits, closed = around.graph, around.state, around.ledger.visits, self.world.closed
-        holder, stays = state.grants.holder, self.world.broken | (state.grants.cause == _causes.FINISHED)
-        ways = {}
-        for r in late:
-            if not around.stands(r) or self.world.hold_until[r] > now_s or state.yielding.gives_way[r]:
-                continue
-            held = (holder >= 0) & (stays & (np.arange(len(stays)) != r))[holder]
-            blocked = closed | lanes_needing(graph, around.resources, held)
-            granted = around.granted(r)
-            ahead = visits.lane[self.ledger.ids(r, granted)[1:]]
-            if not blocked[ahead].any():
-                continue
-            back = bool(state.grants.on_lane[r])
-            start, goal = int(visits.vertex[granted]), int(visits.vertex[visits.last[r]])
-            route = shortest_route(graph, ~blocked, start, goal)
-            if route is None or (back and not around.free_for(r, around.of_vertex(start))):
-                continue
-            follows = np.array(route if back else route[1:], np.int64)
-            times = np.full(len(follows), now_s)
-            depart_s = np.append(times[1:], np.inf) if len(times) else times
-            ways[r] = Reroute(follows, times, depart_s, now_s if len(times) else np.inf, back)
-            waited_s = round(now_s - min(float(self._barred_since[r]), float(state.waits.mark_s[r])), 9)
-            other = int(state.grants.other[r])
-            names = self.ledger.problem.fleet.robot_name
-            what = "a closed lane" if closed[ahead[0]] else f"what {names[other] if other >= 0 else 'another robot'} holds"
-            vertex = int(visits.vertex[around.ahead(r)])
-            self._events.append(Event(round(now_s - waited_s, 9), "detour", r, vertex, other, waited_s, f"drives around {what}"))
-        return Replan(ways, "detour", "drives around what stays") if ways else None
+    Raises
+    ------
+    ScenarioError
+        For an unknown name or parameter (with the nearest right one), or a value that does not fit.
+    PlugInError
+        For a plug-in that cannot be loaded, or is no dispatcher.
+    """
+    source = registry.find("dispatchers", name, beside)
+    made = registry.make("dispatchers", name, parameters, beside)
+    return cast(Dispatcher, made if source.ours else OutsideDispatcher(made, source))

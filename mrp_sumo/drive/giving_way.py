@@ -16,14 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
-from mrp_sumo.drive._causes import ARRIVED_M
-from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.drive.reroute import Reroute
 from mrp_sumo.drive.state import State
-from mrp_sumo.traffic.resources import Resources
+from mrp_sumo.drive.surroundings import Surroundings
 
-INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
 SEARCHED = 2000  # vertices, before a robot gives up looking for a place
 
 
@@ -36,75 +33,6 @@ class GivingWay:
     place: int  # vertex where it lets them pass
     begin_s: float
     back: IntArray  # resources of its way back
-
-
-@dataclass(frozen=True, eq=False)
-class Surroundings:
-    """What a search for places needs to know."""
-
-    ledger: Ledger
-    closed: BoolArray  # [L]
-
-    @property
-    def graph(self) -> PlanGraph:
-        return self.ledger.graph
-
-    @property
-    def state(self) -> State:
-        return self.ledger.state
-
-    @property
-    def resources(self) -> Resources:
-        return self.ledger.resources
-
-    def granted(self, robot: int) -> int:
-        """The last visit that a robot may drive to."""
-        return int(self.ledger.visits.granted[robot])
-
-    def ahead(self, robot: int) -> int:
-        """The visit after that, -1: none."""
-        return int(self.ledger.visits.next[self.granted(robot)])
-
-    def of_lane(self, lane: int) -> IntArray:
-        """What a robot needs to drive on a lane to its end."""
-        head, found = int(self.graph.head[lane]), self.resources
-        return np.concatenate([[head], self.of_vertex(head)[1:], self._zones(self.graph.num_vertices + int(found.track[lane]))])
-
-    def of_vertex(self, vertex: int) -> IntArray:
-        """What a robot needs to stand on a vertex."""
-        return np.concatenate([[vertex], self._zones(vertex)])
-
-    def _zones(self, place: int) -> IntArray:
-        found = self.resources
-        return self.graph.num_vertices + found.zones_of[found.zones_first[place] : found.zones_first[place + 1]]
-
-    def free_for(self, robot: int, needs: IntArray) -> bool:
-        holder = self.state.grants.holder[needs]
-        return bool(((holder < 0) | (holder == robot)).all())
-
-    def still_needed(self, robot: int) -> IntArray:
-        """Resources a robot holds or will need on the rest of its way."""
-        return self.ledger.resources_from(robot, int(self.state.grants.oldest[robot]))
-
-    def can_turn_back(self, robot: int) -> bool:
-        """Whether a robot that waits on a lane has the lane for itself and may drive back."""
-        visits, claims = self.ledger.visits, self.state.grants.claims
-        lane = int(visits.lane[self.ahead(robot)])
-        back = int(visits.reverse[lane])
-        return back >= 0 and not self.closed[back] and claims[lane] == 1 and claims[back] == 0
-
-    def enters_by_itself(self, robot: int) -> bool:
-        """Whether a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""
-        visits, visit = self.ledger.visits, self.granted(robot)
-        return visit == visits.first[robot] and not (self.graph.head == visits.vertex[visit]).any()
-
-    def stands(self, robot: int) -> bool:
-        """Whether a robot stands at a vertex, or on a lane on which it can turn back, with nothing ahead that it may drive."""
-        visits, motion, granted = self.ledger.visits, self.state.motion, self.granted(robot)
-        if self.enters_by_itself(robot) or motion.speed_mps[robot] > 0 or visits.reached[robot] != granted or visits.next[granted] < 0:
-            return False
-        beyond = float(motion.s_m[robot] - visits.at_m[granted])
-        return beyond > INTO_M and self.can_turn_back(robot) if self.state.grants.on_lane[robot] else abs(beyond) <= ARRIVED_M
 
 
 def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Reroute] | None:

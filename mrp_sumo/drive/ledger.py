@@ -165,6 +165,8 @@ class Ledger:
         self._keep_order(policy, live, at, schedule)
         for r, way in zip(robots.tolist(), ways):
             self._set_out_anew(r, way, now_s)
+        for r, vertex in replan.ends.items():
+            self.end_of_tasks[r] = vertex
         self.state.home[:] = self._columns["vertex"][self._of_robot["last"]] == self.end_of_tasks
         goal_s = self.state.waits.goal_s
         stays = self.state.home & (self._of_robot["last"] == self._of_robot["reached"])

@@ -18,17 +18,21 @@ from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.request import Request
 from mrp_sumo.drive.arrivals import with_goals_within
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
-from mrp_sumo.drive.dispatcher import Dispatcher
+from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.listeners import AtGoalReport, EventLog, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
+from mrp_sumo.drive.recovery import Recovery
+from mrp_sumo.drive.replanning import planned
 from mrp_sumo.drive.reroute import Replan, first_of
 from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
@@ -62,12 +66,14 @@ def simulate(
     """
     dt, policy = settings.step_length_s, policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))
-    ledger.append(first_of(plan), policy, 0.0)
     world = World(
         *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
         *(float(problem.fleet.radius_m.max()), settings.seed),
     )
-    drive = Drive(settings, ledger, Controller(ledger, policy, settings), world, Dispatcher(ledger, world, settings), policy)
+    work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
+    controller, recovery = Controller(ledger, policy, settings), Recovery(ledger, world, settings)
+    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan)
+    drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, recorder, witness = EventLog(), Recorder(), Witness()
     with sumo_engine(problem.graph, problem.fleet, network, dt, settings.seed, gui) as bodies:
@@ -82,16 +88,36 @@ class Drive:
 
     settings: ExecutionSettings
     ledger: Ledger
-    controller: Controller
     world: World
-    dispatcher: Dispatcher
+    controller: Controller
+    work: Dispatcher
+    recovery: Recovery
     chosen: Policy  # of the scenario; a new plan may be driven by another
+    first: Plan
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
     now_s: float = 0.0
     wall_s: float = 0.0
     cpu_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.around = Surroundings(self.ledger, self.world, self._plan)
+        self._reported: set[str] = set()  # why there was no plan
+
+    def set_out(self) -> None:
+        """Have the first plan in the ledger, in which all robots have their ways.
+
+        Raises
+        ------
+        PlanError
+            When the policy keeps an order and the plan's cannot be kept.
+        """
+        first = OneShot()
+        for request in first.due(0.0, self.around):
+            answer = first.answer(request, self.around)
+            if answer is not None:
+                self.ledger.append(answer, self.controller.policy, 0.0)
 
     def run(self, bodies: Engine, listeners: Sequence[Listener]) -> None:
         """Until all tasks are done, or time is up."""
@@ -124,13 +150,13 @@ class Drive:
 
     def _close(self) -> None:
         """What is still going on ends with the run."""
-        self.events += self.dispatcher.close(self.now_s)
+        self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
 
     def _is_over(self) -> bool:
         if self.outcome is Outcome.DEADLOCK:
             return True
-        if self.dispatcher.finished():
+        if all(dispatcher.finished(self.now_s, self.around) for dispatcher in (self.work, self.recovery)):
             self.outcome = Outcome.COMPLETED
             return True
         return self.now_s >= self.settings.time_limit_s - 1e-9
@@ -151,23 +177,39 @@ class Drive:
 
     def _dispatch(self, bodies: Engine) -> bool:
         """Report new deadlocks and final blockings, and send robots that do not get on other ways. Returns whether any were sent."""
-        found = self.dispatcher.watch.look(self.ledger.state)
+        found = self.recovery.watch.look(self.ledger.state)
         self.events += [self.controller.deadlock(self.now_s, cycle) for cycle in found]
-        blocked = self.dispatcher.finally_blocked(self.now_s) if self.settings.on_deadlock != "resolve" else []
+        blocked = self.recovery.finally_blocked(self.now_s) if self.settings.on_deadlock != "resolve" else []
         self.events += blocked
         if (found or blocked) and self.settings.on_deadlock == "stop":
             self.outcome = Outcome.DEADLOCK
         sent = self._send_others(bodies)
-        self.events += self.dispatcher.drain()
+        self.events += self.recovery.drain()
         return sent
 
     def _send_others(self, bodies: Engine) -> bool:
         """Answer what is due, the mildest first, until the ledger has an answer. Returns whether it has one."""
-        for case in self.dispatcher.due(self.now_s, self.controller.policy.keeps_order):
-            answer = self.dispatcher.answer(case, self.now_s)
-            if answer is not None and self._append(answer, bodies):
-                return True
+        for dispatcher in (self.work, self.recovery):
+            for request in dispatcher.due(self.now_s, self.around):
+                answer = self._answer(dispatcher, request)
+                if answer is not None and self._append(answer, bodies):
+                    return True
         return False
+
+    def _plan(self, request: Request) -> Replan:
+        """The plan of the scenario's planner: at first that which the run was given."""
+        if not self.ledger.entries:
+            return first_of(self.first)
+        return planned(request, self.now_s, self.around, self.settings.planner, self.settings.planner_parameters)
+
+    def _answer(self, dispatcher: Dispatcher, request: Request) -> Replan | None:
+        try:
+            return dispatcher.answer(request, self.around)
+        except PlanError as error:  # robots go on as they are
+            if str(error) not in self._reported:
+                self._reported.add(str(error))
+                self.events.append(Event(self.now_s, "unresolved", -1, text=str(error)))
+            return None
 
     def _append(self, answer: Replan, bodies: Engine) -> bool:
         """Have the ledger take an answer. A new plan is driven in its order if that can be kept: it is for who is where now,
@@ -183,13 +225,13 @@ class Drive:
                 break
             except PlanError as error:
                 if policy is policies[-1]:
-                    self.dispatcher.refused(error, self.now_s)
+                    self.recovery.refused(error, self.now_s)
                     return False
         self.events += waits
         self.controller.follow(policy)
         self.controller.divert(robots, backs, bodies)
         self.world.inform(backs, self.ledger.state.grants.allowed_m)
-        self.dispatcher.accepted(answer, self.now_s)
+        self.recovery.accepted(answer, self.now_s)
         return True
 
     def _policies(self, answer: Replan) -> list[Policy]:

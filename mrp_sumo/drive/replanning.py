@@ -3,16 +3,17 @@
 Robots go on driving what they have been granted. One that can reach its goal no more stays where it is.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
 from mrp_sumo.core.plan import Plan, Status
-from mrp_sumo.core.request import Request, one_shot
-from mrp_sumo.drive.giving_way import Surroundings
+from mrp_sumo.core.request import Request, one_shot, one_stop_each
 from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.search.route import reach_m
 from mrp_sumo.traffic.resources import Resources
@@ -31,12 +32,45 @@ class Situation:
     cut_off: tuple[int, ...]  # robots that cannot reach where their tasks end
 
 
-def situation(now_s: float, around: Surroundings, broken: BoolArray) -> Situation:
-    """What a planner is to be asked."""
+def request_for(now_s: float, around: Surroundings, robots: Sequence[int], reason: str, stop: IntArray | None = None) -> Request:
+    """The request for other ways of K robots, from the last visits that they have been granted.
+
+    Parameters
+    ----------
+    robots
+        In any order, which is kept.
+    reason
+        For people.
+    stop
+        [K] vertices that they are to reach; by default where their tasks end.
+    """
+    ledger, some = around.ledger, np.array(robots, np.int64)
+    return Request(
+        now_s=now_s,
+        site=ledger.problem,
+        robot=some,
+        start=ledger.visits.vertex[ledger.visits.granted[some]],
+        stop_first=np.arange(len(some) + 1),
+        stop=ledger.end_of_tasks[some] if stop is None else stop,
+        closed=around.closed.copy(),
+        reason=reason,
+    )
+
+
+def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArray) -> Situation:
+    """What a planner is to be asked.
+
+    Parameters
+    ----------
+    stays
+        [R] robots that cannot go anywhere: they keep what they have been granted.
+    end
+        [R] vertices that the others are to reach.
+    """
     ledger, graph, grants = around.ledger, around.graph, around.state.grants
     visits, taken = ledger.visits, grants.holder.copy()
-    start, back = visits.vertex[visits.granted].copy(), np.zeros(len(broken), np.bool_)
-    waits = broken | np.array([around.enters_by_itself(r) for r in range(len(broken))])
+    start, back = visits.vertex[visits.granted].copy(), np.zeros(len(stays), np.bool_)
+    waits = stays | np.array([around.enters_by_itself(r) for r in range(len(stays))])
     for r in np.flatnonzero(grants.on_lane & ~waits).tolist():
         ahead = around.ahead(r)
         on, behind = around.of_lane(int(visits.lane[ahead])), around.of_vertex(int(start[r]))
@@ -52,7 +86,7 @@ def situation(now_s: float, around: Surroundings, broken: BoolArray) -> Situatio
         lane = int(visits.lane[around.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
     robots = np.flatnonzero(~waits)
-    goal, cut_off = _goals(graph, ~blocked, start[robots], ledger.end_of_tasks[robots])
+    goal, cut_off = _goals(graph, ~blocked, start[robots], end[robots])
     request = Request(
         now_s=now_s,
         site=ledger.problem,
@@ -66,7 +100,25 @@ def situation(now_s: float, around: Surroundings, broken: BoolArray) -> Situatio
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
 
 
-def replan(found: Situation, around: Surroundings, planner: str) -> Replan:
+def planned(request: Request, now_s: float, around: Surroundings, planner: str, parameters: Mapping[str, Any]) -> Replan:
+    """The answer of a planner to a request, from where robots are committed to be now.
+
+    Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too.
+
+    Raises
+    ------
+    PlanError
+        When it finds no plan, and for a robot with several stops or none.
+    """
+    one_stop_each(request)
+    stays, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
+    stays[request.robot], end[request.robot] = False, request.stop
+    answer = replan(situation(now_s, around, stays | around.world.broken, end), around, planner, parameters)
+    ends = dict(zip(request.robot.tolist(), request.stop.tolist()))
+    return replace(answer, reason=request.reason, text="", ends=ends)
+
+
+def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any]) -> Replan:
     """Ask a planner.
 
     Raises
@@ -75,7 +127,7 @@ def replan(found: Situation, around: Surroundings, planner: str) -> Replan:
         When it finds no plan.
     """
     request, visits, on_lane = found.request, around.ledger.visits, around.state.grants.on_lane
-    now_s, plan = request.now_s, answer(request, planner) if len(request.robot) else None
+    now_s, plan = request.now_s, answer(request, planner, parameters) if len(request.robot) else None
     ways = {}
     for r in range(len(found.waits)):
         if found.waits[r]:
@@ -100,7 +152,7 @@ def replan(found: Situation, around: Surroundings, planner: str) -> Replan:
     return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone)
 
 
-def answer(request: Request, planner: str) -> Plan:
+def answer(request: Request, planner: str, parameters: Mapping[str, Any]) -> Plan:
     """The plan of a registered planner for a request, in seconds since it was made.
 
     Raises
@@ -112,9 +164,9 @@ def answer(request: Request, planner: str) -> Plan:
 
     try:
         problem = one_shot(request)
-        method = make(planner, {})
+        method = make(planner, parameters)
         if hasattr(method, "rotations"):  # no order can keep them
-            method = make(planner, {"rotations": False})
+            method = make(planner, {**parameters, "rotations": False})
         method.prepare()
         result = method.plan(problem, PLANNING_LIMIT_S)
     except MrpSumoError as error:

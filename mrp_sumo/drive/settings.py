@@ -18,6 +18,10 @@ class ExecutionSettings:
 
     policy: str = "adg"
     policy_parameters: Mapping[str, Any] = field(default_factory=dict)
+    dispatcher: str = "one_shot"  # who goes on when the first plan is there
+    dispatcher_parameters: Mapping[str, Any] = field(default_factory=dict)
+    planner: str = "lacam"  # that the dispatcher asks for more plans
+    planner_parameters: Mapping[str, Any] = field(default_factory=dict)
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated
     goal_tolerance_m: float = 0.0  # a robot that stands this near its goal when the run ends has reached it

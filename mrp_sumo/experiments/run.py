@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.plan import Status
+from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import PlanError, PlugInError
@@ -24,8 +25,8 @@ from mrp_sumo.maps.clearance import standing_walls
 if TYPE_CHECKING:
     pass
 
-POLICY_FAILED = "policy_failed"  # the status of a run whose policy, a plug-in, broke its contract
-PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED)
+POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statuses of runs whose plug-in broke its contract
+PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)
 
 
 def run_scenario(file: ScenarioFile, out: Path, *, progress: StageReport | None = None, gui: bool = False) -> RunResult:
@@ -110,7 +111,8 @@ def finish(
         try:
             execution, note = _execute(setup, solution, network, report, gui)
         except PlugInError as error:
-            note, details, broken = str(error), error.details, POLICY_FAILED
+            note, details = str(error), error.details
+            broken = DISPATCHER_FAILED if isinstance(error, DispatcherError) else POLICY_FAILED
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
     walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None

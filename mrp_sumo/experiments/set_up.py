@@ -17,6 +17,7 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.dispatcher import ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -157,7 +158,7 @@ def _plug_in(
 ) -> Any:
     """The plug-in of a name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
     _located(file, place, lambda: find(kind, name, file.folder))
-    section = place if kind == "policies" else place[:-1]
+    section = place if kind in ("policies", "dispatchers") else place[:-1]
     return _located(file, (*section, "parameters") if parameters else place, lambda: make(name, parameters, file.folder))
 
 
@@ -165,6 +166,12 @@ def _checked_policy(name: str, parameters: Mapping[str, Any], folder: Path) -> N
     """Refuse wrong parameters of a policy of ours."""
     if find("policies", name, folder).ours:
         policy_of(name, parameters)
+
+
+def _checked_dispatcher(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
+    """Refuse wrong parameters of a dispatcher of ours."""
+    if find("dispatchers", name, folder).ours:
+        dispatcher_of(name, parameters)
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
@@ -181,6 +188,8 @@ def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> floa
 def _settings(file: ScenarioFile) -> ExecutionSettings:
     execution = file.scenario.execution
     _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
+    dispatcher = execution.dispatcher.name or ONE_SHOT
+    _plug_in(file, ("execution", "dispatcher"), "dispatchers", _checked_dispatcher, dispatcher, execution.dispatcher.parameters)
     recovery, replanner = execution.recovery, execution.recovery.replanner or ""
     if replanner:
         place = ("execution", "recovery", "replanner")
@@ -193,6 +202,8 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
         lambda: ExecutionSettings(
             policy=resolved(execution.policy.name, file.folder),
             policy_parameters=execution.policy.parameters,
+            dispatcher=resolved(dispatcher, file.folder),
+            dispatcher_parameters=execution.dispatcher.parameters,
             step_length_s=execution.step_length_s,
             time_limit_s=execution.time_limit_s or LEAST_TIME_LIMIT_S,
             blocking_window_s=execution.blocking_window_s,
@@ -201,6 +212,8 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             seed=file.scenario.seed,
             on_deadlock=execution.on_deadlock,
             give_way=recovery.give_way,
+            planner=resolved(file.scenario.planner.name, file.folder),
+            planner_parameters=file.scenario.planner.parameters,
             patience_s=recovery.patience_s,
             replanner=resolved(replanner, file.folder),
             disturbances=_disturbances(execution.disturbances),

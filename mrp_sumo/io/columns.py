@@ -1,15 +1,21 @@
 """Dotted keys of scenarios: setting one, and scenarios as rows of a table with one column per key.
 
 A key is dotted (`robots.count`), except where the short form of scenario files has a shorter word: `map`, `planner`,
-`discretisation` and `execution.policy` are the file, the name, the kind and the name.
+`discretisation`, `execution.policy` and `execution.dispatcher` are the file, the name, the kind and the names.
 """
 
 import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-MAIN_KEYS = {"map": "file", "planner": "name", "discretisation": "kind", "execution.policy": "name"}  # what a short form stands for
-OWNERS = {"planner": "name", "assignment": "solver", "execution.policy": "name"}  # whose other choice drops the parameters
+MAIN_KEYS = {  # what a short form stands for
+    **{"map": "file", "planner": "name", "discretisation": "kind"},
+    **{"execution.policy": "name", "execution.dispatcher": "name"},
+}
+OWNERS = {  # whose other choice drops the parameters
+    **{"planner": "name", "assignment": "solver"},
+    **{"execution.policy": "name", "execution.dispatcher": "name"},
+}
 SECTIONS = ("seed", "map", "discretisation", "robots", "assignment", "planner", "execution", "record")  # first parts of scenario columns
 
 

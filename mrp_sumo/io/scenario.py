@@ -219,11 +219,22 @@ class PolicyChoice(_Strict):
         return full(self) if self.parameters else self.name
 
 
+class DispatcherChoice(PolicyChoice):
+    """The dispatcher; its name alone is short for one without parameters."""
+
+    name: str = Field("", description="By default one_shot.")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
+
+
 class ExecutionChoice(_Strict):
     """How the plan is driven in SUMO."""
 
     policy: PolicyChoice = Field(
         PolicyChoice(), description="Who may enter which vertex when: adg, open_loop, ..., or name and parameters."
+    )
+    dispatcher: DispatcherChoice = Field(
+        DispatcherChoice(),
+        description="Who decides what robots do next, once the first plan is being driven: by name, or name and parameters.",
     )
     invalid_plan: Literal["open_loop", "refuse"] = Field(
         "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
@@ -245,7 +256,12 @@ class ExecutionChoice(_Strict):
 
     @field_validator("policy", mode="before", json_schema_input_type=str | PolicyChoice)
     @classmethod
-    def _short_form(cls, found: Any) -> Any:
+    def _short_policy(cls, found: Any) -> Any:
+        return {"name": found} if isinstance(found, str) else found
+
+    @field_validator("dispatcher", mode="before", json_schema_input_type=str | DispatcherChoice)
+    @classmethod
+    def _short_dispatcher(cls, found: Any) -> Any:
         return {"name": found} if isinstance(found, str) else found
 
 
@@ -434,6 +450,7 @@ PLUG_INS = {  # keys that name plug-ins, and their kinds
     "planner.name": "planners",
     "assignment.solver": "assigners",
     "execution.policy.name": "policies",
+    "execution.dispatcher.name": "dispatchers",
     "execution.recovery.replanner": "planners",
 }
 

@@ -27,7 +27,7 @@ KINDS = {
     for kind in (
         Kind("planners", "planner", "mrp_sumo.planning.protocol:Planner", "planners:PLUGINS"),
         Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner", "planners:PLUGINS"),
-        Kind("dispatchers", "dispatcher"),
+        Kind("dispatchers", "dispatcher", "mrp_sumo.drive.dispatcher:Dispatcher", "mrp_sumo.drive.dispatcher:OURS"),
         Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),
         Kind("metrics", "metric", ours="mrp_sumo.metrics.registry:BY_NAME", made=False),
         Kind("readers", "map reader", "mrp_sumo.maps.readers.reader:Reader", "mrp_sumo.maps.readers.registry:OURS"),

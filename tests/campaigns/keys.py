@@ -46,6 +46,8 @@ NAMED: dict[str, list[Any]] = {
     "planner.name": [name for name in planner_names() if name != "external"],
     "planner.parameters": [{}],
     "execution.policy.name": list(policies()),
+    "execution.dispatcher.name": ["", "one_shot"],
+    "execution.dispatcher.parameters": [{}],
     "execution.policy.parameters": [{}],
     "execution.recovery.replanner": [None, "lacam", "cbs"],
     "execution.mutex_groups": [{"middle": ["crossing_2_2", "crossing_3_2"]}],

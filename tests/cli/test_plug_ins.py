@@ -182,6 +182,18 @@ def test_policy_that_fails_is_a_line_a_status_a_result_and_exit_code_1(folder, c
     assert (folder / "out" / "plan.json").is_file()
 
 
+def test_dispatcher_that_fails_is_a_line_a_status_a_result_and_exit_code_1(folder, capsys):
+    (folder / "mine.py").write_text(
+        "class Mine:\n    def finished(self, now_s, around): return False\n"
+        "    def due(self, now_s, around): return 1 / 0\n    def answer(self, request, around): return None\n"
+    )
+    (folder / "mine.yaml").write_text(SCENARIO + "planner: lacam\n")
+    assert main(["run", "mine.yaml", "--set", "execution.dispatcher=mine.py:Mine", "--out", "out"]) == 1
+    said = capsys.readouterr().err
+    assert said == "mrp-sumo: dispatcher failed: mine.py:3: in due: ZeroDivisionError: division by zero\n"
+    assert result(folder)["status"] == "dispatcher_failed"
+
+
 def test_policy_that_lacks_a_method_is_named(folder, capsys):
     (folder / "mine.py").write_text("class Mine:\n    look_ahead, paced, keeps_order, sound_plan_only = 4, False, False, False\n")
     (folder / "mine.yaml").write_text(SCENARIO + "planner: lacam\n")

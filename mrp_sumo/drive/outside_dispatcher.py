@@ -1,0 +1,93 @@
+"""Dispatchers from outside, in this process: their exceptions become one line that names theirs, and their answers are checked.
+
+The ledger and the kernels take what a dispatcher answers as it is, so a vertex that does not exist must not get through.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.errors import PlanError, PlugInError
+from mrp_sumo.plugins.face import place_of
+from mrp_sumo.plugins.source import Source, blamed
+
+
+class DispatcherError(PlugInError):
+    """A dispatcher that broke its contract."""
+
+
+class OutsideDispatcher:
+    """A dispatcher; see `Dispatcher`. Every call raises DispatcherError for whatever the plug-in does wrong."""
+
+    def __init__(self, dispatcher: Any, source: Source) -> None:
+        self._dispatcher, self._source = dispatcher, source
+
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See `Dispatcher`."""
+        return bool(self._guarded(self._dispatcher.finished, now_s, around))
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See `Dispatcher`."""
+        found = self._guarded(lambda: tuple(self._dispatcher.due(now_s, around)))
+        odd = next((type(each).__name__ for each in found if not isinstance(each, Request)), "")
+        if odd:
+            raise DispatcherError(f"{place_of(self._dispatcher.due)}: due() gave {odd}, expected a Request")
+        return tuple(found)
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See `Dispatcher`."""
+        found = self._guarded(self._dispatcher.answer, request, around)
+        if found is None:
+            return None
+        wrong = f"returned {type(found).__name__}, expected a Replan or None" if not isinstance(found, Replan) else fault(found, around)
+        if wrong:
+            raise DispatcherError(f"{place_of(self._dispatcher.answer)}: answer() {wrong}")
+        return found  # type: ignore[no-any-return]
+
+    def _guarded(self, call: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return call(*arguments)
+        except (KeyboardInterrupt, PlanError):  # no plan
+            raise
+        except BaseException as error:
+            wrong = blamed(error, self._source, call)
+            raise DispatcherError(str(wrong), details=wrong.details) from error
+
+
+def fault(reply: Replan, around: Surroundings) -> str:
+    """What is wrong with a reply, '' if it can be driven."""
+    names = around.ledger.problem.fleet.robot_name
+    for robot, way in reply.reroute.items():
+        if not isinstance(robot, int | np.integer) or not 0 <= robot < len(names):
+            return f"sends robot {robot!r}, expected 0 to {len(names) - 1}"
+        if not isinstance(way, Reroute):
+            return f"sends {names[robot]} by {type(way).__name__}, expected a Reroute"
+        if wrong := _fault_of_way(way, around, robot):
+            return f"sends {names[robot]} {wrong}"
+    return ""
+
+
+def _fault_of_way(way: Reroute, around: Surroundings, robot: int) -> str:
+    graph = around.graph
+    vertex, times = np.asarray(way.vertex), [np.asarray(way.arrive_s), np.asarray(way.depart_s)]
+    if vertex.ndim != 1 or (len(vertex) and vertex.dtype.kind not in "iu") or any(t.shape != vertex.shape for t in times):
+        return "by arrays that are not one vertex, one arrival and one departure for each visit"
+    if any(np.isnan(t).any() for t in times) or np.isnan(way.leave_s):
+        return "at times that are no times"
+    outside = (vertex < 0) | (vertex >= graph.num_vertices)
+    if outside.any():
+        return f"to vertex {int(vertex[outside][0])}, which does not exist"
+    before = int(around.ledger.visits.vertex[around.granted(robot)])
+    if way.back:
+        if not len(vertex) or int(vertex[0]) != before or not around.state.grants.on_lane[robot]:
+            return "back on a lane on which it does not stand"
+        vertex = vertex[1:]
+    for v in vertex.tolist():
+        if graph.lane_between(before, v) < 0:
+            return f"from '{graph.label(before)}' to '{graph.label(v)}', where there is no lane"
+        before = v
+    return ""

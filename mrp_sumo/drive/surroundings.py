@@ -1,0 +1,94 @@
+"""What is known while robots drive: the ledger, the world, and whom to ask for a plan."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive._causes import ARRIVED_M
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.state import State
+from mrp_sumo.drive.world import World
+from mrp_sumo.traffic.resources import Resources
+
+INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
+
+Planning = Callable[[Request], Replan]  # raises PlanError where there is no plan
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is known now to those who decide what robots do next."""
+
+    ledger: Ledger
+    world: World
+    plan: Planning  # asks the planner of this run
+
+    @property
+    def closed(self) -> BoolArray:
+        """[L] lanes that nobody may set out on."""
+        return self.world.closed
+
+    @property
+    def graph(self) -> PlanGraph:
+        return self.ledger.graph
+
+    @property
+    def state(self) -> State:
+        return self.ledger.state
+
+    @property
+    def resources(self) -> Resources:
+        return self.ledger.resources
+
+    def granted(self, robot: int) -> int:
+        """The last visit that a robot may drive to."""
+        return int(self.ledger.visits.granted[robot])
+
+    def ahead(self, robot: int) -> int:
+        """The visit after that, -1: none."""
+        return int(self.ledger.visits.next[self.granted(robot)])
+
+    def of_lane(self, lane: int) -> IntArray:
+        """What a robot needs to drive on a lane to its end."""
+        head, found = int(self.graph.head[lane]), self.resources
+        return np.concatenate([[head], self.of_vertex(head)[1:], self._zones(self.graph.num_vertices + int(found.track[lane]))])
+
+    def of_vertex(self, vertex: int) -> IntArray:
+        """What a robot needs to stand on a vertex."""
+        return np.concatenate([[vertex], self._zones(vertex)])
+
+    def _zones(self, place: int) -> IntArray:
+        found = self.resources
+        return self.graph.num_vertices + found.zones_of[found.zones_first[place] : found.zones_first[place + 1]]
+
+    def free_for(self, robot: int, needs: IntArray) -> bool:
+        holder = self.state.grants.holder[needs]
+        return bool(((holder < 0) | (holder == robot)).all())
+
+    def still_needed(self, robot: int) -> IntArray:
+        """Resources a robot holds or will need on the rest of its way."""
+        return self.ledger.resources_from(robot, int(self.state.grants.oldest[robot]))
+
+    def can_turn_back(self, robot: int) -> bool:
+        """Whether a robot that waits on a lane has the lane for itself and may drive back."""
+        visits, claims = self.ledger.visits, self.state.grants.claims
+        lane = int(visits.lane[self.ahead(robot)])
+        back = int(visits.reverse[lane])
+        return back >= 0 and not self.closed[back] and claims[lane] == 1 and claims[back] == 0
+
+    def enters_by_itself(self, robot: int) -> bool:
+        """Whether a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""
+        visits, visit = self.ledger.visits, self.granted(robot)
+        return visit == visits.first[robot] and not (self.graph.head == visits.vertex[visit]).any()
+
+    def stands(self, robot: int) -> bool:
+        """Whether a robot stands at a vertex, or on a lane on which it can turn back, with nothing ahead that it may drive."""
+        visits, motion, granted = self.ledger.visits, self.state.motion, self.granted(robot)
+        if self.enters_by_itself(robot) or motion.speed_mps[robot] > 0 or visits.reached[robot] != granted or visits.next[granted] < 0:
+            return False
+        beyond = float(motion.s_m[robot] - visits.at_m[granted])
+        return beyond > INTO_M and self.can_turn_back(robot) if self.state.grants.on_lane[robot] else abs(beyond) <= ARRIVED_M
