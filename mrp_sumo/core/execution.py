@@ -8,6 +8,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.task import TaskLog
 
 # what a robot's second can be spent on, the columns of `Execution.booked_s`
 BOOKINGS = ("moving", "turning", "planned_wait", "dependency_wait", "yielding", "blocked", "disturbed", "at_goal")
@@ -72,6 +73,7 @@ class Execution:
     sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots
     replies: tuple[Reply, ...] = ()  # by time
+    tasks: TaskLog | None = None  # of a run with a stream of tasks
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
 
     @property

@@ -6,18 +6,45 @@ Refuses tasks without stops, and times that are no times.
 from dataclasses import dataclass
 from math import inf, isnan
 
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.errors import PlanError
 
 NOBODY = -1  # a task that no robot has been given
 
 
 @dataclass(frozen=True)
+class Station:
+    """Where stops are made: places that serve one robot each, and places to wait for one."""
+
+    name: str
+    places: tuple[int, ...]  # vertices
+    queue: tuple[int, ...] = ()  # vertices
+
+    def __post_init__(self) -> None:
+        if not self.places:
+            raise PlanError(f"station '{self.name}' has no places")
+
+
+@dataclass(frozen=True)
 class Stop:
-    """A vertex where a robot does something for a while."""
+    """A vertex, or a station with several, where a robot does something for a while."""
 
     vertex: int
     service_s: float = 0.0
     action: str = ""  # such as 'pickup', 'dropoff', 'charge'
+    station: Station | None = None  # at one of whose places the stop is made instead
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Vertices at any of which it can be made."""
+        return self.station.places if self.station else (self.vertex,)
+
+    @property
+    def queue(self) -> tuple[int, ...]:
+        """Vertices to wait at for one of them."""
+        return self.station.queue if self.station else ()
 
     def __post_init__(self) -> None:
         if not 0 <= self.service_s < inf:
@@ -34,6 +61,7 @@ class Task:
     due_s: float = inf
     priority: int = 0  # more is more urgent
     robot: int = NOBODY
+    name: str = ""
 
     def __post_init__(self) -> None:
         if not self.stops:
@@ -47,3 +75,29 @@ class Task:
     def end(self) -> int:
         """The vertex of its last stop, where a robot without another task stays."""
         return self.stops[-1].vertex
+
+
+TASK_STATES = ("revealed", "assigned", "open", "done")
+
+
+@dataclass(frozen=True, eq=False)
+class TaskLog:
+    """What became of K tasks of a run, by release. Times in s, NaN: not yet."""
+
+    name: tuple[str, ...]
+    robot: IntArray  # [K] that has or had it, -1: none
+    released_s: FloatArray
+    assigned_s: FloatArray
+    opened_s: FloatArray  # when its first stop was reached: from then on it is that robot's
+    done_s: FloatArray  # when the service of its last stop was over
+
+    @property
+    def state(self) -> tuple[str, ...]:
+        """[K] of `TASK_STATES`."""
+        reached = np.isfinite(self.assigned_s).astype(np.int64) + np.isfinite(self.opened_s) + np.isfinite(self.done_s)
+        return tuple(TASK_STATES[k] for k in reached.tolist())
+
+    @property
+    def service_time_s(self) -> FloatArray:
+        """[K] from release to done."""
+        return frozen(self.done_s - self.released_s)

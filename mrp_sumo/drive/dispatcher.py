@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from mrp_sumo.core.request import Request
+from mrp_sumo.drive.nearest import Nearest
 from mrp_sumo.drive.outside_dispatcher import OutsideDispatcher
 from mrp_sumo.drive.replanning import request_for
 from mrp_sumo.drive.reroute import Replan
@@ -28,7 +29,7 @@ class Dispatcher(Protocol):
         Parameters
         ----------
         around
-            What is known: `around.ledger` has the robots' visits, `around.closed` the lanes nobody may use.
+            What is known: `around.ledger` has the robots' visits, `around.work` the tasks, `around.closed` the lanes nobody may use.
         """
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
@@ -57,7 +58,8 @@ class OneShot:
 
 
 ONE_SHOT = "one_shot"
-OURS: Mapping[str, type] = {ONE_SHOT: OneShot}
+NEAREST = "nearest"
+OURS: Mapping[str, type] = {ONE_SHOT: OneShot, NEAREST: Nearest}
 
 
 def dispatchers() -> tuple[str, ...]:

@@ -7,7 +7,7 @@ obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -33,6 +33,7 @@ from mrp_sumo.drive.replanning import planned
 from mrp_sumo.drive.reroute import Replan, first_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.drive.work import Work, WorkRequest
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
@@ -102,7 +103,9 @@ class Drive:
     cpu_s: float = 0.0
 
     def __post_init__(self) -> None:
-        self.around = Surroundings(self.ledger, self.world, self._plan)
+        self.tasks = Work(self.settings.tasks, self.ledger.problem)
+        self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
+        self._asked: tuple[Request, float] | None = None  # what the planner is at work on, and when its answer is there
         self._reported: set[str] = set()  # why there was no plan
 
     def set_out(self) -> None:
@@ -150,6 +153,7 @@ class Drive:
 
     def _close(self) -> None:
         """What is still going on ends with the run."""
+        self.tasks.update(self.now_s, self.ledger.visits)
         self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
 
@@ -158,6 +162,9 @@ class Drive:
             return True
         if all(dispatcher.finished(self.now_s, self.around) for dispatcher in (self.work, self.recovery)):
             self.outcome = Outcome.COMPLETED
+            return True
+        if self.settings.tasks and self.now_s >= self.settings.time_limit_s - 1e-9 and self.tasks.endless:
+            self.outcome = Outcome.COMPLETED  # there is always more to do: the run ends when its time is over
             return True
         return self.now_s >= self.settings.time_limit_s - 1e-9
 
@@ -189,12 +196,38 @@ class Drive:
 
     def _send_others(self, bodies: Engine) -> bool:
         """Answer what is due, the mildest first, until the ledger has an answer. Returns whether it has one."""
-        for dispatcher in (self.work, self.recovery):
-            for request in dispatcher.due(self.now_s, self.around):
-                answer = self._answer(dispatcher, request)
-                if answer is not None and self._append(answer, bodies):
-                    return True
-        return False
+        for request in self._due():
+            if self._answered(self.work, request, bodies):
+                return True
+        return any(self._answered(self.recovery, request, bodies) for request in self.recovery.due(self.now_s, self.around))
+
+    def _due(self) -> Iterable[Request]:
+        """What the scenario's dispatcher asks, as late as a planner would answer it."""
+        if self.settings.tasks:
+            self.tasks.update(self.now_s, self.ledger.visits)
+        if self._asked is not None:
+            request, ready_s = self._asked
+            if self.now_s < ready_s - 1e-9:
+                return ()
+            self._asked = None
+            return (request,)
+        requests = self.work.due(self.now_s, self.around)
+        if not self.settings.planning_budget_s:
+            return requests
+        for request in requests:
+            self._asked = request, self.now_s + self.settings.planning_budget_s
+            break
+        return ()
+
+    def _answered(self, dispatcher: Dispatcher, request: Request, bodies: Engine) -> bool:
+        answer = self._answer(dispatcher, request)
+        done = answer is not None and self._append(answer, bodies)
+        if isinstance(request, WorkRequest):
+            if done:
+                self.tasks.accepted(request, self.now_s)
+            else:
+                self.tasks.failed(self.now_s)
+        return done
 
     def _plan(self, request: Request) -> Replan:
         """The plan of the scenario's planner: at first that which the run was given."""
@@ -270,6 +303,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         events=tuple(sorted(log.events, key=lambda event: (event.t_s, event.robot, event.kind))),
         findings=tuple(drive.findings),
         booked_s=frozen(ledger.state.waits.booked_s),
+        tasks=drive.tasks.log() if settings.tasks else None,
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),
         sumo_xy_m=frozen(np.array(witness.xy_m)),

@@ -113,6 +113,7 @@ def planned(request: Request, now_s: float, around: Surroundings, planner: str, 
     one_stop_each(request)
     stays, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
     stays[request.robot], end[request.robot] = False, request.stop
+    stays |= around.work.serving
     answer = replan(situation(now_s, around, stays | around.world.broken, end), around, planner, parameters)
     ends = dict(zip(request.robot.tolist(), request.stop.tolist()))
     return replace(answer, reason=request.reason, text="", ends=ends)

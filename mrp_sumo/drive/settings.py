@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.core.stream import TaskStream
 from mrp_sumo.drive.disturbances import NONE, Disturbances
 from mrp_sumo.errors import ExecutionError, nearest
 
@@ -22,6 +23,8 @@ class ExecutionSettings:
     dispatcher_parameters: Mapping[str, Any] = field(default_factory=dict)
     planner: str = "lacam"  # that the dispatcher asks for more plans
     planner_parameters: Mapping[str, Any] = field(default_factory=dict)
+    tasks: tuple[TaskStream, ...] = ()
+    planning_budget_s: float = 0.0  # simulated: so long after it is asked, the planner's answer is there
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated
     goal_tolerance_m: float = 0.0  # a robot that stands this near its goal when the run ends has reached it

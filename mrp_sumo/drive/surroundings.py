@@ -11,6 +11,7 @@ from mrp_sumo.drive._causes import ARRIVED_M
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.state import State
+from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
 from mrp_sumo.traffic.resources import Resources
 
@@ -25,6 +26,7 @@ class Surroundings:
 
     ledger: Ledger
     world: World
+    work: Work  # the tasks that are known
     plan: Planning  # asks the planner of this run
 
     @property

@@ -1,0 +1,133 @@
+"""Streams of tasks: what arrives when, drawn from a seed of the stream's own, so that any fleet meets the same tasks.
+
+A stream is an endless or a finite series of `Task`s; the n-th depends on the seed and on n alone, not on when or by whom those before were
+done. Draws are in a fixed order (arrival, route, service times), each kind from its own generator, so that another rate changes no route.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.task import Station, Stop, Task
+
+TASKS = 41  # purpose of the streams of chance
+ARRIVALS, ROUTES, SERVICE = range(3)
+HOUR_S = 3600.0
+
+
+@dataclass(frozen=True)
+class ServiceTime:
+    """How long a stop takes."""
+
+    kind: str = "constant"  # 'constant', 'triangular' or 'lognormal'
+    least_s: float = 0.0  # of 'triangular'
+    usual_s: float = 0.0  # constant, the mode of 'triangular', the median of 'lognormal'
+    most_s: float = 0.0  # of 'triangular'
+    sigma: float = 0.0  # of 'lognormal', of the logarithm
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """A time in s, from one number of the generator."""
+        if self.kind == "constant":
+            return self.usual_s
+        if self.kind == "lognormal":
+            return float(rng.lognormal(np.log(self.usual_s), self.sigma)) if self.usual_s > 0 else 0.0
+        span, u = self.most_s - self.least_s, float(rng.random())
+        if span <= 0:
+            return self.usual_s
+        below = (self.usual_s - self.least_s) / span
+        if u < below:
+            return self.least_s + float(np.sqrt(u * span * (self.usual_s - self.least_s)))
+        return self.most_s - float(np.sqrt((1 - u) * span * (self.most_s - self.usual_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class Arrivals:
+    """When tasks become known."""
+
+    kind: str  # 'poisson', 'at_once', 'per_step' or 'open' (so many are always known and not done)
+    rate_per_h: float = 0.0  # of 'poisson'
+    profile: tuple[float, ...] = ()  # of 'poisson': factors on the rate, equally long parts of a day, again and again
+    day_s: float = 24 * HOUR_S
+    per_step: float = 0.0  # of 'per_step': tasks in a step; below 1 a task with that probability
+    step_s: float = 1.0
+    num_open: int = 0  # of 'open'
+
+    def times(self, rng: np.random.Generator) -> Iterator[float]:
+        """Ascending times, without end. Those of 'open' are 0: such a task is released when one before it is done."""
+        t_s = 0.0
+        if self.kind == "poisson":
+            profile = self.profile or (1.0,)
+            most = self.rate_per_h * max(profile) / HOUR_S
+            while True:  # thinning: Lewis and Shedler, "Simulation of nonhomogeneous Poisson processes by thinning", 1979
+                t_s += float(rng.exponential(1 / most))
+                part = int(t_s % self.day_s / self.day_s * len(profile))
+                if float(rng.random()) * max(profile) < profile[part]:
+                    yield t_s
+        elif self.kind == "per_step":
+            whole = max(1, round(self.per_step))
+            while True:
+                if self.per_step >= 1 or float(rng.random()) < self.per_step:
+                    yield from [t_s] * whole
+                t_s += self.step_s
+        else:
+            while True:
+                yield 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class TaskStream:
+    """Tasks of P routes, each a series of stations, drawn by weight."""
+
+    name: str
+    arrivals: Arrivals
+    routes: tuple[tuple[Station, ...], ...]  # [P]
+    weight: FloatArray  # [P]
+    service: tuple[ServiceTime, ...]  # of the stops of a route; the last also of those after it
+    actions: tuple[str, ...] = ()  # of the stops, likewise
+    count: int = 0  # 0: without end
+    due_after_s: float = inf
+    priority: int = 0
+    seed: int = 0
+    number: int = 0  # of the stream in its scenario
+
+    def tasks(self) -> Iterator[Task]:
+        """The tasks by release. Their ids count from 0 within the stream."""
+        rngs = [np.random.default_rng([self.seed, TASKS, self.number, purpose]) for purpose in (ARRIVALS, ROUTES, SERVICE)]
+        share = np.cumsum(self.weight) / np.sum(self.weight)
+        for n, release_s in enumerate(self.arrivals.times(rngs[ARRIVALS])):
+            if self.count and n >= self.count:
+                return
+            route = self.routes[min(int(np.searchsorted(share, rngs[ROUTES].random(), side="right")), len(share) - 1)]
+            stops = tuple(self._stop(k, station, rngs[SERVICE]) for k, station in enumerate(route))
+            yield Task(n, stops, release_s, release_s + self.due_after_s, self.priority, name=f"{self.name}_{n}")
+
+    def _stop(self, k: int, station: Station, rng: np.random.Generator) -> Stop:
+        service_s = self.service[min(k, len(self.service) - 1)].draw(rng) if self.service else 0.0
+        action = self.actions[min(k, len(self.actions) - 1)] if self.actions else ""
+        return Stop(station.places[0], service_s, action, station)
+
+
+def zipf_weights(num: int, exponent: float) -> FloatArray:
+    """[num] weights 1 / rank ** exponent."""
+    weights: FloatArray = 1.0 / np.arange(1, num + 1, dtype=np.float64) ** exponent
+    return weights
+
+
+def routes_between(
+    from_: tuple[Station, ...], to: tuple[Station, ...], weight: FloatArray
+) -> tuple[tuple[tuple[Station, ...], ...], FloatArray]:
+    """The routes of a from-to matrix, without those that weigh nothing, and from a station to itself.
+
+    Parameters
+    ----------
+    from_, to
+        [A] and [B] stations.
+    weight
+        [A, B]
+    """
+    pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(weight > 0).tolist() if from_[a] != to[b]]
+    index: IntArray = np.array(pairs, np.int64).reshape(-1, 2)
+    return tuple((from_[a], to[b]) for a, b in pairs), weight[index[:, 0], index[:, 1]]

@@ -1,0 +1,224 @@
+"""Work: the tasks of a run as they become known and are done, who has which, and how far it is.
+
+A robot makes its task's stops one after the other, each at a place of the stop's station that no other robot is at or on its way to; it
+stays there for the service time. Where no place is free it goes to one of the station's places to wait. Robots without work stay where
+they are, unless somebody has to come there.
+"""
+
+import heapq
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.request import Request
+from mrp_sumo.core.stream import TaskStream
+from mrp_sumo.core.task import NOBODY, Stop, Task, TaskLog
+from mrp_sumo.core.visits import Visits
+from mrp_sumo.search.distance import UNREACHABLE, distances
+
+NONE = -1
+TRY_AGAIN_S = 2.0  # after a request that had no answer
+
+
+@dataclass(frozen=True, eq=False)
+class WorkRequest(Request):
+    """A request for ways to the stops of tasks."""
+
+    given: Mapping[int, int] = field(default_factory=dict)  # tasks, by the robots that are to have them
+    task: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [K] whose stop each robot is to make, -1: none
+    nth: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [K] and which of the task's
+
+
+class Work:
+    """Tasks of R robots; `tasks` are those that are known by now, numbered by release."""
+
+    def __init__(self, streams: Sequence[TaskStream], problem: Problem) -> None:
+        num_robots = problem.num_robots
+        self.problem = problem
+        self.tasks: list[Task] = []
+        self.current = np.full(num_robots, NONE)  # [R] the task of each robot
+        self.stop = np.zeros(num_robots, np.int64)  # [R] its stop that is to be made next
+        self.serving = np.zeros(num_robots, np.bool_)  # [R] whether it is being made
+        self.news = True  # whether something has changed since the last request
+        self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over
+        self._since_s = np.zeros(num_robots)  # [R] before which the stop cannot have been made
+        self._aim = np.full(num_robots, NONE)  # [R] vertex where it is to be made; -1: the robot is on its way to no stop
+        self._robot: list[int] = []
+        self._times: dict[str, list[float]] = {"released_s": [], "assigned_s": [], "opened_s": [], "done_s": []}
+        self._waiting: list[int] = []  # tasks that nobody has, by urgency
+        self._open_streams = [_Source(stream.tasks(), stream.arrivals.num_open) for stream in streams]
+        self._again_s = 0.0
+
+    @property
+    def unassigned(self) -> Sequence[int]:
+        """Tasks that no robot has: the most urgent first, then the oldest."""
+        return sorted(self._waiting, key=lambda k: (-self.tasks[k].priority, k))
+
+    @property
+    def free(self) -> IntArray:
+        """Robots without a task, ascending."""
+        return np.flatnonzero(self.current == NONE)
+
+    @property
+    def endless(self) -> bool:
+        """Whether more tasks will come."""
+        return any(source.next is not None for source in self._open_streams)
+
+    @property
+    def all_done(self) -> bool:
+        """Whether no task is left, and none will come."""
+        return not self._waiting and bool((self.current == NONE).all()) and not self.endless
+
+    def update(self, now_s: float, visits: Visits) -> None:
+        """Note what robots have done by now, and reveal tasks."""
+        for r in np.flatnonzero(self.current != NONE).tolist():
+            self._note(r, now_s, visits)
+        self._reveal(now_s)
+        if now_s >= self._again_s:
+            self.news, self._again_s = True, np.inf
+
+    def request(self, now_s: float, start: IntArray, closed: BoolArray, given: Mapping[int, int]) -> WorkRequest:
+        """The request for the ways of all robots that are not at work.
+
+        Parameters
+        ----------
+        start
+            [R] vertices that robots are committed to reach.
+        closed
+            [L] lanes that nobody may use.
+        given
+            Tasks for robots that have none.
+        """
+        self.news = False
+        stop = {r: self.tasks[k].stops[0] for r, k in given.items()}
+        stop |= {r: self._next(r) for r in np.flatnonzero((self.current != NONE) & ~self.serving).tolist()}
+        vertex, made = self._aims(start, stop, given)
+        robots = np.flatnonzero(~self.serving)
+        task = np.array([given.get(r, int(self.current[r])) for r in robots.tolist()], np.int64)
+        nth = np.where(self.current[robots] != NONE, self.stop[robots], 0)
+        return WorkRequest(
+            now_s=now_s,
+            site=self.problem,
+            robot=frozen(robots),
+            start=frozen(start[robots]),
+            stop_first=np.arange(len(robots) + 1),
+            stop=frozen(vertex[robots]),
+            closed=closed.copy(),
+            reason="tasks",
+            given=dict(given),
+            task=np.where(made[robots], task, NONE),
+            nth=nth,
+        )
+
+    def accepted(self, request: WorkRequest, now_s: float) -> None:
+        """Robots are on the ways that were asked for."""
+        for r, task in request.given.items():
+            self.current[r], self.stop[r], self._since_s[r] = task, 0, request.now_s
+            self._robot[task], self._times["assigned_s"][task] = r, request.now_s
+            self._waiting.remove(task)
+        for r, vertex, task, nth in zip(*(column.tolist() for column in (request.robot, request.stop, request.task, request.nth))):
+            if not self.serving[r]:
+                asked = task != NONE and task == self.current[r] and nth == self.stop[r]
+                self._aim[r] = vertex if asked else NONE
+
+    def failed(self, now_s: float) -> None:
+        """There was no answer to a request: it is made again in a while."""
+        self._again_s = now_s + TRY_AGAIN_S
+
+    def log(self) -> TaskLog:
+        """What has become of the tasks."""
+        times = {name: frozen(np.array(column, np.float64)) for name, column in self._times.items()}
+        return TaskLog(tuple(task.name for task in self.tasks), frozen(np.array(self._robot, np.int64)), **times)
+
+    def _next(self, robot: int) -> Stop:
+        return self.tasks[int(self.current[robot])].stops[int(self.stop[robot])]
+
+    def _note(self, r: int, now_s: float, visits: Visits) -> None:
+        """Arrivals, and services that are over."""
+        last = visits.last[r]
+        if not self.serving[r] and self._aim[r] != NONE and visits.reached[r] == last and visits.vertex[last] == self._aim[r]:
+            begins_s = max(float(visits.arrived_s[last]), float(self._since_s[r]))
+            opened_s = self._times["opened_s"]
+            if np.isnan(opened_s[self.current[r]]):
+                opened_s[self.current[r]] = begins_s
+            self.serving[r], self._until_s[r] = True, begins_s + self._next(r).service_s
+        if not self.serving[r] or self._until_s[r] > now_s:
+            return
+        over_s, task = float(self._until_s[r]), int(self.current[r])
+        self.serving[r], self._until_s[r], self._since_s[r], self._aim[r] = False, np.inf, over_s, NONE
+        self.stop[r] += 1
+        self.news = True
+        if self.stop[r] == len(self.tasks[task].stops):
+            self._times["done_s"][task] = over_s
+            self.current[r] = NONE
+            for source in self._open_streams:
+                source.done(task)
+
+    def _reveal(self, now_s: float) -> None:
+        for source in self._open_streams:
+            while (task := source.take(now_s, len(self.tasks))) is not None:
+                self.tasks.append(replace(task, id=len(self.tasks)))
+                self._robot.append(NOBODY)
+                for name, column in self._times.items():
+                    column.append((now_s if source.num_open else task.release_s) if name == "released_s" else np.nan)
+                self._waiting.append(len(self.tasks) - 1)
+                self.news = True
+
+    def _aims(self, start: IntArray, stops: Mapping[int, Stop], given: Mapping[int, int]) -> tuple[IntArray, BoolArray]:
+        """[R] where robots are to go, all different, and whether they can make their stops there; robots with older tasks first."""
+        steps, vertex, made = distances(self.problem.graph), start.copy(), np.zeros(len(start), np.bool_)
+        taken = set(start[self.serving].tolist())
+        rest = [r for r in range(len(start)) if not self.serving[r] and r not in stops]
+        for r in sorted(stops, key=lambda r: given.get(r, int(self.current[r]))):
+            for makes, choice in ((True, stops[r].places), (False, stops[r].queue)):
+                near = [(int(steps.to(v)[start[r]]), v) for v in choice if v not in taken]
+                if near and min(near)[0] < UNREACHABLE:
+                    vertex[r], made[r] = min(near)[1], makes
+                    taken.add(int(vertex[r]))
+                    break
+            else:
+                rest.append(r)
+        stood_on = set(start.tolist())
+        for r in rest:  # they stay, or go to the nearest vertex that nobody needs, and where best nobody is
+            free = [v for v in _outwards(self.problem, int(start[r])) if v not in taken] if int(start[r]) in taken else [int(start[r])]
+            vertex[r] = next((v for v in free if v not in stood_on), free[0])
+            taken.add(int(vertex[r]))
+        return vertex, made
+
+
+class _Source:
+    """A stream, the task that it gives next, and how many of its tasks are known and not done."""
+
+    def __init__(self, tasks: Iterator[Task], num_open: int) -> None:
+        self._tasks, self.num_open = tasks, num_open  # 0: tasks have times of their own
+        self._known: set[int] = set()
+        self.next = next(tasks, None)
+
+    def take(self, now_s: float, number: int) -> Task | None:
+        """The next task, if it is to be known by now; `number` is what it is called."""
+        task = self.next
+        if task is None or (len(self._known) >= self.num_open if self.num_open else task.release_s > now_s + 1e-9):
+            return None
+        self._known.add(number)
+        self.next = next(self._tasks, None)
+        return task
+
+    def done(self, number: int) -> None:
+        self._known.discard(number)
+
+
+def _outwards(problem: Problem, start: int) -> Iterator[int]:
+    """Vertices by their distance from one, then all others."""
+    graph, seen, heap = problem.graph, set[int](), [(0.0, start)]
+    while heap:
+        cost, v = heapq.heappop(heap)
+        if v in seen:
+            continue
+        seen.add(v)
+        yield v
+        for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
+            heapq.heappush(heap, (cost + float(graph.length_m[lane]), int(graph.head[lane])))
+    yield from (v for v in range(graph.num_vertices) if v not in seen)

@@ -1,0 +1,101 @@
+"""Tasks are driven to the end, stop by stop; times and who had what are those of the run, by hand where robots drive alone."""
+
+import numpy as np
+import pytest
+from worlds import BURGER, drive, line, square_grid
+
+from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream
+from mrp_sumo.core.task import Station
+from mrp_sumo.metrics.audit import audit
+
+CELL_S = 0.4 / 0.22
+
+
+def orders(routes, arrivals=None, service_s=5.0, **other):
+    return TaskStream(
+        "order",
+        arrivals or Arrivals("at_once"),
+        tuple(tuple(Station(f"at {v}", (v,)) if isinstance(v, int) else v for v in route) for route in routes),
+        np.ones(len(routes)),
+        (ServiceTime(usual_s=service_s),),
+        **other,
+    )
+
+
+def work(tmp_path, graph, starts, *streams, **settings):
+    """Robots that stand at their starts and are given tasks."""
+    settings = {"planner": "lacam", "time_limit_s": 300.0, "dispatcher": "nearest", "tasks": streams, **settings}
+    run = drive(tmp_path, graph, [[v] for v in starts], **settings)
+    assert audit(run, fleet_of(BURGER, len(starts)))["passed"]
+    return run
+
+
+def test_one_robot_makes_the_stops_of_a_task_one_after_the_other(tmp_path):
+    run = work(tmp_path, line(5), [0], orders([(2, 4)], count=1))
+    (robot,), (assigned_s,), (opened_s,), (done_s,) = run.tasks.robot, run.tasks.assigned_s, run.tasks.opened_s, run.tasks.done_s
+    assert run.outcome is Outcome.COMPLETED and run.tasks.state == ("done",) and robot == 0 and assigned_s == 0
+    assert opened_s == pytest.approx(2 * CELL_S, abs=0.3)
+    assert done_s == pytest.approx(opened_s + 5 + 2 * CELL_S + 5, abs=1.0)  # the second service included
+    assert run.x_m[-1, 0] == pytest.approx(1.6, abs=0.01)
+
+
+def test_a_robot_stays_for_the_service_time(tmp_path):
+    run = work(tmp_path, line(5), [0], orders([(2, 4)], count=1, service_s=12.0))
+    there = np.abs(run.x_m[:, 0] - 0.8) < 0.01
+    assert there.sum() * 0.1 == pytest.approx(12.0, abs=1.0)
+
+
+def test_a_task_goes_to_the_nearest_free_robot(tmp_path):
+    run = work(tmp_path, line(7), [0, 6], orders([(4,)], count=1))
+    assert run.tasks.robot.tolist() == [1]
+
+
+def test_a_robot_in_the_way_makes_room(tmp_path):
+    # robot_1 stands without work where robot_0 has to go
+    run = work(tmp_path, square_grid(3), [0, 8], orders([(0, 4)], count=1, service_s=3.0), orders([(8, 0)], count=1, number=1))
+    assert run.outcome is Outcome.COMPLETED and set(run.tasks.state) == {"done"}
+
+
+def test_orders_are_the_same_for_any_fleet(tmp_path):
+    stream = orders([(0, 8), (2, 6), (6, 0)], Arrivals("poisson", rate_per_h=300), count=6)
+    one, three = (work(tmp_path, square_grid(3), starts, stream, time_limit_s=400.0) for starts in ([4], [1, 3, 7]))
+    assert one.tasks.name == three.tasks.name
+    assert one.tasks.released_s.tolist() == three.tasks.released_s.tolist()
+    assert np.nanmean(three.tasks.service_time_s) < np.nanmean(one.tasks.service_time_s)
+
+
+def test_closed_loop_keeps_so_many_open_until_the_time_is_over(tmp_path):
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("open", num_open=3), service_s=2.0)
+    run = work(tmp_path, square_grid(3), [1, 4], stream, time_limit_s=120.0)
+    assert run.outcome is Outcome.COMPLETED and run.sim_time_s == pytest.approx(120)
+    known = [(run.tasks.released_s <= t).sum() - (run.tasks.done_s <= t).sum() for t in (1.0, 60.0, 119.0)]
+    assert known == [3, 3, 3]
+    assert run.tasks.state.count("done") >= 6
+
+
+def test_a_station_serves_as_many_as_it_has_places_and_others_wait_in_its_queue(tmp_path):
+    pack = Station("pack", (4,), (3,))
+    run = work(tmp_path, line(6), [0, 2], orders([(pack,)], count=2, service_s=8.0))
+    assert set(run.tasks.state) == {"done"}
+    first, second = sorted(zip(run.tasks.opened_s.tolist(), run.tasks.done_s.tolist()))
+    assert second[0] >= first[1]  # one place: one after the other
+
+
+def test_the_planner_takes_its_simulated_time(tmp_path):
+    at_once, later = (work(tmp_path, line(5), [0], orders([(4,)], count=1), planning_budget_s=b) for b in (0.0, 3.0))
+    assert later.tasks.opened_s[0] == pytest.approx(at_once.tasks.opened_s[0] + 3.0, abs=0.15)
+    assert later.tasks.assigned_s[0] == 0.0
+
+
+def test_the_same_run_twice_is_the_same(tmp_path):
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=400), service_s=2.0)
+    one, other = (work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=90.0, planning_budget_s=1.0) for _ in range(2))
+    assert one.x_m.tobytes() == other.x_m.tobytes() and one.tasks.done_s.tobytes() == other.tasks.done_s.tobytes()
+
+
+def test_a_robot_at_work_is_not_sent_away_by_recovery(tmp_path):
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("open", num_open=4), service_s=6.0)
+    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=100.0, on_deadlock="resolve", policy="open_loop")
+    assert run.tasks.state.count("done") >= 3
