@@ -1,5 +1,8 @@
 """Check a plan against an instance or a scenario: starts, goals, lanes, times, vertex and edge conflicts.
 
+A plan without these is valid. With a scenario, which says how robots move, it is also said whether the plan is drivable: whether robots
+can be at their visits at its times, and none comes too close to another. A plan in steps of one length seldom is.
+
 Reads this program's JSON, libMultiRobotPlanning's YAML, EECBS's paths.txt, lacam's result.txt and SMART's paths. Exit
 code 0 for a valid plan, 1 for one with faults or conflicts (the first are printed), 2 for bad input.
 """
@@ -10,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mrp_sumo.core.plan import Plan
     from mrp_sumo.core.problem import Problem
 
 
@@ -22,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--scenario", metavar="FILE", help="a scenario instead; robots may be at any of its goals")
     add("--robots", type=int, metavar="N", help="the first N robots (default: as many as in the plan)")
     add("--seed", type=int, metavar="N", help="instead of the scenario's, or of the draw where there is no .scen")
-    add("--limit", type=int, default=5, metavar="N", help="conflicts to print (default: 5)")
+    add("--limit", type=int, default=5, metavar="N", help="conflicts, and hindrances, to print (default: 5)")
     add("--following", action="store_true", help="following conflicts make the plan invalid too")
     add("--json", action="store_true", help="print one JSON object instead of lines")
 
@@ -32,6 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.cli.plan_choice import read, text_of
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.formats.peers import cells_of, goals_reached
+    from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
     from mrp_sumo.traffic.referee import describe, judge
 
     if (options.map is None) == (options.scenario is None):
@@ -42,13 +47,15 @@ def run(options: argparse.Namespace) -> int:
 
         num_robots = options.robots if options.robots is not None else _num_robots(options.plan)
         instance = read_instance(options.map, options.scen, num_robots, options.seed or 0)
-        problem, cells = instance.problem, instance.cells
+        problem, cells, step_length_s = instance.problem, instance.cells, None
     else:
-        problem = _of_scenario(options)
+        problem, step_length_s = _of_scenario(options)
         cells = cells_of(problem.graph)
     plan = read(options.plan, problem, cells)
     goal_of = None if problem.is_assigned else goals_reached(problem, plan)
-    verdict = judge(problem, plan, goal_of)
+    verdict = judge(problem, plan, goal_of, in_seconds=not _is_in_steps(plan, problem.step_s))
+    judged = judge_in_seconds(problem, plan, step_length_s) if step_length_s and not verdict.faults else None
+    hindrances = [*judged.faults, *(describe_meeting(m, problem) for m in judged.meetings)] if judged else []
     valid = verdict.valid and not (options.following and verdict.following)
     conflicts = [*verdict.conflicts, *(verdict.following if options.following else ())]
     lines = [*verdict.faults, *(describe(c, problem) for c in sorted(conflicts, key=lambda c: c.t_s))]
@@ -63,16 +70,33 @@ def run(options: argparse.Namespace) -> int:
             "num_following": verdict.count("following"),
             "cost": cost,
             "robots": plan.num_robots,
+            "drivable": judged.drivable if judged else None,
+            "hindrances": hindrances[: options.limit],
         }
         print(json.dumps(summary, allow_nan=False))
-    elif valid:
+        return 0 if valid else 1
+    if valid:
         print(f"valid: {plan.num_robots} robots, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
     else:
-        for line in lines[: options.limit]:
-            print(line)
-        if len(lines) > options.limit:
-            print(f"... and {len(lines) - options.limit} more")
+        _print_some(lines, options.limit)
+    if judged and judged.drivable:
+        print(f"drivable: the last robot arrives at {plan.end_s.max(initial=0.0):.2f} s")
+    elif judged:
+        print("not drivable at these times:")
+        _print_some(hindrances, options.limit)
     return 0 if valid else 1
+
+
+def _print_some(lines: list[str], limit: int) -> None:
+    for line in lines[:limit]:
+        print(line)
+    if len(lines) > limit:
+        print(f"... and {len(lines) - limit} more")
+
+
+def _is_in_steps(plan: "Plan", step_s: float) -> bool:
+    steps = plan.arrive_s / step_s
+    return bool((abs(steps - steps.round()) < 1e-6).all())
 
 
 def _num_robots(path: Path) -> int:
@@ -88,7 +112,8 @@ def _num_robots(path: Path) -> int:
     return number
 
 
-def _of_scenario(options: argparse.Namespace) -> "Problem":
+def _of_scenario(options: argparse.Namespace) -> tuple["Problem", float]:
+    """What the plan is for, and in which steps of time robots drive."""
     from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.io.scenario import find_scenario, read_scenario
@@ -99,4 +124,5 @@ def _of_scenario(options: argparse.Namespace) -> "Problem":
     if options.robots is not None:
         overrides[("robots", "count")] = ("--robots", options.robots)
     with MapCache() as maps:
-        return set_up(read_scenario(find_scenario(options.scenario), overrides), maps, run_programs=False).problem
+        setup = set_up(read_scenario(find_scenario(options.scenario), overrides), maps, run_programs=False)
+    return setup.problem, setup.settings.step_length_s

@@ -9,7 +9,7 @@ import os
 import sys
 from time import perf_counter
 
-EXECUTION = "execution"  # the kernels of the controller and the audit, beside the planners'
+EXECUTION = "execution"  # the kernels of the controller, the audit and the referee, beside the planners'
 ROOMS = ("mrp_sumo/drive", "mrp_sumo/metrics", "mrp_sumo/search", "planners")
 LOOK_S = 0.2
 
@@ -60,7 +60,7 @@ def _warm(name: str) -> float:
     """Prepare a planner, or the execution; the time it took in s."""
     from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError, PlugInError
-    from mrp_sumo.metrics import audit
+    from mrp_sumo.metrics import audit, referee_in_seconds
     from mrp_sumo.planning.registry import planner
     from mrp_sumo.search import distance
 
@@ -69,6 +69,7 @@ def _warm(name: str) -> float:
     if name == EXECUTION:
         warm.prepare()
         audit.prepare()
+        referee_in_seconds.prepare()
     else:
         try:
             chosen = planner(name, {})

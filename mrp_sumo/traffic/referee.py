@@ -60,7 +60,7 @@ class Verdict:
         return f"{len(self.conflicts)} conflicts: " + "; ".join(told) + ("; ..." if len(self.conflicts) > limit else "")
 
 
-def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None) -> Verdict:
+def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_seconds: bool = False) -> Verdict:
     """Judge a plan for a problem.
 
     Parameters
@@ -71,13 +71,15 @@ def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None) -> Verd
         Any plan, by whomever.
     goal_of
         [R] the assignment the plan claims, for planners that assign; the problem's by default.
+    in_seconds
+        A lane need not take a whole step: the plan has the times of real motion, which `metrics.referee_in_seconds` judges.
 
     Returns
     -------
     Verdict
         Faults end the judgement: conflicts are looked for in a plan without faults only.
     """
-    faults = _faults(problem, plan, problem.goal_of if goal_of is None else goal_of)
+    faults = _faults(problem, plan, problem.goal_of if goal_of is None else goal_of, 0.0 if in_seconds else problem.step_s)
     if faults:
         return Verdict(tuple(faults), (), ())
     vertex = _vertex_conflicts(plan)
@@ -97,7 +99,7 @@ def describe(conflict: Conflict, problem: Problem) -> str:
     return f"{a} and {b} follow each other into '{label(conflict.vertex)}' {at}"
 
 
-def _faults(problem: Problem, plan: Plan, goal_of: IntArray) -> list[str]:
+def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> list[str]:
     graph, names = problem.graph, problem.fleet.robot_name
     if plan.num_robots != problem.num_robots:
         return [f"the plan is for {plan.num_robots} robots, the problem has {problem.num_robots}"]
@@ -138,12 +140,12 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray) -> list[str]:
             faults.append(
                 f"{name} leaves '{graph.label(plan.vertex[k])}' at {plan.depart_s[k]:g} s, before it arrives at {plan.arrive_s[k]:g} s"
             )
-        fast = np.flatnonzero(plan.arrive_s[a + 1 : b] - plan.depart_s[moves] < problem.step_s - EPSILON_S)
+        fast = np.flatnonzero(plan.arrive_s[a + 1 : b] - plan.depart_s[moves] < lane_s - EPSILON_S)
         if len(fast):
             k = a + int(fast[0])
             faults.append(
                 f"{name} needs {plan.arrive_s[k + 1] - plan.depart_s[k]:g} s from '{graph.label(plan.vertex[k])}' "
-                f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {problem.step_s:g} s"
+                f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {lane_s:g} s"
             )
     return faults
 

@@ -1,0 +1,172 @@
+"""The referee in seconds on small worlds whose verdict is known by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import CART, cross, graph_of, line
+
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.graph import frozen, nav_graph, plan_graph
+from mrp_sumo.core.motion import run_profile, time_s
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
+
+SEPARATION_M = 2 * CART.radius_m + CART.gap_m  # 0.82 m; 1 m/s, 1 m/s2 both ways, turns at 1 rad/s
+
+
+def plan_of(*ways):
+    """Each a list of (vertex, arrival, departure)."""
+    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for way in ways for visit in way)))
+    return Plan(np.cumsum([0, *map(len, ways)]), vertex.astype(np.int64), arrive.astype(float), depart.astype(float))
+
+
+def judged(graph, *ways, fleet=None, step_s=0.01):
+    plan = plan_of(*ways)
+    starts, goals = plan.vertex[plan.first[:-1]], plan.last_vertex
+    problem = Problem(graph, fleet or fleet_of(CART, len(ways)), starts, goals, np.arange(len(ways)), 1.0)
+    return judge_in_seconds(problem, plan, step_s), problem
+
+
+def run(vertices, lengths, begin=0.0, robot=CART):
+    """Visits of a run at full speed that sets out at `begin`."""
+    profile = run_profile(np.array(lengths), np.full(len(lengths), np.inf), robot.max_speed_mps, robot.accel_mps2, robot.decel_mps2)
+    at = [0.0, *time_s(profile, np.cumsum(lengths)).tolist()]
+    times = [begin + t for t in at]
+    return [(vertices[0], 0.0, begin), *((v, t, t) for v, t in zip(vertices[1:-1], times[1:-1])), (vertices[-1], times[-1], np.inf)]
+
+
+def test_run_at_full_speed_is_drivable():
+    found, _ = judged(line(4, 1.0), run([0, 1, 2, 3], [1.0] * 3))
+    assert found.drivable
+
+
+@pytest.mark.parametrize("visit", [1, 2, 3])
+def test_nobody_is_faster_than_full_speed(visit):
+    way = run([0, 1, 2, 3], [1.0] * 3)
+    v, arrive, depart = way[visit]
+    way[visit] = (v, arrive - 0.15, depart - 0.15)
+    found, _ = judged(line(4, 1.0), way)
+    assert found.faults == (
+        f"robot_0 leaves 'v{visit - 1}' at {way[visit - 1][2]:.2f} s and cannot be at 'v{visit}' as early as {way[visit][1]:.2f} s",
+    )
+
+
+def test_robot_that_brakes_on_the_way_and_drives_on_is_drivable():
+    way = run([0, 1, 2, 3], [1.0] * 3)
+    way[1:] = [way[1], *((v, a + 0.7, d + 0.7) for v, a, d in way[2:])]
+    found, _ = judged(line(4, 1.0), way)
+    assert found.drivable
+
+
+def test_robot_that_passes_too_fast_cannot_come_late():
+    fast = replace(CART, max_speed_mps=2.0, decel_mps2=0.5, length_m=0.2, width_m=0.2)
+    way = run([0, 1, 2, 3, 4, 5, 6, 7, 8], [1.0] * 8, robot=fast)
+    assert judged(line(9, 1.0), way, fleet=fleet_of(fast, 1))[0].drivable
+    way[4:] = [(v, a + 20.0, d + 20.0) for v, a, d in way[4:]]  # at 2 m/s or so it needs 3 m to stop
+    found, _ = judged(line(9, 1.0), way, fleet=fleet_of(fast, 1))
+    assert found.faults == ("robot_0 passes 'v3' at 2.50 s too fast to come to 'v4' as late as 23.00 s",)
+
+
+def test_turning_takes_its_time():
+    corner = graph_of([(0, 0), (1, 0), (1, 1)], [(0, 1), (1, 2)], 1.0)
+    lane_s = 2.0  # of 1 m from rest to rest
+    turned = lane_s + np.pi / 2
+
+    def way(leaves):
+        return [(0, 0.0, 0.0), (1, lane_s, leaves), (2, leaves + lane_s, np.inf)]
+
+    assert judged(corner, way(turned))[0].drivable
+    assert not judged(corner, way(turned - 0.2))[0].drivable
+    # where it is said to leave at once, it turns first
+    assert judged(corner, [(0, 0.0, 0.0), (1, lane_s, lane_s), (2, turned + lane_s, np.inf)])[0].drivable
+
+
+def test_lane_with_a_limit_takes_longer():
+    nav = nav_graph(name="slow", xy=[(0, 0), (4, 0)], lanes=[(0, 1), (1, 0)], speed_mps=[0.5, 0.5])
+    graph = plan_graph(nav, kind="roadmap", cell_m=4.0)
+    assert not judged(graph, run([0, 1], [4.0]))[0].drivable
+    assert judged(graph, [(0, 0.0, 0.0), (1, 8.5, np.inf)])[0].drivable
+
+
+def test_robots_that_cross_one_after_the_other_are_apart_and_both_at_once_are_not():
+    graph = cross(arm=2, cell_m=1.0)
+    east_west, north_south = [2, 1, 0, 5, 6], [4, 3, 0, 7, 8]
+    through = run(east_west, [1.0] * 4)
+    found, problem = judged(graph, through, run(north_south, [1.0] * 4))
+    assert not found.drivable
+    assert describe_meeting(found.meetings[0], problem).startswith(
+        "robot_0 and robot_1 come 0.000 m close, at or on the way to 'v0' and 'v0', at "
+    )
+    assert judged(graph, through, run(north_south, [1.0] * 4, begin=2.0))[0].drivable
+
+
+def test_follower_keeps_a_separation():
+    graph = line(8, 1.0)
+    ahead = run([1, 2, 3, 4, 5, 6, 7], [1.0] * 6)
+    assert judged(graph, ahead, run([0, 1, 2, 3, 4, 5, 6], [1.0] * 6, begin=-0.3))[0].meetings
+    assert judged(graph, ahead, run([0, 1, 2, 3, 4, 5, 6], [1.0] * 6))[0].drivable
+
+
+def test_least_distance_is_that_of_the_two_types():
+    side_by_side = graph_of([(0, 0), (2, 0), (0, 0.5), (2, 0.5)], [(0, 1), (2, 3)], 2.0)
+    ways = run([0, 1], [2.0]), run([2, 3], [2.0])
+    small = replace(CART, length_m=0.2, width_m=0.2)
+    fleet = fleet_of(CART, 2)
+    mixed = replace(fleet, length_m=frozen(np.array([0.6, 0.2])), width_m=frozen(np.array([0.4, 0.2])))
+    assert judged(side_by_side, *ways, fleet=fleet_of(small, 2))[0].drivable  # 0.383 m
+    assert not judged(side_by_side, *ways, fleet=mixed)[0].drivable  # 0.602 m
+    apart = graph_of([(0, 0), (2, 0), (0, 0.7), (2, 0.7)], [(0, 1), (2, 3)], 2.0)
+    assert judged(apart, *ways, fleet=mixed)[0].drivable
+    assert not judged(apart, *ways)[0].drivable  # 0.821 m
+
+
+def test_two_robots_cannot_meet_on_a_long_lane():
+    graph = line(2, 10.0)
+    there, back = run([0, 1], [10.0]), run([1, 0], [10.0])
+    found, _ = judged(graph, there, back)
+    assert not found.drivable
+    assert found.meetings[0].t_s == pytest.approx(5.5 - SEPARATION_M / 2, abs=0.05)
+
+
+def test_nobody_overtakes_on_a_lane():
+    graph = graph_of([(0, 0), (10, 0), (0, -1), (10, 1)], [(0, 1), (0, 2), (1, 3)], 1.0)
+    slow = [(0, 0.0, 0.0), (1, 40.0, 40.0 + np.pi / 2), (3, 42.0 + np.pi / 2, np.inf)]
+    fast = [(2, 0.0, 3.0), (0, 5.0, 5.0 + np.pi / 2), (1, 20.0, np.inf)]
+    assert not judged(graph, slow, fast)[0].drivable
+
+
+def test_robot_may_wait_on_a_long_lane_short_of_its_vertex():
+    # robot_0 sets out at once and arrives late; robot_1 crosses the vertex in between, a separation before which there is room
+    graph = graph_of([(0, 0), (5, 0), (5, 3), (5, -3)], [(0, 1), (1, 2), (1, 3)], 1.0)
+    across = run([2, 1, 3], [3.0, 3.0])
+    assert judged(graph, [(0, 0.0, 0.0), (1, 12.0, np.inf)], across)[0].drivable
+    assert not judged(graph, [(0, 0.0, 0.0), (1, 6.0, np.inf)], run([2, 1, 3], [3.0, 3.0], begin=3.0))[0].drivable
+
+
+def test_one_robot_at_a_time_is_in_a_group():
+    nav = nav_graph(
+        name="two rooms",
+        xy=[(0, 0), (3, 0), (0, 9), (3, 9)],
+        lanes=[(0, 1), (1, 0), (2, 3), (3, 2)],
+        vertex_options=[{}, {"mutex": "crane"}, {}, {"mutex": "crane"}],
+    )
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
+    there_and_back = [(0, 0.0, 0.0), (1, 4.0, 4.0 + np.pi), (0, 8.0 + np.pi, np.inf)]
+
+    def later(begin):
+        return [(2, 0.0, begin), (3, begin + 4.0, np.inf)]
+
+    found, problem = judged(graph, there_and_back, later(3.0))
+    assert describe_meeting(found.meetings[0], problem).startswith("robot_0 and robot_1 are both in mutex group 'crane'")
+    assert judged(graph, there_and_back, later(8.0))[0].drivable
+    # robot_1 comes within a separation of its vertex about 3 s after it sets out, when the other one has left
+    assert judged(graph, there_and_back, later(6.0))[0].drivable
+
+
+def test_plan_of_nobody_is_drivable():
+    graph = line(3, 1.0)
+    empty = Plan(np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    none = np.zeros(0, np.int64)
+    assert judge_in_seconds(Problem(graph, fleet_of(CART, 0), none, none, none, 1.0), empty).drivable
