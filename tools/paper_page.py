@@ -2,7 +2,7 @@
 
     python tools/paper_page.py --out runs/paper [--map-folder MRP_BENCH] [--workers N]
 
-Runs the bundled suites of Tables I to III (Table IV and Figure 5 are of the same runs) on the bundled maps and, with the path
+Runs the bundled suites of Tables I to III (Table IV and Figure 5 are of the runs of Table II) on the bundled maps and, with the path
 of an MRP-Bench checkout, on its maps. Started again, it goes on where it was. Of docs/paper.md only what stands
 between the lines `<!-- table ... -->` and `<!-- end -->` is written anew.
 """
@@ -18,7 +18,8 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from mrp_sumo.reports.paper import commonly_solved, figure_5, table_1, table_2, table_3, table_4
+from mrp_sumo.reports.charts.chart import Chart
+from mrp_sumo.reports.paper import commonly_solved, execution_violins, figure_5, table_1, table_2, table_3, table_4
 from mrp_sumo.reports.study import Study, read_study
 from mrp_sumo.reports.tables.table import Table
 
@@ -92,11 +93,12 @@ def _blocks(out: Path, origin: str) -> dict[str, str]:
             found[f"2 {origin}"] = _markdown(table)
         if table := table_4(_only(two, (two.frame["_map"] == "warehouse") & (two.frame["_robots"] == 9))):
             found[f"4 {origin}"] = _markdown(table)
+        found[f"5 {origin}"] = _planning_times(_only(two, two.frame["_map"] == "warehouse"), origin)
         found[f"instances {origin}"] = _instances(two)
     if three is not None:
         if table := table_3(three):
             found[f"3 {origin}"] = _markdown(table)
-        found[f"5 {origin}"] = _figure(three, origin)
+        found[f"execution {origin}"] = _execution_times(three, origin)
     return found
 
 
@@ -120,17 +122,31 @@ def _instances(study: Study) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _figure(study: Study, origin: str) -> str:
-    """Figure 5 of the runs under `adg`: numbers, and the drawings beside the page."""
+def _planning_times(study: Study, origin: str) -> str:
+    """Figure 5, of the warehouse with 5 and 9 robots: numbers, and the drawing beside the page."""
+    study = replace(study, maps=("warehouse",))
+    rows: list[list[Any]] = []
+    for series in study.series:
+        ms = 1e3 * study.frame.loc[(study.frame["_series"] == series) & study.frame["_planned"], "planning_time_s"].astype(float)
+        rows.append([series, len(ms), *(float(ms.quantile(q)) for q in (0, 0.25, 0.5, 0.75, 1)), float(ms.mean()), float(ms.std())])
+    head = ("planner", "runs", "least ms", "25 %", "median", "75 %", "longest", "mean", "standard deviation")
+    return _markdown(Table("figure_5", "", head, rows)) + "\n" + _drawings(figure_5(study), f"{origin}_") + "\n"
+
+
+def _drawings(charts: list[Chart], prefix: str) -> str:
+    """The charts, written beside the page, as Markdown."""
+    folder = PAGE.parent / "figures"
+    folder.mkdir(exist_ok=True)
+    for chart in charts:
+        (folder / f"{prefix}{chart.name}.svg").write_bytes(chart.svg)
+    return "\n".join(f"![{chart.title}](figures/{prefix}{chart.name}.svg)" for chart in charts)
+
+
+def _execution_times(study: Study, origin: str) -> str:
+    """Execution time and time blocked under `adg`: numbers, and the drawings beside the page."""
     adg = _only(study, study.frame["execution.policy"] == "adg")
     adg.frame["_series"] = adg.frame["_series"].str.removesuffix(", adg")
     adg = replace(adg, series=tuple(dict.fromkeys(s.removesuffix(", adg") for s in study.series if s.endswith(", adg"))))
-    lines = []
-    for chart in figure_5(adg):
-        name = f"{origin}_{chart.name}.svg"
-        (PAGE.parent / "figures").mkdir(exist_ok=True)
-        (PAGE.parent / "figures" / name).write_bytes(chart.svg)
-        lines.append(f"![{chart.title}](figures/{name})")
     rows: list[list[Any]] = []
     for name in adg.maps:
         common, _ = commonly_solved(adg.frame[adg.frame["_map"] == name])
@@ -142,8 +158,8 @@ def _figure(study: Study, origin: str) -> str:
                 row += [float(runs[column].quantile(q)) if len(runs) else None for q in (0.25, 0.5, 0.75)]
             rows.append(row)
     head = ("map", "planner", "runs", "time 25 %", "median", "75 % s", "blocked 25 %", "median ", "75 %  s")
-    table = Table("figure_5", "", head, rows, labels=2, digits=dict.fromkeys(head[3:], 1))
-    return _markdown(table) + "\n" + "\n".join(lines) + "\n"
+    table = Table("execution", "", head, rows, labels=2, digits=dict.fromkeys(head[3:], 1))
+    return _markdown(table) + "\n" + _drawings(execution_violins(adg), f"{origin}_") + "\n"
 
 
 def _write(blocks: dict[str, str]) -> None:

@@ -85,10 +85,10 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     success = Section("success", "Success", parts=[*charts.get("success", []), *_there(paper.table_3(study))])
     if study.is_planned and not study.is_executed:
         success.text = "These runs end with the plan: they were not driven."
-    planning = Section("planning", "Planning", parts=[*charts.get("planning", []), *_there(paper.table_2(study))])
+    planning = Section("planning", "Planning", parts=[*charts.get("planning", []), *paper.figure_5(study), *_there(paper.table_2(study))])
     cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(paper.table_4(study))])
     execution = Section("execution", "Execution")
-    execution.parts = [*charts.get("execution", []), *paper.figure_5(study), *_there(study_tables.main_figures(study))]
+    execution.parts = [*charts.get("execution", []), *paper.execution_violins(study), *_there(study_tables.main_figures(study))]
     compared = Section("compared", "Compared", parts=_there(study_tables.paired(study)))
     maps = Section("maps", "Maps", parts=_there(paper.table_1(study)))
     runs = Section("runs", "Runs", parts=_there(study_tables.worst_runs(study, out)))

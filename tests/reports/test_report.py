@@ -157,8 +157,16 @@ def test_the_papers_tables_and_figure_are_there(study):
     page, text = study
     for name in ("table_1_maps", "table_2_planning", "table_3_execution", "table_4_cost"):
         assert table(page, name)
-    assert "Figure 5: time blocked, office" in text
+    assert "Figure 5: planning time, office" in text
     assert (page.parent / "figures" / "figure_5_1.svg").is_file()
+    assert "Time blocked, office" in text
+    assert (page.parent / "figures" / "execution_2.svg").is_file()
+
+
+def test_table_3_stands_beside_the_papers_printed_rates(study):
+    page, _ = study
+    (cbs,) = [r for r in table(page, "table_3_execution") if (r["map"], r["robots"], r["planner"]) == ("warehouse", "5", "CBS")]
+    assert (cbs["paper normalised %"], cbs["paper overall %"]) == ("84", "70")
 
 
 def test_table_2_counts_plans_found_and_their_time(study):
