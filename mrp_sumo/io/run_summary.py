@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from mrp_sumo.io.summary import Summary, seconds, summary
+from mrp_sumo.io.summary import Summary, count, seconds, summary
 
 NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
 
@@ -23,7 +23,7 @@ def run_summary(result: Mapping[str, Any]) -> Summary:
 def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     scenario, m = result["scenario"], defaultdict[str, Any](lambda: None, result["metrics"])
     yield "status", result["status"].replace("_", " "), result.get("note", "")
-    yield "map", f"{scenario['map']['file']}, {m['num_robots']} robots, seed {result['seed']}"
+    yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
     yield "planner", scenario["planner"]["name"], NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
     yield "planning time", seconds(m["planning_time_s"]), _given("assignment", seconds(m["assignment_time_s"]))
     yield "makespan", seconds(m["makespan_s"]), _count(m["makespan_steps"], "cells (paper's count)")

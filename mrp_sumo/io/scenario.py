@@ -329,12 +329,12 @@ class ScenarioFile:
     options: Mapping[Place, str]  # command line options by the place they stand for
 
     def at(self, *place: str | int) -> str:
-        """`file:line: key` of a place, or the command line option that set it, something above it or something in it."""
+        """`file:line: key` of a place, or the command line option that set it or something above it, or those that set something in it."""
         for end in range(len(place), 0, -1):
             if option := self.options.get(place[:end]):
                 return option
-        inside = (option for set_place, option in self.options.items() if set_place[: len(place)] == place)
-        return next(inside, None) or self.document.at(place)
+        inside = dict.fromkeys(option for set_place, option in self.options.items() if set_place[: len(place)] == place)
+        return ", ".join(inside) or self.document.at(place)
 
     @property
     def folder(self) -> Path:

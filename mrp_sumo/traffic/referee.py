@@ -57,7 +57,8 @@ class Verdict:
         if not self.conflicts:
             return "valid"
         told = [describe(c, problem) for c in self.conflicts[:limit]]
-        return f"{len(self.conflicts)} conflicts: " + "; ".join(told) + ("; ..." if len(self.conflicts) > limit else "")
+        found = f"{len(self.conflicts)} conflicts" if len(self.conflicts) != 1 else "1 conflict"
+        return f"{found}: " + "; ".join(told) + ("; ..." if len(self.conflicts) > limit else "")
 
 
 def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_seconds: bool = False) -> Verdict:
