@@ -228,8 +228,8 @@ def table_3(study: Study) -> Table | None:
         rows,
         "Success: a valid plan, all robots at their goals, and no two ever overlapping. Normalised: of the runs with a valid plan; "
         "overall: of all runs. MRP-Bench success: all robots at their goals, of all runs, whatever the plan. "
-        "Mean time: of the runs that succeeded. The paper's rates are MRP-Bench's, over 5 and 9 robots together, driven by Nav2, which avoids "
-        "others and keeps no order; its normalised ones are of the scenarios for which every planner found a plan.",
+        "Mean time: of the runs that succeeded. The paper's rates are MRP-Bench's, over 5 and 9 robots together, driven by Nav2, which "
+        "avoids others and keeps no order; its normalised ones are of the scenarios for which every planner found a plan.",
         labels=3,
         digits={
             "normalised %": 0,
@@ -326,8 +326,8 @@ def figure_5(study: Study) -> list[Chart]:
             _boxes(figure, values)
 
         caption = (
-            "Planning time of runs with a plan, valid or not, on a logarithmic axis. Line: median; box: middle half; whiskers: to the farthest "
-            "within 1.5 boxes; dots: beyond."
+            "Planning time of runs with a plan, valid or not, on a logarithmic axis. Line: median; box: middle half; whiskers: to the "
+            "farthest within 1.5 boxes; dots: beyond."
         )
         where = f", {name}" if len(study.maps) > 1 else ""
         charts.append(draw(f"figure_5_{len(charts) + 1}", f"Figure 5: planning time{where}", caption, paint, size=_size(values)))
