@@ -20,19 +20,7 @@ UNKNOWN = -1  # a priority not yet looked at
 
 
 @kernel
-def _add(found, count, i, j, kind, tail, at, step):
-    if count == len(found):
-        longer = np.empty((2 * count, WIDTH), np.int32)
-        longer[:count] = found
-        found = longer
-    row = found[count]
-    row[ONE], row[OTHER], row[KIND], row[TAIL], row[AT], row[STEP], row[PRIORITY] = i, j, kind, tail, at, step, UNKNOWN
-    row[A0], row[A1], row[B0], row[B1] = 0, 0, 0, 0
-    return found
-
-
-@kernel
-def conflicts_of(world, store, occupancy, robot, record, old):
+def conflicts_of(instance, store, occupancy, robot, record, old):
     """The conflicts of a robot on a new record with all installed others, after those of `old` that are not its own.
 
     Parameters
@@ -45,65 +33,110 @@ def conflicts_of(world, store, occupancy, robot, record, old):
     conflicts
         [K', WIDTH] in a new array.
     """
-    horizon = steps_known(occupancy)
-    num_robots = len(occupancy.record)
-    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
     found = np.empty((len(old) + 16, WIDTH), np.int32)
-    count = 0
+    kept = 0
     for k in range(len(old)):
         if old[k, ONE] != robot and old[k, OTHER] != robot:
-            found[count] = old[k]
-            count += 1
+            found[kept] = old[k]
+            kept += 1
+    count = _find(store, occupancy, robot, record, instance.following, found, kept)
+    if count > len(found):
+        longer = np.empty((count, WIDTH), np.int32)
+        longer[:kept] = found[:kept]
+        found = longer
+        _find(store, occupancy, robot, record, instance.following, found, kept)
+    return found[:count]
+
+
+@kernel(allocates=False)
+def _find(store, occupancy, robot, record, following, found, count):
+    """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
+    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
     latest = np.int64(0)
-    for r in range(num_robots):
+    for r in range(len(occupancy.record)):
         if occupancy.record[r] >= 0:
             latest = max(latest, store.meta[occupancy.record[r], COST])
     u = np.int64(store.path[path0])
     for t in range(max(cost, latest) + 1):
         v = np.int64(store.path[path0 + min(t, cost)])
-        if t < horizon:
-            visit = visitor(occupancy, v, t, 0)
-            while visit:
-                other = visit - t * num_robots - 1
-                if t < cost:
-                    found = _add(found, count, min(robot, other), max(robot, other), MEET, -1, v, t)
-                else:
-                    found = _add(found, count, robot, other, TARGET, -1, v, t)
-                count += 1
-                visit = visitor(occupancy, v, t, visit)
-        if t <= cost and occupancy.since[v] <= t:
-            found = _add(found, count, np.int64(occupancy.parked[v]), robot, TARGET, -1, v, t)
-            count += 1
-        if u != v:
-            if t - 1 < horizon:
-                visit = visitor(occupancy, v, t - 1, 0)
-                while visit:
-                    other = visit - (t - 1) * num_robots - 1
-                    went = place(store, occupancy.record[other], t)
-                    if world.following:
-                        if went != v:
-                            found = _add(found, count, other, robot, FOLLOW, -1, v, t - 1)
-                            count += 1
-                    elif went == u:
-                        if robot < other:
-                            found = _add(found, count, robot, other, SWAP, u, v, t)
-                        else:
-                            found = _add(found, count, other, robot, SWAP, v, u, t)
-                        count += 1
-                    visit = visitor(occupancy, v, t - 1, visit)
-            if world.following:  # others that come in where this robot goes out; two that swap are found once
-                if t < horizon:
-                    visit = visitor(occupancy, u, t, 0)
-                    while visit:
-                        other = visit - t * num_robots - 1
-                        came = place(store, occupancy.record[other], t - 1)
-                        if came != u and came != v:
-                            found = _add(found, count, robot, other, FOLLOW, -1, u, t - 1)
-                            count += 1
-                        visit = visitor(occupancy, u, t, visit)
-                parked = np.int64(occupancy.parked[u])
-                if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
-                    found = _add(found, count, robot, parked, FOLLOW, -1, u, t - 1)
-                    count += 1
+        count = _meetings(occupancy, robot, cost, v, t, found, count)
+        if u != v and following:
+            count = _entered_too_early(store, occupancy, robot, v, t, found, count)
+            count = _left_too_late(store, occupancy, robot, u, v, t, found, count)
+        elif u != v:
+            count = _swaps(store, occupancy, robot, u, v, t, found, count)
         u = v
-    return found[:count]
+    return count
+
+
+@kernel(inline="always", allocates=False)
+def _meetings(occupancy, robot, cost, v, t, found, count):
+    """Others that are at v, where the robot is at t: on their way, or at their goals for good."""
+    if t < steps_known(occupancy):
+        visit = visitor(occupancy, v, t, 0)
+        while visit:
+            other = visit - t * len(occupancy.record) - 1
+            if t < cost:
+                count = _add(found, count, min(robot, other), max(robot, other), MEET, -1, v, t)
+            else:
+                count = _add(found, count, robot, other, TARGET, -1, v, t)
+            visit = visitor(occupancy, v, t, visit)
+    if t <= cost and occupancy.since[v] <= t:
+        count = _add(found, count, np.int64(occupancy.parked[v]), robot, TARGET, -1, v, t)
+    return count
+
+
+@kernel(inline="always", allocates=False)
+def _swaps(store, occupancy, robot, u, v, t, found, count):
+    """Others that go from v to u as the robot goes from u to v."""
+    if t - 1 < steps_known(occupancy):
+        visit = visitor(occupancy, v, t - 1, 0)
+        while visit:
+            other = visit - (t - 1) * len(occupancy.record) - 1
+            if place(store, occupancy.record[other], t) == u:
+                if robot < other:
+                    count = _add(found, count, robot, other, SWAP, u, v, t)
+                else:
+                    count = _add(found, count, other, robot, SWAP, v, u, t)
+            visit = visitor(occupancy, v, t - 1, visit)
+    return count
+
+
+@kernel(inline="always", allocates=False)
+def _entered_too_early(store, occupancy, robot, v, t, found, count):
+    """Others that leave v as the robot enters it."""
+    if t - 1 < steps_known(occupancy):
+        visit = visitor(occupancy, v, t - 1, 0)
+        while visit:
+            other = visit - (t - 1) * len(occupancy.record) - 1
+            if place(store, occupancy.record[other], t) != v:
+                count = _add(found, count, other, robot, FOLLOW, -1, v, t - 1)
+            visit = visitor(occupancy, v, t - 1, visit)
+    return count
+
+
+@kernel(inline="always", allocates=False)
+def _left_too_late(store, occupancy, robot, u, v, t, found, count):
+    """Others that enter u as the robot leaves it for v; of two that swap, `_entered_too_early` finds the conflict."""
+    if t < steps_known(occupancy):
+        visit = visitor(occupancy, u, t, 0)
+        while visit:
+            other = visit - t * len(occupancy.record) - 1
+            came = place(store, occupancy.record[other], t - 1)
+            if came != u and came != v:
+                count = _add(found, count, robot, other, FOLLOW, -1, u, t - 1)
+            visit = visitor(occupancy, u, t, visit)
+    parked = np.int64(occupancy.parked[u])
+    if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
+        count = _add(found, count, robot, parked, FOLLOW, -1, u, t - 1)
+    return count
+
+
+@kernel(allocates=False)
+def _add(found, count, one, other, kind, tail, at, step):
+    """Write a conflict where there is room for it; the number of conflicts with it."""
+    if count < len(found):
+        row = found[count]
+        row[ONE], row[OTHER], row[KIND], row[TAIL], row[AT], row[STEP], row[PRIORITY] = one, other, kind, tail, at, step, UNKNOWN
+        row[A0], row[A1], row[B0], row[B1] = 0, 0, 0, 0
+    return count + 1

@@ -51,8 +51,8 @@ class Scratch(NamedTuple):
     limit: np.ndarray  # [4] int64
 
 
-@kernel
-def load(world, store, scratch, record):
+@kernel(allocates=False)
+def load(instance, store, scratch, record):
     """Lay out the constraints of a record's chain.
 
     Returns
@@ -60,7 +60,7 @@ def load(world, store, scratch, record):
     code
         OK, NO_PATH when they contradict each other, TOO_LATE or SCRATCH_FULL.
     """
-    goal = world.goal[store.meta[record, ROBOT]]
+    goal = instance.goal[store.meta[record, ROBOT]]
     number, limit, rule, touched, rule_at = scratch.number, scratch.limit, scratch.rule, scratch.touched, scratch.rule_at
     number[STAMP] += 1
     stamp = number[STAMP]
@@ -111,13 +111,13 @@ def load(world, store, scratch, record):
     return OK if earliest <= latest else NO_PATH
 
 
-@kernel
+@kernel(inline="always", allocates=False)
 def elsewhere(must, stamp, step, vertex):
     """Whether the robot must be at another vertex at this step."""
     return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != vertex
 
 
-@kernel
+@kernel(inline="always", allocates=False)
 def barred(rule, rule_at, u, v, step):
     """Whether a rule of a touched vertex v forbids to come from u at this step."""
     k = rule_at[v]
@@ -128,10 +128,15 @@ def barred(rule, rule_at, u, v, step):
     return False
 
 
-@kernel
+@kernel(inline="always", allocates=False)
+def is_forbidden(scratch, stamp, last_must, u, v, step):
+    """See `forbidden`; for inner loops, where `number[STAMP]` and `limit[LAST_MUST]` are looked up before."""
+    return (scratch.touched[v] == stamp and barred(scratch.rule, scratch.rule_at, u, v, step)) or (
+        step <= last_must and elsewhere(scratch.must, stamp, step, v)
+    )
+
+
+@kernel(allocates=False)
 def forbidden(scratch, u, v, step):
     """Whether the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
-    stamp = scratch.number[STAMP]
-    if scratch.touched[v] == stamp and barred(scratch.rule, scratch.rule_at, u, v, step):
-        return True
-    return step <= scratch.limit[LAST_MUST] and elsewhere(scratch.must, stamp, step, v)
+    return is_forbidden(scratch, scratch.number[STAMP], scratch.limit[LAST_MUST], u, v, step)

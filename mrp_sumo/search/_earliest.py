@@ -6,9 +6,9 @@ constraints cut a vertex's time into intervals; of two arrivals in one interval 
 
 import numpy as np
 
+from mrp_sumo.search._buckets import put
 from mrp_sumo.search._constraints import (
     ALIKE,
-    BEFORE,
     BELOW,
     EARLIEST,
     EXPANSIONS,
@@ -31,10 +31,17 @@ from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATCH_FULL
 
 
-@kernel
-def _free_until(rule, k, must, stamp, last_must, v, step):
-    """The last step until which a robot that is at v, whose first rule is k, can stay there."""
+@kernel(inline="always", allocates=False)
+def _first_rule(touched, rule_at, stamp, v):
+    """The first rule of a vertex, -1 for none."""
+    return np.int64(rule_at[v]) if touched[v] == stamp else np.int64(-1)
+
+
+@kernel(allocates=False)
+def _free_until(rule, first_rule, must, stamp, last_must, v, step):
+    """The last step until which a robot that is at v can stay there."""
     until = np.int64(FOREVER)
+    k = first_rule
     while k >= 0:
         if rule[k, TAIL] < 0 and rule[k, FROM] > step:
             until = min(until, np.int64(rule[k, FROM]) - 1)
@@ -45,9 +52,9 @@ def _free_until(rule, k, must, stamp, last_must, v, step):
     return until
 
 
-@kernel
+@kernel(allocates=False)
 def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
-    """(when v, whose first rule is given, can be entered from u, not before `step`; the first step of its interval then)."""
+    """(when v can be entered from u, not before `step`; the first step of its interval then)."""
     begin = np.int64(0)
     again = True
     while again and step <= latest:
@@ -71,7 +78,16 @@ def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
     return step, begin
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
+def _last_state_at(state, at, num_states, v):
+    """The state last put at v by this search, -1 for none."""
+    k = np.int64(at[v])
+    if k >= num_states or state[k, VERTEX] != v:
+        k = np.int64(-1)
+    return k
+
+
+@kernel(inline="always", allocates=False)
 def _entered_before(state, e, begin, arrive):
     """Whether an interval of a vertex, whose last state is e, was entered as early before."""
     known = False
@@ -81,20 +97,20 @@ def _entered_before(state, e, begin, arrive):
     return known
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def _banned(u, v, ban_u, ban_v):
     """Whether a lane is the banned edge, in either direction."""
     return ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u))
 
 
-@kernel
-def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
+@kernel(allocates=False)
+def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
     """The least cost under the constraints laid out.
 
     Parameters
     ----------
-    world, scratch
-        The graph, the constraints and room.
+    instance, scratch
+        The graph; the constraints and buffers.
     start, goal
         Vertices.
     distance
@@ -112,7 +128,7 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
         OK, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET; the cost, a lower bound of it in the latter cases; the last
         state, from which `BEFORE` leads back, with waits left out.
     """
-    first, head = world.first, world.head
+    first, head = instance.first, instance.head
     limit, state, top, at = scratch.limit, scratch.state, scratch.top, scratch.visited
     touched, rule_at, rule, must = scratch.touched, scratch.rule_at, scratch.rule, scratch.must
     stamp, last_must = scratch.number[STAMP], limit[LAST_MUST]
@@ -122,14 +138,14 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
         return NO_PATH, least, np.int64(-1)
     open_from = limit[OPEN_FROM] if stay else np.int64(0)
     # a bucket for each delay; LABEL is the first step of the state's interval, ALIKE the vertex's state before this one
-    state[0, VERTEX], state[0, STEP], state[0, BEFORE], state[0, LABEL], state[0, BELOW], state[0, ALIKE] = start, 0, -1, 0, -1, -1
+    put(state, top, 0, start, 0, -1, 0, 0)
+    state[0, ALIKE] = -1
     at[start] = 0
     num_states = 1
-    top[0] = 0
     delay, longest = 0, 0
     spent = 0
     code, end = NO_PATH, np.int64(-1)
-    while True:
+    while code == NO_PATH:
         while delay <= longest and top[delay] < 0:
             delay += 1
         if delay > longest:
@@ -147,40 +163,35 @@ def earliest_arrival(world, scratch, start, goal, distance, stay, ban_u, ban_v, 
             break
         until = np.int64(FOREVER)
         if touched[u] == stamp or t < last_must:
-            until = _free_until(rule, np.int64(rule_at[u]) if touched[u] == stamp else -1, must, stamp, last_must, u, t)
+            until = _free_until(rule, _first_rule(touched, rule_at, stamp, u), must, stamp, last_must, u, t)
         latest = min(until + 1, FOREVER - 1)
         for lane in range(first[u], first[u + 1]):
             v = head[lane]
             to_go = np.int64(distance[v])
             if to_go >= UNREACHABLE or _banned(u, v, ban_u, ban_v):
                 continue
-            arrive, begin = t + 1, np.int64(0)
             constrained = touched[v] == stamp or t < last_must
-            k_rule = np.int64(rule_at[v]) if touched[v] == stamp else np.int64(-1)
-            while arrive <= latest:
+            first_rule = _first_rule(touched, rule_at, stamp, v)
+            arrive, begin = t + 1, np.int64(0)
+            while arrive <= latest:  # one interval of v after another
                 if constrained:
-                    arrive, begin = _entry(rule, k_rule, must, stamp, last_must, u, v, arrive, latest)
+                    arrive, begin = _entry(rule, first_rule, must, stamp, last_must, u, v, arrive, latest)
                     if arrive > latest:
                         break
-                last = np.int64(at[v])
-                if last >= num_states or state[last, VERTEX] != v:
-                    last = np.int64(-1)
+                last = _last_state_at(state, at, num_states, v)
                 if not _entered_before(state, last, begin, arrive):
                     bucket = arrive + to_go - shortest
                     if num_states >= len(state) or bucket >= len(top):
                         code = SCRATCH_FULL
                         break
-                    state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = v, arrive, k
-                    state[num_states, LABEL], state[num_states, BELOW], state[num_states, ALIKE] = begin, top[bucket], last
+                    put(state, top, num_states, v, arrive, k, begin, bucket)
+                    state[num_states, ALIKE] = last
                     at[v] = num_states
-                    top[bucket] = num_states
                     longest = max(longest, bucket)
                     num_states += 1
                 if not constrained:
                     break
-                arrive = _free_until(rule, k_rule, must, stamp, last_must, v, arrive) + 1  # the next interval, if u can be held so long
-        if code == SCRATCH_FULL:
-            break
+                arrive = _free_until(rule, first_rule, must, stamp, last_must, v, arrive) + 1  # the next interval, if u can be held so long
     top[: longest + 1] = -1
     scratch.number[EXPANSIONS] += spent
     if code == OK and stay and least > limit[LATEST]:

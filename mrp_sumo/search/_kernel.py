@@ -41,7 +41,7 @@ _LOOKED_UP = re.compile(rb"_ZN(?:7cpython|08NumbaEnv)[^\0]+")  # symbols in mach
 _defined: list[Path] = []  # index files of the kernels that this process has defined
 
 
-def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never") -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True) -> Any:
     """Compile a function when it is called, and store it.
 
     It is compiled once for each set of argument types; numba alone would also do so for each constant argument.
@@ -52,10 +52,13 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never")
         Of arrays, numbers, and NamedTuples of them.
     inline
         'always' puts its statements in the place of each call.
+    allocates
+        Whether it makes arrays, or calls a kernel that does. References of arrays are counted only where it does: without,
+        to hand tuples of arrays from stage to stage costs nothing.
     """
     if function is None:
-        return partial(kernel, inline=inline)
-    compiled = numba.njit(inline=inline)(function)
+        return partial(kernel, inline=inline, allocates=allocates)
+    compiled = numba.njit(inline=inline, _nrt=allocates)(function)
     if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
         return compiled
     if folder(room_of(function.__module__)):

@@ -30,10 +30,10 @@ MOST_MEMBERS = 20_000
 
 
 @kernel
-def _levels(world, scratch, start, goal, distance, cost):
+def _levels(instance, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
-    first, head, touched, stamp, last_must = world.first, world.head, scratch.touched, number[STAMP], scratch.limit[LAST_MUST]
+    first, head, touched, stamp, last_must = instance.first, instance.head, scratch.touched, number[STAMP], scratch.limit[LAST_MUST]
     if cost + 3 > len(level):
         return -2
     level[0], level[1] = 0, 1
@@ -101,7 +101,7 @@ def _levels(world, scratch, start, goal, distance, cost):
 
 
 @kernel
-def mdd_of(world, store, scratch, record):
+def mdd_of(instance, store, scratch, record):
     """See that a record has its MDD: `MDD0` is where its levels begin, or TOO_LARGE.
 
     Its cost is that of the path, or, of a path that need not be shortest, the least there is: the record's
@@ -114,16 +114,16 @@ def mdd_of(world, store, scratch, record):
     """
     origin = store.meta[record, ORIGIN]
     if store.meta[origin, MDD0] == -1:
-        code = load(world, store, scratch, record)
+        code = load(instance, store, scratch, record)
         if code != OK:
             return code
         robot = store.meta[record, ROBOT]
-        distance = world.distance[world.row[robot]]
+        distance = instance.distance[instance.row[robot]]
         cost = max(store.meta[origin, BOUND], scratch.limit[EARLIEST])
-        total = _levels(world, scratch, world.start[robot], world.goal[robot], distance, cost)
+        total = _levels(instance, scratch, instance.start[robot], instance.goal[robot], distance, cost)
         while total == 0:
             cost += 1
-            total = _levels(world, scratch, world.start[robot], world.goal[robot], distance, cost)
+            total = _levels(instance, scratch, instance.start[robot], instance.goal[robot], distance, cost)
         if total == -2:
             return SCRATCH_FULL
         if total == -1:
@@ -167,7 +167,7 @@ def only(store, record, step):
 
 
 @kernel
-def raises_cost(world, store, scratch, record, row0, row1):
+def raises_cost(instance, store, scratch, record, row0, row1):
     """Whether these constraints cut through all paths of the record's MDD. Unknown, told as False, when it is too large."""
     mdd = store.meta[record, MDD0]
     cost = mdd_cost(store, record)
@@ -183,19 +183,19 @@ def raises_cost(world, store, scratch, record, row0, row1):
     if mdd < 0 or begin > end or begin > cost:
         # after its end the robot is at its goal
         if begin <= end and end > cost:
-            goal = world.goal[store.meta[record, ROBOT]]
+            goal = instance.goal[store.meta[record, ROBOT]]
             for r in range(row0, row1):
                 if store.rows[r, 0] == RANGE and store.rows[r, 1] == goal and store.rows[r, 4] >= cost:
                     return True
         return False
     if end > cost:
-        goal = world.goal[store.meta[record, ROBOT]]
+        goal = instance.goal[store.meta[record, ROBOT]]
         for r in range(row0, row1):
             if store.rows[r, 0] == RANGE and store.rows[r, 1] == goal and store.rows[r, 4] >= cost:
                 return True
     end = min(end, cost)
     begin = max(begin, 1)
-    mark, number, queue, first, head = scratch.mark, scratch.number, scratch.queue, world.first, world.head
+    mark, number, queue, first, head = scratch.mark, scratch.number, scratch.queue, instance.first, instance.head
     count = 0
     for m in range(store.level[mdd + begin - 1], store.level[mdd + begin]):
         queue[count] = store.member[m]

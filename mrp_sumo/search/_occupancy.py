@@ -40,13 +40,13 @@ def empty_occupancy(num_vertices: int, num_robots: int, horizon: int) -> Occupan
     )
 
 
-@kernel
+@kernel(allocates=False)
 def steps_known(occupancy):
     """T: robots on their way are known of before this step."""
     return WORD * (len(occupancy.busy) // len(occupancy.since))
 
 
-@kernel
+@kernel(inline="always", allocates=False)
 def next_visit(after, first, low, num_robots):
     """The first visit of a list, from visit `first` on, that is one of those numbered low + 1 .. low + num_robots; 0 for none."""
     k = np.int64(first)
@@ -55,7 +55,7 @@ def next_visit(after, first, low, num_robots):
     return k
 
 
-@kernel
+@kernel(allocates=False)
 def visitor(occupancy, vertex, step, visit):
     """The next visit at a vertex and step after `visit` (0: the first one), 0 when there is none; step is below T."""
     num_robots = len(occupancy.record)
@@ -69,7 +69,7 @@ def visitor(occupancy, vertex, step, visit):
     return next_visit(occupancy.after, k, step * num_robots, num_robots)
 
 
-@kernel
+@kernel(allocates=False)
 def _install(store, occupancy, record):
     """Put a robot on its path; False when the path is longer than the tables."""
     busy, visit, after = occupancy.busy, occupancy.visit, occupancy.after
@@ -91,7 +91,7 @@ def _install(store, occupancy, record):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def uninstall(store, occupancy, robot):
     """Take a robot off its path."""
     record = occupancy.record[robot]
@@ -126,7 +126,7 @@ def uninstall(store, occupancy, robot):
     occupancy.record[robot] = -1
 
 
-@kernel
+@kernel(allocates=False)
 def install_all(store, occupancy, records, but):
     """Make the occupancy that of these records [R] without robot `but`; only what differs is touched."""
     for robot in range(len(records)):

@@ -48,7 +48,7 @@ class Store(NamedTuple):
     used: np.ndarray  # [5] int64
 
 
-@kernel
+@kernel(allocates=False)
 def place(store, record, step):
     """The vertex of a record's robot at a step."""
     return np.int64(store.path[store.meta[record, PATH0] + min(step, store.meta[record, COST])])

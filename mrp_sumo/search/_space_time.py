@@ -7,8 +7,11 @@ conflict-based search algorithm", SoCS 2014, with the lower bound known beforeha
 breaks ties by conflicts. Constraints forbid (hard), other robots' paths are disturbed at a price (soft).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from mrp_sumo.search._buckets import put
 from mrp_sumo.search._constraints import (
     BEFORE,
     BELOW,
@@ -20,26 +23,14 @@ from mrp_sumo.search._constraints import (
     STAMP,
     STEP,
     VERTEX,
-    barred,
-    elsewhere,
+    is_forbidden,
     load,
 )
+from mrp_sumo.search._disturbance import count_visits_from, is_taken, num_disturbed
 from mrp_sumo.search._earliest import earliest_arrival
 from mrp_sumo.search._kernel import kernel
-from mrp_sumo.search._occupancy import MANY, ONE, WORD, next_visit, uninstall
-from mrp_sumo.search._records import (
-    BOUND,
-    COST,
-    FOREVER,
-    NO_PATH,
-    OK,
-    OUT_OF_BUDGET,
-    PATH,
-    PATH0,
-    ROBOT,
-    SCRATCH_FULL,
-    STORE_FULL,
-)
+from mrp_sumo.search._occupancy import uninstall
+from mrp_sumo.search._records import BOUND, COST, FOREVER, NO_PATH, OK, OUT_OF_BUDGET, PATH, PATH0, ROBOT, SCRATCH_FULL, STORE_FULL
 
 PATIENCE = 500  # expansions that are always spent on disturbing few robots
 HURRY = 8  # steps of delay that a robot takes then to disturb one robot less
@@ -49,92 +40,68 @@ MOST_DISTURBED = 255  # beyond, paths are not told apart by whom they disturb
 WAITING, EXPANDED, FINISH = 0, 1, 2
 
 
-@kernel
-def _visits_at_goal(occupancy, goal, begin, later):
-    """Fill `later` with the visits of others at the goal from each step on, from `begin`; the last step with one, -1 for none."""
-    words, num_robots = len(occupancy.busy) // len(occupancy.since), len(occupancy.record)
-    low, last = goal * words, np.int64(-1)
-    for word in range(words - 1, (begin >> 5) - 1, -1):
-        if occupancy.busy[low + word] == 0:
-            if last >= 0:
-                later[word * WORD : (word + 1) * WORD] = later[(word + 1) * WORD]
-            continue
-        if last < 0:
-            last = np.int64(word * WORD + WORD - 1)
-            later[last + 1] = 0
-        later[word * WORD : (word + 1) * WORD] = 0
-        k = np.int64(occupancy.visit[low + word])
-        while k > 0:
-            later[(k - 1) // num_robots] += 1
-            k = np.int64(occupancy.after[k])
-        for t in range(word * WORD + WORD - 1, word * WORD - 1, -1):
-            later[t] += later[t + 1]
-    return last
+class _Window(NamedTuple):
+    """The costs that a search tells apart, and the buckets that its states go into."""
+
+    shortest: int  # steps of the shortest path without constraints: a state's delay is what it costs more
+    least: int  # the least cost under the constraints
+    latest: int  # the most that a path may cost
+    shift: int  # a vertex has 2 ** shift cells, one for each delay
+    width: int  # buckets for each number of robots disturbed, one for each cost
+    most: int  # robots disturbed that have buckets of their own; paths that disturb more share the last ones
 
 
-@kernel
-def _delays_that_fit(num_states, num_vertices):
-    """How many delays states can have, a power of two: states differ by vertex and delay, steps beyond the shortest path."""
-    delays = np.int64(1)
-    while 2 * delays * num_vertices <= num_states:
+@kernel(allocates=False)
+def _window(scratch, num_vertices, shortest, least, bound):
+    """(whether there is room for a search, its window)."""
+    delays = np.int64(1)  # how many there is room for, a power of two
+    while 2 * delays * num_vertices <= len(scratch.visited):
         delays *= 2
-    return delays
+    latest = min(scratch.limit[LATEST], max(least, min(bound, shortest + delays - 1)))
+    shift = np.int64(0)
+    while (1 << shift) <= latest - shortest:
+        shift += 1
+    width = latest - least + 1
+    most = min(MOST_DISTURBED, len(scratch.top) // width - 1)
+    return latest - shortest < delays and most >= 1, _Window(shortest, least, latest, shift, width, most)
 
 
-@kernel
-def _others_there(after, visit, low, num_robots):
-    """How many robots but the first are at a vertex at the step whose visits begin above `low`."""
-    num = 0
-    e = next_visit(after, after[next_visit(after, visit, low, num_robots)], low, num_robots)
-    while e:
-        num += 1
-        e = next_visit(after, after[e], low, num_robots)
-    return num
+@kernel(inline="always", allocates=False)
+def _bucket(window, hurry, num_buckets, delay, to_go, disturbs):
+    """Where a state goes: fewest robots disturbed first, then by cost; in a hurry, by a weighted sum of them and the steps to go."""
+    if hurry:
+        to = min(delay + to_go + HURRY * disturbs, num_buckets - 1)
+    else:
+        to = min(disturbs, window.most) * window.width + max(window.shortest + delay - window.least, 0)
+    return to
 
 
-@kernel
-def _who_leave(after, visit, low, num_robots, installed, meta, path, u, v, step, following):
-    """How many robots at v the step before go to u as the robot comes from there; with `following`, all who leave v."""
-    num = 0
-    e = next_visit(after, visit, low - num_robots, num_robots)
-    while e:
-        record = installed[e - low + num_robots - 1]
-        went = path[meta[record, PATH0] + min(step, meta[record, COST])]
-        if went == u or (following and went != v):
-            num += 1
-        e = next_visit(after, after[e], low - num_robots, num_robots)
-    return num
+@kernel(inline="always", allocates=False)
+def _is_no_better(state, e, num_states, vertex, step, disturbs):
+    """Whether state e is the same vertex and step, and is expanded already or disturbs no more robots."""
+    known = False
+    if e < num_states and state[e, VERTEX] == vertex and state[e, STEP] == step:
+        label = state[e, LABEL]
+        known = label & 3 == EXPANDED or label >> 2 <= disturbs
+    return known
 
 
-@kernel
-def _who_follow(after, visit, low, num_robots, installed, meta, path, v, t):
-    """How many robots enter the vertex that the robot leaves, but those that come from v, where it goes."""
-    num = 0
-    e = next_visit(after, visit, low, num_robots)
-    while e:
-        record = installed[e - low - 1]
-        if path[meta[record, PATH0] + min(t, meta[record, COST])] != v:
-            num += 1
-        e = next_visit(after, after[e], low, num_robots)
-    return num
-
-
-@kernel
-def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budget):
+@kernel(allocates=False)
+def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
 
     Parameters
     ----------
-    world, store, occupancy, scratch
-        The graph, the records, the others, room; the searching robot is not installed.
+    instance, store, occupancy, scratch
+        The graph, the records, the other robots, buffers; the searching robot is not installed.
     robot
         Who searches.
     least
-        The least cost there is.
+        The least cost under the constraints.
     bound
-        The most that the path may cost; less is allowed where the room is short.
+        The most that the path may cost; less is allowed where the buffers are small.
     hurry
-        Whether a path that disturbs few will do: best first by steps to go, late, and robots disturbed.
+        Whether a path that disturbs few will do: best first by steps to go, delay, and robots disturbed.
     budget
         Expansions allowed.
 
@@ -143,33 +110,19 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
     code, state
         OK and the last state, from which `BEFORE` leads back.
     """
-    # arrays by themselves: to hand a tuple to a function in the inner loop counts references of all its arrays
-    start, goal, distance = world.start[robot], world.goal[robot], world.distance[world.row[robot]]
-    first, head, following = world.first, world.head, world.following
-    meta, path = store.meta, store.path
-    busy, visit, after, since, installed = occupancy.busy, occupancy.visit, occupancy.after, occupancy.since, occupancy.record
+    start, goal, distance = instance.start[robot], instance.goal[robot], instance.distance[instance.row[robot]]
+    first, head, following = instance.first, instance.head, instance.following
     state, top, visited, later = scratch.state, scratch.top, scratch.visited, scratch.later
-    touched, rule_at, rule, must = scratch.touched, scratch.rule_at, scratch.rule, scratch.must
-    stamp, limit = scratch.number[STAMP], scratch.limit
-    num_robots, words = len(installed), len(busy) // len(since)
-    horizon, last_must, earliest = words * WORD, limit[LAST_MUST], limit[EARLIEST]
+    stamp, last_must, earliest = scratch.number[STAMP], scratch.limit[LAST_MUST], scratch.limit[EARLIEST]
+    words = len(occupancy.busy) // len(occupancy.since)
     shortest = np.int64(distance[start])
-    delays = _delays_that_fit(len(visited), len(since))
-    latest = min(limit[LATEST], max(least, min(bound, shortest + delays - 1)))
-    if latest - shortest >= delays:
+    fits, window = _window(scratch, len(first) - 1, shortest, np.int64(least), np.int64(bound))
+    if not fits:
         return SCRATCH_FULL, np.int64(-1)
-    shift = 0
-    while (1 << shift) <= latest - shortest:
-        shift += 1
-    width = latest - least + 1
-    most = min(MOST_DISTURBED, len(top) // width - 1)
-    if most < 1:
-        return SCRATCH_FULL, np.int64(-1)
-    last_visit = _visits_at_goal(occupancy, goal, shortest, later)
-    state[0, VERTEX], state[0, STEP], state[0, BEFORE], state[0, LABEL], state[0, BELOW] = start, 0, -1, WAITING, -1
-    visited[start << shift] = 0
+    last_visit = count_visits_from(occupancy, goal, shortest, later)
+    put(state, top, 0, start, 0, -1, WAITING, 0)
+    visited[start << window.shift] = 0
     num_states = 1
-    top[0] = 0
     bucket, highest = np.int64(0), np.int64(0)
     spent = 0
     code, end = NO_PATH, np.int64(-1)
@@ -185,12 +138,12 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
             code, end = OK, k
             break
         u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
-        if visited[(u << shift) + t + distance[u] - shortest] != k:
+        if visited[(u << window.shift) + t + distance[u] - shortest] != k:
             continue
         disturbs = np.int64(label >> 2)
         state[k, LABEL] = label | EXPANDED
-        begin, lanes_end = first[u], first[u + 1]
-        if num_states + lanes_end - begin + 2 >= len(state):
+        lanes_begin, lanes_end = first[u], first[u + 1]
+        if num_states + lanes_end - lanes_begin + 2 >= len(state):
             code = SCRATCH_FULL
             break
         if u == goal and t >= earliest:
@@ -198,63 +151,30 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
                 code, end = OK, k
                 break
             # the robot may stay in the way, or go on
-            more = disturbs + later[t]
-            state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = u, t, k
-            to = min(t - shortest + HURRY * more, len(top) - 1) if hurry else min(more, most) * width + max(t - least, 0)
-            state[num_states, LABEL], state[num_states, BELOW] = (more << 2) | FINISH, top[to]
-            top[to] = num_states
-            highest = max(highest, to)
-            bucket = min(bucket, to)
+            disturbs_here = disturbs + later[t]
+            to = _bucket(window, hurry, len(top), t - shortest, 0, disturbs_here)
+            put(state, top, num_states, u, t, k, (disturbs_here << 2) | FINISH, to)
+            highest, bucket = max(highest, to), min(bucket, to)
             num_states += 1
         spent += 1
         if spent > budget:
             code = OUT_OF_BUDGET
             break
         step = t + 1
-        column, bit = step >> 5, np.uint64(step & 31)
-        column_before, bit_before = t >> 5, np.uint64(t & 31)
-        low = step * num_robots
-        here = step < horizon and (((busy[u * words + column] >> bit) & ONE) != 0 or since[u] <= step)
-        for lane in range(begin, lanes_end + 1):
+        u_is_taken = is_taken(occupancy, words, u, step)
+        for lane in range(lanes_begin, lanes_end + 1):
             v = head[lane] if lane < lanes_end else u
-            delay = step + distance[v] - shortest
-            if delay > latest - shortest:
+            to_go = np.int64(distance[v])
+            delay = step + to_go - shortest
+            if delay > window.latest - shortest or is_forbidden(scratch, stamp, last_must, u, v, step):
                 continue
-            if touched[v] == stamp and barred(rule, rule_at, u, v, step):
+            disturbs_there = disturbs + num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following)
+            cell = (v << window.shift) + delay
+            if _is_no_better(state, np.int64(visited[cell]), num_states, v, step, disturbs_there):
                 continue
-            if step <= last_must and elsewhere(must, stamp, step, v):
-                continue
-            new_disturbs = disturbs
-            if since[v] <= step:
-                new_disturbs += 1
-            if step < horizon:
-                bits = busy[v * words + column] >> bit
-                new_disturbs += np.int64(bits & ONE)
-                if bits & MANY:
-                    new_disturbs += _others_there(after, visit[v * words + column], low, num_robots)
-                if u != v:
-                    # who swaps places with the robot is there before and here after
-                    if (here or following) and (busy[v * words + column_before] >> bit_before) & ONE:
-                        new_disturbs += _who_leave(
-                            after, visit[v * words + column_before], low, num_robots, installed, meta, path, u, v, step, following
-                        )
-                    if following and (busy[u * words + column] >> bit) & ONE:
-                        new_disturbs += _who_follow(after, visit[u * words + column], low, num_robots, installed, meta, path, v, t)
-            cell = (v << shift) + delay
-            e = np.int64(visited[cell])
-            if e < num_states and state[e, VERTEX] == v and state[e, STEP] == step:
-                label = state[e, LABEL]
-                if label & 3 == EXPANDED or label >> 2 <= new_disturbs:
-                    continue
-            state[num_states, VERTEX], state[num_states, STEP], state[num_states, BEFORE] = v, step, k
-            if hurry:
-                to = min(delay + distance[v] + HURRY * new_disturbs, len(top) - 1)
-                bucket = min(bucket, to)
-            else:
-                to = min(new_disturbs, most) * width + max(delay + shortest - least, 0)
-            state[num_states, LABEL], state[num_states, BELOW] = new_disturbs << 2, top[to]
-            top[to] = num_states
-            highest = max(highest, to)
+            to = _bucket(window, hurry, len(top), delay, to_go, disturbs_there)
+            put(state, top, num_states, v, step, k, disturbs_there << 2, to)
+            highest, bucket = max(highest, to), min(bucket, to)
             visited[cell] = num_states
             num_states += 1
     top[: highest + 1] = -1
@@ -262,13 +182,13 @@ def find_path(world, store, occupancy, scratch, robot, least, bound, hurry, budg
     return code, end
 
 
-@kernel
-def replan(world, store, occupancy, scratch, record, w, lower, patience, budget):
+@kernel(allocates=False)
+def replan(instance, store, occupancy, scratch, record, w, lower, patience, budget):
     """Find the path of a record under its constraints, and write it to the store.
 
     Parameters
     ----------
-    world, store, occupancy, scratch
+    instance, store, occupancy, scratch
         As above.
     record
         With its constraints.
@@ -285,13 +205,13 @@ def replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
         OK, or why there is none (yet).
     """
     robot = store.meta[record, ROBOT]
-    code = load(world, store, scratch, record)
+    code = load(instance, store, scratch, record)
     if code != OK:
         return code
     if occupancy.record[robot] >= 0:
         uninstall(store, occupancy, robot)
-    distance = world.distance[world.row[robot]]
-    code, least, end = earliest_arrival(world, scratch, world.start[robot], world.goal[robot], distance, True, -1, -1, budget)
+    distance = instance.distance[instance.row[robot]]
+    code, least, end = earliest_arrival(instance, scratch, instance.start[robot], instance.goal[robot], distance, True, -1, -1, budget)
     if code != OK:
         return code
     begin = store.used[PATH]
@@ -307,9 +227,9 @@ def replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
     if patience > 0:
         bound = np.int64(min(w * max(least, lower) + 1e-9, FOREVER // 4))
         polite = min(budget, PATIENCE + patience * least)
-        code, end = find_path(world, store, occupancy, scratch, robot, least, bound, False, polite)
+        code, end = find_path(instance, store, occupancy, scratch, robot, least, bound, False, polite)
         if code == OUT_OF_BUDGET:
-            code, end = find_path(world, store, occupancy, scratch, robot, least, bound, True, polite)
+            code, end = find_path(instance, store, occupancy, scratch, robot, least, bound, True, polite)
         if code == OK:
             if state[end, LABEL] & 3 == FINISH:
                 end = state[end, BEFORE]

@@ -10,7 +10,7 @@ from mrp_sumo.search._space_time import replan
 
 
 @kernel
-def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, patience, budget):
+def branch(instance, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, patience, budget):
     """Replan a robot of a node with constraints on top of those it has.
 
     Parameters
@@ -34,11 +34,11 @@ def branch(world, store, occupancy, scratch, records, conflicts, robot, row0, ro
         return STORE_FULL, record, conflicts
     code = install_all(store, occupancy, records, robot)
     if code == OK:
-        code = replan(world, store, occupancy, scratch, record, w, lower, patience, budget)
+        code = replan(instance, store, occupancy, scratch, record, w, lower, patience, budget)
     if code != OK:
         store.used[RECORDS] -= 1
         return code, np.int64(-1), conflicts
-    return OK, record, conflicts_of(world, store, occupancy, robot, record, conflicts)
+    return OK, record, conflicts_of(instance, store, occupancy, robot, record, conflicts)
 
 
 @kernel

@@ -21,7 +21,7 @@ MOST_COVER_STEPS = 20_000
 
 
 @kernel
-def pair_weight(world, store, occupancy, scratch, one, other, most_nodes, budget):
+def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, budget):
     """The least sum of costs of two robots without conflicts, minus that of their paths.
 
     Parameters
@@ -39,18 +39,18 @@ def pair_weight(world, store, occupancy, scratch, one, other, most_nodes, budget
     """
     for record in (one, other):  # before the mark, so that their MDDs are kept
         if store.meta[record, MDD0] == -1:
-            code = mdd_of(world, store, scratch, record)
+            code = mdd_of(instance, store, scratch, record)
             if code != OK:
                 return code, np.int64(0)
     mark = store.used.copy()
-    code, weight = _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget)
+    code, weight = _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget)
     store.used[:] = mark  # what the search appended is dropped
     return code, weight
 
 
 @kernel
-def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget):
-    num_robots = len(world.start)
+def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget):
+    num_robots = len(instance.start)
     i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]
     base = store.meta[one, COST] + store.meta[other, COST]
     records = np.full(num_robots, -1, np.int64)
@@ -76,10 +76,10 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
         code = install_all(store, occupancy, records, i)
         if code != OK:
             break
-        conflicts = conflicts_of(world, store, occupancy, i, records[i], nothing)
+        conflicts = conflicts_of(instance, store, occupancy, i, records[i], nothing)
         if len(conflicts) == 0:
             break
-        code, chosen = choose(world, store, scratch, records, conflicts, True)
+        code, chosen = choose(instance, store, scratch, records, conflicts, True)
         if code != OK:
             break
         row = conflicts[chosen]
@@ -94,7 +94,7 @@ def _solve_pair(world, store, occupancy, scratch, one, other, most_nodes, budget
             code = install_all(store, occupancy, records, robot)
             if code != OK:
                 break
-            code = replan(world, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], PAIR_PATIENCE, budget)
+            code = replan(instance, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], PAIR_PATIENCE, budget)
             if code == NO_PATH:
                 code = OK
                 continue

@@ -40,7 +40,7 @@ CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
 
 
 @kernel
-def choose(world, store, scratch, records, conflicts, symmetries):
+def choose(instance, store, scratch, records, conflicts, symmetries):
     """Fill in the priorities and splits that are unknown, and choose.
 
     Parameters
@@ -65,10 +65,10 @@ def choose(world, store, scratch, records, conflicts, symmetries):
             one, other = records[row[ONE]], records[row[OTHER]]
             for record in (one, other):
                 if store.meta[record, MDD0] == -1:
-                    code = mdd_of(world, store, scratch, record)
+                    code = mdd_of(instance, store, scratch, record)
                     if code != OK:
                         return code, -1
-            code = _split(world, store, scratch, one, other, row, symmetries)
+            code = _split(instance, store, scratch, one, other, row, symmetries)
             if code != OK:
                 return code, -1
         if (
@@ -81,7 +81,7 @@ def choose(world, store, scratch, records, conflicts, symmetries):
 
 
 @kernel
-def _split(world, store, scratch, one, other, row, symmetries):
+def _split(instance, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
     kind, at, step = row[KIND], row[AT], row[STEP]
     begin = store.used[ROWS]
@@ -106,22 +106,22 @@ def _split(world, store, scratch, one, other, row, symmetries):
         middle = store.used[ROWS]
         add_row(store, RANGE, at, -1, step + 1, step + 1)
     row[A0], row[A1], row[B0], row[B1] = begin, middle, middle, store.used[ROWS]
-    rank = _rank(world, store, scratch, one, other, row)
+    rank = _rank(instance, store, scratch, one, other, row)
     if symmetries and kind != TARGET and kind != FOLLOW:
         corridor = np.empty(4, np.int64)
-        if _corridor_of(world, store, one, other, row, corridor):
-            code = _split_corridor(world, store, scratch, one, other, row, corridor)
+        if _corridor_of(instance, store, one, other, row, corridor):
+            code = _split_corridor(instance, store, scratch, one, other, row, corridor)
             if code == OK:
                 sort = CORRIDOR
-                rank = _rank(world, store, scratch, one, other, row)
+                rank = _rank(instance, store, scratch, one, other, row)
             elif code != NO_PATH:
                 return code
-        if sort == PLAIN and kind == MEET and len(world.column) and rank < 2:
+        if sort == PLAIN and kind == MEET and len(instance.column) and rank < 2:
             kept = store.used[ROWS]
-            code = _split_rectangle(world, store, one, other, row)
+            code = _split_rectangle(instance, store, one, other, row)
             if code == OK:
                 sort = RECTANGLE
-                rank = _rank(world, store, scratch, one, other, row)
+                rank = _rank(instance, store, scratch, one, other, row)
             elif code == NO_PATH:
                 store.used[ROWS] = kept
             else:
@@ -131,28 +131,28 @@ def _split(world, store, scratch, one, other, row, symmetries):
 
 
 @kernel
-def _rank(world, store, scratch, one, other, row):
+def _rank(instance, store, scratch, one, other, row):
     """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
     rank = 0
-    if raises_cost(world, store, scratch, one, row[A0], row[A1]):
+    if raises_cost(instance, store, scratch, one, row[A0], row[A1]):
         rank += 1
-    if raises_cost(world, store, scratch, other, row[B0], row[B1]):
+    if raises_cost(instance, store, scratch, other, row[B0], row[B1]):
         rank += 1
     return rank
 
 
 @kernel
-def _between(world, v, ends):
+def _between(instance, v, ends):
     """Whether v has exactly two neighbours, both ways; they are written to `ends`."""
-    if world.first[v + 1] - world.first[v] != 2 or world.first_in[v + 1] - world.first_in[v] != 2:
+    if instance.first[v + 1] - instance.first[v] != 2 or instance.first_in[v + 1] - instance.first_in[v] != 2:
         return False
-    a, b = world.first[v], world.first_in[v]
-    ends[0], ends[1] = world.head[a], world.head[a + 1]
-    return world.head[a] == world.tail_in[b] and world.head[a + 1] == world.tail_in[b + 1]
+    a, b = instance.first[v], instance.first_in[v]
+    ends[0], ends[1] = instance.head[a], instance.head[a + 1]
+    return instance.head[a] == instance.tail_in[b] and instance.head[a + 1] == instance.tail_in[b + 1]
 
 
 @kernel
-def _corridor_of(world, store, one, other, row, corridor):
+def _corridor_of(instance, store, one, other, row, corridor):
     """Find the corridor around a conflict of robots that go through it in opposite directions.
 
     `corridor` becomes: the end at which ONE comes out, the end at which OTHER comes out, its length in lanes,
@@ -160,10 +160,10 @@ def _corridor_of(world, store, one, other, row, corridor):
     """
     at, step = row[AT], row[STEP]
     ends = np.empty(2, np.int64)
-    one_goal, other_goal = world.goal[row[ONE]], world.goal[row[OTHER]]
-    one_start, other_start = world.start[row[ONE]], world.start[row[OTHER]]
+    one_goal, other_goal = instance.goal[row[ONE]], instance.goal[row[OTHER]]
+    one_start, other_start = instance.start[row[ONE]], instance.start[row[OTHER]]
     if row[KIND] == MEET:
-        if not _between(world, at, ends) or at in (one_goal, other_goal, one_start, other_start):
+        if not _between(instance, at, ends) or at in (one_goal, other_goal, one_start, other_start):
             return False
         # the robots came from either side
         one_from, other_from = np.int64(-1), np.int64(-1)
@@ -182,7 +182,7 @@ def _corridor_of(world, store, one, other, row, corridor):
         length = 1
         last, previous = behind, ahead
     before = last
-    while ahead != one_goal and ahead != other_goal and ahead != one_start and ahead != other_start and _between(world, ahead, ends):
+    while ahead != one_goal and ahead != other_goal and ahead != one_start and ahead != other_start and _between(instance, ahead, ends):
         step_on = ends[0] if ends[1] == before else ends[1]
         if step_on == behind:
             return False  # a ring
@@ -190,7 +190,9 @@ def _corridor_of(world, store, one, other, row, corridor):
         length += 1
     corridor[3] = before
     before = previous
-    while behind != one_goal and behind != other_goal and behind != one_start and behind != other_start and _between(world, behind, ends):
+    while (
+        behind != one_goal and behind != other_goal and behind != one_start and behind != other_start and _between(instance, behind, ends)
+    ):
         step_on = ends[0] if ends[1] == before else ends[1]
         if step_on == ahead:
             return False
@@ -213,7 +215,7 @@ def _first_at(store, record, vertex, step):
 
 
 @kernel
-def _steps_without(world, scratch, end, ban_u, ban_v):
+def _steps_without(instance, scratch, end, ban_u, ban_v):
     """Fill `scratch.reach` with the steps to `end` that do not use an edge."""
     reach, queue = scratch.reach, scratch.queue
     reach[:] = UNREACHABLE
@@ -223,8 +225,8 @@ def _steps_without(world, scratch, end, ban_u, ban_v):
     while k < count:
         v = queue[k]
         k += 1
-        for m in range(world.first_in[v], world.first_in[v + 1]):
-            u = world.tail_in[m]
+        for m in range(instance.first_in[v], instance.first_in[v + 1]):
+            u = instance.tail_in[m]
             if reach[u] == UNREACHABLE and not ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u)):
                 reach[u] = reach[v] + 1
                 queue[count] = u
@@ -232,15 +234,15 @@ def _steps_without(world, scratch, end, ban_u, ban_v):
 
 
 @kernel
-def _arrival(world, scratch, start, end, ban_u, ban_v):
+def _arrival(instance, scratch, start, end, ban_u, ban_v):
     """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
-    _steps_without(world, scratch, end, ban_u, ban_v)
-    code, cost, _ = earliest_arrival(world, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
+    _steps_without(instance, scratch, end, ban_u, ban_v)
+    code, cost, _ = earliest_arrival(instance, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
 @kernel
-def _split_corridor(world, store, scratch, one, other, row, corridor):
+def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length = corridor[0], corridor[1], corridor[2]
     if row[KIND] == MEET:
@@ -251,20 +253,20 @@ def _split_corridor(world, store, scratch, one, other, row, corridor):
     other_at = _first_at(store, other, other_end, row[STEP])
     if one_at < 0 or other_at < 0:
         return NO_PATH
-    code = load(world, store, scratch, one)
+    code = load(instance, store, scratch, one)
     if code != OK:
         return code
-    one_start = world.start[row[ONE]]
-    one_through = _arrival(world, scratch, one_start, one_end, -1, -1)
-    one_around = _arrival(world, scratch, one_start, one_end, cut_u, cut_v)
+    one_start = instance.start[row[ONE]]
+    one_through = _arrival(instance, scratch, one_start, one_end, -1, -1)
+    one_around = _arrival(instance, scratch, one_start, one_end, cut_u, cut_v)
     if one_at >= one_around:
         return NO_PATH
-    code = load(world, store, scratch, other)
+    code = load(instance, store, scratch, other)
     if code != OK:
         return code
-    other_start = world.start[row[OTHER]]
-    other_through = _arrival(world, scratch, other_start, other_end, -1, -1)
-    other_around = _arrival(world, scratch, other_start, other_end, cut_u, cut_v)
+    other_start = instance.start[row[OTHER]]
+    other_through = _arrival(instance, scratch, other_start, other_end, -1, -1)
+    other_around = _arrival(instance, scratch, other_start, other_end, cut_u, cut_v)
     one_until = min(one_around - 1, other_through + length)
     other_until = min(other_around - 1, one_through + length)
     if one_at > one_until or other_at > other_until:
@@ -279,7 +281,7 @@ def _split_corridor(world, store, scratch, one, other, row, corridor):
 
 
 @kernel
-def _corners(world, store, record, at, step, direction, corner):
+def _corners(instance, store, record, at, step, direction, corner):
     """Steps of MDD levels with one member from which (direction -1) or to which (+1) all paths run straight to the conflict.
 
     The conflict's own step comes first; [MOST_CORNERS] steps, nearest first, are written. Straight: in as many steps as cells lie between.
@@ -290,7 +292,7 @@ def _corners(world, store, record, at, step, direction, corner):
     while 0 <= t <= cost and count < MOST_CORNERS:
         v = only(store, record, t)
         if v >= 0:
-            apart = abs(world.column[v] - world.column[at]) + abs(world.line[v] - world.line[at])
+            apart = abs(instance.column[v] - instance.column[at]) + abs(instance.line[v] - instance.line[at])
             if apart != abs(step - t):
                 break
             corner[count] = t
@@ -300,15 +302,15 @@ def _corners(world, store, record, at, step, direction, corner):
 
 
 @kernel
-def _ways(world, store, record, at, direction, step, ways):
+def _ways(instance, store, record, at, direction, step, ways):
     """The signs in which a corner at `step` lies from the conflict, in the sense of travel: ways[0] for columns, ways[1] for lines."""
     v = only(store, record, step)
-    ways[0] = direction * np.sign(world.column[v] - world.column[at])
-    ways[1] = direction * np.sign(world.line[v] - world.line[at])
+    ways[0] = direction * np.sign(instance.column[v] - instance.column[at])
+    ways[1] = direction * np.sign(instance.line[v] - instance.line[at])
 
 
 @kernel
-def _split_rectangle(world, store, one, other, row):
+def _split_rectangle(instance, store, one, other, row):
     """Barrier constraints of a rectangle around a meeting; NO_PATH when there is none."""
     at, step = row[AT], row[STEP]
     if store.meta[one, MDD0] < 0 or store.meta[other, MDD0] < 0:
@@ -317,21 +319,21 @@ def _split_rectangle(world, store, one, other, row):
         return NO_PATH
     from_one, from_other = np.empty(MOST_CORNERS, np.int64), np.empty(MOST_CORNERS, np.int64)
     to_one, to_other = np.empty(MOST_CORNERS, np.int64), np.empty(MOST_CORNERS, np.int64)
-    num_from_one = _corners(world, store, one, at, step, -1, from_one)
-    num_from_other = _corners(world, store, other, at, step, -1, from_other)
-    num_to_one = _corners(world, store, one, at, step, 1, to_one)
-    num_to_other = _corners(world, store, other, at, step, 1, to_other)
+    num_from_one = _corners(instance, store, one, at, step, -1, from_one)
+    num_from_other = _corners(instance, store, other, at, step, -1, from_other)
+    num_to_one = _corners(instance, store, one, at, step, 1, to_one)
+    num_to_other = _corners(instance, store, other, at, step, 1, to_other)
     ways = np.empty((4, 2), np.int64)
     for a in range(num_from_one - 1, -1, -1):
         for b in range(num_from_other - 1, -1, -1):
             for c in range(num_to_one - 1, -1, -1):
                 for d in range(num_to_other - 1, -1, -1):
-                    _ways(world, store, one, at, -1, from_one[a], ways[0])
-                    _ways(world, store, other, at, -1, from_other[b], ways[1])
-                    _ways(world, store, one, at, 1, to_one[c], ways[2])
-                    _ways(world, store, other, at, 1, to_other[d], ways[3])
+                    _ways(instance, store, one, at, -1, from_one[a], ways[0])
+                    _ways(instance, store, other, at, -1, from_other[b], ways[1])
+                    _ways(instance, store, one, at, 1, to_one[c], ways[2])
+                    _ways(instance, store, other, at, 1, to_other[d], ways[3])
                     code = _barriers(
-                        world,
+                        instance,
                         store,
                         one,
                         other,
@@ -348,7 +350,7 @@ def _split_rectangle(world, store, one, other, row):
 
 
 @kernel
-def _barriers(world, store, one, other, row, from_one, from_other, to_one, to_other, ways):
+def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to_other, ways):
     """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
     at, step = row[AT], row[STEP]
     right, up = 0, 0  # the directions in which both travel
@@ -360,8 +362,8 @@ def _barriers(world, store, one, other, row, from_one, from_other, to_one, to_ot
     if right == 0 or up == 0:
         return NO_PATH
     # in coordinates that grow in the direction of travel
-    x_one, y_one = right * world.column[from_one], up * world.line[from_one]
-    x_other, y_other = right * world.column[from_other], up * world.line[from_other]
+    x_one, y_one = right * instance.column[from_one], up * instance.line[from_one]
+    x_other, y_other = right * instance.column[from_other], up * instance.line[from_other]
     if x_one <= x_other and y_one >= y_other and (x_one, y_one) != (x_other, y_other):
         one_from_left = True
     elif x_one >= x_other and y_one <= y_other and (x_one, y_one) != (x_other, y_other):
@@ -369,9 +371,9 @@ def _barriers(world, store, one, other, row, from_one, from_other, to_one, to_ot
     else:
         return NO_PATH
     low_x, low_y = max(x_one, x_other), max(y_one, y_other)
-    high_x = min(right * world.column[to_one], right * world.column[to_other])
-    high_y = min(up * world.line[to_one], up * world.line[to_other])
-    x_at, y_at = right * world.column[at], up * world.line[at]
+    high_x = min(right * instance.column[to_one], right * instance.column[to_other])
+    high_y = min(up * instance.line[to_one], up * instance.line[to_other])
+    x_at, y_at = right * instance.column[at], up * instance.line[at]
     if low_x > x_at or low_y > y_at or high_x < x_at or high_y < y_at or (low_x == high_x and low_y == high_y):
         return NO_PATH
     begin = store.used[ROWS]
@@ -392,7 +394,7 @@ def _barriers(world, store, one, other, row, from_one, from_other, to_one, to_ot
             mdd = store.meta[record, MDD0]
             for p in range(store.level[mdd + t], store.level[mdd + t + 1]):
                 v = store.member[p]
-                if right * world.column[v] == x and up * world.line[v] == y:
+                if right * instance.column[v] == x and up * instance.line[v] == y:
                     if not add_row(store, RANGE, v, -1, t, t):
                         return STORE_FULL
                     if t <= cost and store.path[path0 + t] == v:

@@ -1,0 +1,116 @@
+"""Kernels that count whom a robot disturbs: the installed robots that it would be in conflict with.
+
+What counts as a conflict of two robots is decided here for searches, in `_conflicts` for constraint trees.
+"""
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+from mrp_sumo.search._occupancy import MANY, ONE, WORD, next_visit
+from mrp_sumo.search._records import place
+
+
+@kernel(inline="always", allocates=False)
+def is_taken(occupancy, words, vertex, step):
+    """Whether another robot is at a vertex at a step, on its way or for good; False beyond the steps that are known.
+
+    `words` is W of the occupancy: to divide here would cost as much as the rest.
+    """
+    on_way = step < words * WORD and ((occupancy.busy[vertex * words + (step >> 5)] >> np.uint64(step & 31)) & ONE) != 0
+    return on_way or (step < words * WORD and occupancy.since[vertex] <= step)
+
+
+@kernel(inline="always", allocates=False)
+def num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following):
+    """How many robots are disturbed by a move from u that arrives at v at a step, or by waiting at u = v.
+
+    Parameters
+    ----------
+    words
+        W of the occupancy.
+    u_is_taken
+        Whether another robot is at u at this step, see `is_taken`: only then can it have changed places with this one.
+    following
+        Whether following conflicts count.
+    """
+    busy, visit = occupancy.busy, occupancy.visit
+    num = np.int64(0)
+    if occupancy.since[v] <= step:
+        num += 1
+    if step < words * WORD:
+        there, there_before, here = v * words + (step >> 5), v * words + ((step - 1) >> 5), u * words + (step >> 5)
+        bits = busy[there] >> np.uint64(step & 31)
+        num += np.int64(bits & ONE)
+        if bits & MANY:
+            num += _others_there(occupancy, visit[there], step)
+        if u != v:
+            if (u_is_taken or following) and (busy[there_before] >> np.uint64((step - 1) & 31)) & ONE:
+                num += _who_leave(store, occupancy, visit[there_before], u, v, step, following)
+            if following and (busy[here] >> np.uint64(step & 31)) & ONE:
+                num += _who_follow(store, occupancy, visit[here], v, step)
+    return num
+
+
+@kernel(allocates=False)
+def _others_there(occupancy, visit, step):
+    """How many robots but the first are at a vertex at a step."""
+    after, num_robots = occupancy.after, len(occupancy.record)
+    low = step * num_robots
+    num = 0
+    e = next_visit(after, after[next_visit(after, visit, low, num_robots)], low, num_robots)
+    while e:
+        num += 1
+        e = next_visit(after, after[e], low, num_robots)
+    return num
+
+
+@kernel(allocates=False)
+def _who_leave(store, occupancy, visit, u, v, step, following):
+    """How many robots at v the step before go to u as the robot comes from there; with `following`, all who leave v."""
+    after, num_robots = occupancy.after, len(occupancy.record)
+    low = (step - 1) * num_robots
+    num = 0
+    e = next_visit(after, visit, low, num_robots)
+    while e:
+        went = place(store, occupancy.record[e - low - 1], step)
+        if went == u or (following and went != v):
+            num += 1
+        e = next_visit(after, after[e], low, num_robots)
+    return num
+
+
+@kernel(allocates=False)
+def _who_follow(store, occupancy, visit, v, step):
+    """How many robots enter the vertex that the robot leaves, but those that come from v, where it goes."""
+    after, num_robots = occupancy.after, len(occupancy.record)
+    low = step * num_robots
+    num = 0
+    e = next_visit(after, visit, low, num_robots)
+    while e:
+        if place(store, occupancy.record[e - low - 1], step - 1) != v:
+            num += 1
+        e = next_visit(after, after[e], low, num_robots)
+    return num
+
+
+@kernel(allocates=False)
+def count_visits_from(occupancy, goal, begin, later):
+    """Fill `later` with the visits of others at the goal from each step on, from `begin`; the last step with one, -1 for none."""
+    words, num_robots = len(occupancy.busy) // len(occupancy.since), len(occupancy.record)
+    low, last = goal * words, np.int64(-1)
+    for word in range(words - 1, (begin >> 5) - 1, -1):
+        if occupancy.busy[low + word] == 0:
+            if last >= 0:
+                later[word * WORD : (word + 1) * WORD] = later[(word + 1) * WORD]
+            continue
+        if last < 0:
+            last = np.int64(word * WORD + WORD - 1)
+            later[last + 1] = 0
+        later[word * WORD : (word + 1) * WORD] = 0
+        k = np.int64(occupancy.visit[low + word])
+        while k > 0:
+            later[(k - 1) // num_robots] += 1
+            k = np.int64(occupancy.after[k])
+        for t in range(word * WORD + WORD - 1, word * WORD - 1, -1):
+            later[t] += later[t + 1]
+    return last
