@@ -92,37 +92,42 @@ class Order(Protocol):
         """What the order adds to the result's statistics."""
 
 
-def search(
-    problem: Problem,
-    time_limit_s: float,
-    order_of: Callable[[Forest], Order],
-    *,
-    w: float = 1.0,
-    assigns: bool = False,
-    following: bool,
-    symmetries: bool,
-    memory_mb: int,
-) -> PlanResult:
+class Face(Protocol):
+    """What the search asks of a planner: the parameters that all have."""
+
+    @property
+    def assigns(self) -> bool: ...
+
+    @property
+    def following(self) -> bool: ...
+
+    @property
+    def symmetries(self) -> bool: ...
+
+    @property
+    def memory_mb(self) -> int: ...
+
+
+def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Callable[[Forest], Order], *, w: float = 1.0) -> PlanResult:
     """Expand nodes in a planner's order, until one without conflicts costs at most w times the lower bound.
 
     Parameters
     ----------
+    planner
+        Who asks; where it `assigns`, every assignment of the goals will do.
     problem, time_limit_s
         As `Planner.plan` takes them.
     order_of
         The order of a forest's nodes.
     w
         The factor.
-    assigns
-        Whether every assignment of the goals will do.
-    following, symmetries, memory_mb
-        The planners' parameters.
     """
     began = perf_counter()
-    limit = limits(time_limit_s, memory_mb)
+    assigns = planner.assigns
+    limit = limits(time_limit_s, planner.memory_mb)
     if refusal := goals_clash(problem) if assigns else impossible(problem):
         return refusal
-    forest = Forest(problem, limit, assigns=assigns, following=following, symmetries=symmetries)
+    forest = Forest(problem, limit, assigns=assigns, following=planner.following, symmetries=planner.symmetries)
     order = order_of(forest)
     expanded = 0
     paths: Paths | None = None

@@ -45,10 +45,8 @@ class Cbs:
         from planners.conflict_based._frame import search
 
         return search(
+            self,
             problem,
             time_limit_s,
             lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass, disjoint=self.disjoint),
-            following=self.following,
-            symmetries=self.symmetries,
-            memory_mb=self.memory_mb,
         )

@@ -40,12 +40,4 @@ class CbsTa:
         from planners.conflict_based._best_first import BestFirst
         from planners.conflict_based._frame import search
 
-        return search(
-            problem,
-            time_limit_s,
-            lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass),
-            assigns=True,
-            following=self.following,
-            symmetries=self.symmetries,
-            memory_mb=self.memory_mb,
-        )
+        return search(self, problem, time_limit_s, lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass))

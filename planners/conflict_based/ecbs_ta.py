@@ -40,13 +40,4 @@ class EcbsTa:
         from planners.conflict_based._focal import Focal
         from planners.conflict_based._frame import search
 
-        return search(
-            problem,
-            time_limit_s,
-            lambda forest: Focal(forest, self.w),
-            w=self.w,
-            assigns=True,
-            following=self.following,
-            symmetries=self.symmetries,
-            memory_mb=self.memory_mb,
-        )
+        return search(self, problem, time_limit_s, lambda forest: Focal(forest, self.w), w=self.w)

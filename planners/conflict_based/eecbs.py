@@ -50,11 +50,9 @@ class Eecbs:
         from planners.conflict_based._frame import search
 
         return search(
+            self,
             problem,
             time_limit_s,
             lambda forest: ExplicitEstimation(forest, self.w, bypass=self.bypass, incumbent=self.incumbent and not self.following),
             w=self.w,
-            following=self.following,
-            symmetries=self.symmetries,
-            memory_mb=self.memory_mb,
         )

@@ -7,16 +7,15 @@ The low level is SIPP (Phillips, Likhachev, ICRA 2011).
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit
-from mrp_sumo.search.distance import distances
 
 ORDERS = 3  # purpose of the stream of chance
 
@@ -40,88 +39,46 @@ class Prioritised:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from mrp_sumo.search._sipp import find_path, new_intervals, reserve, reset
+        from planners.safe_interval._reservations import prepare
 
-        intervals, scratch = new_intervals(2, 16)
-        reset(2, intervals)
-        path = np.zeros(8, np.int64)
-        lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
-        find_path(*lanes, distance, np.int64(0), np.int64(1), self.following, intervals, scratch, path)
-        reserve(intervals, path, 2)
+        prepare(following=self.following)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when all restarts are used up."""
-        from mrp_sumo.search._sipp import FOUND, FULL, find_path, new_intervals, reserve, reset
+        from planners.safe_interval._reservations import Reservations
 
         require_limit(time_limit_s)
         began = perf_counter()
         if refusal := impossible(problem):
             return refusal
-        tables = distances(problem.graph)
-        num_vertices, num_robots = problem.graph.num_vertices, problem.num_robots
-        table = tables.to_all(problem.target)
-        alone = table[np.arange(num_robots), problem.start]
-        target = problem.target
+        reservations = Reservations(problem, following=self.following)
+        lower_bound = float(reservations.least.sum())
+        order = np.argsort(-reservations.least, kind="stable")
         chance = np.random.default_rng([problem.seed, ORDERS])
-        order = np.argsort(-alone, kind="stable")
-        room = 4 * (num_vertices + int(alone.sum()) + 64)
-        intervals, scratch = new_intervals(num_vertices, room)
-        path = np.empty(2 * num_vertices + int(alone.max(initial=0)) + 64, np.int64)
-        stats = {"orders": 0.0, "lower_bound_steps": float(alone.sum())}
-        status = Status.GAVE_UP
-        for attempt in range(self.restarts + 1):
-            stats["orders"] = attempt + 1.0
-            reset(num_vertices, intervals)
+        status, plan, attempt = Status.GAVE_UP, None, 0
+        for attempt in range(1, self.restarts + 2):
+            reservations.clear()
             paths: dict[int, IntArray] = {}
             for robot in order.tolist():
-                code, length = find_path(
-                    tables.first, tables.head, table[robot], problem.start[robot], target[robot], self.following, intervals, scratch, path
-                )
-                while code == FULL or (code == FOUND and not reserve(intervals, path, length)):
-                    intervals, scratch, path = _doubled(intervals, scratch, path)
-                    code, length = find_path(
-                        tables.first,
-                        tables.head,
-                        table[robot],
-                        problem.start[robot],
-                        target[robot],
-                        self.following,
-                        intervals,
-                        scratch,
-                        path,
-                    )
-                if code != FOUND:
+                path = reservations.plan(robot)
+                if path is None:
                     break
-                paths[robot] = path[:length].copy()
+                paths[robot] = path
                 if perf_counter() - began > time_limit_s:
                     break
-            if len(paths) == num_robots:
-                return PlanResult(
-                    Status.SOLVED,
-                    plan=plan_of_paths([paths[r] for r in range(num_robots)], problem.step_s),
-                    planning_time_s=perf_counter() - began,
-                    lower_bound_steps=float(alone.sum()),
-                    stats=stats,
-                )
+            if len(paths) == problem.num_robots:
+                status, plan = Status.SOLVED, plan_of_paths([paths[r] for r in range(problem.num_robots)], problem.step_s)
+                break
             if perf_counter() - began > time_limit_s:
                 status = Status.TIMED_OUT
                 break
             failed_first = np.concatenate(([robot], order[order != robot]))
-            order = chance.permutation(num_robots) if attempt % 4 == 3 else failed_first
+            order = chance.permutation(problem.num_robots) if attempt % 4 == 0 else failed_first
         return PlanResult(
             status,
+            plan=plan,
             planning_time_s=perf_counter() - began,
-            lower_bound_steps=float(alone.sum()),
-            stats=stats,
-            message=f"none of {int(stats['orders'])} orders of the robots gave a plan",
+            lower_bound_steps=lower_bound,
+            stats={"orders": float(attempt), "lower_bound_steps": lower_bound},
+            message="" if plan else f"none of {attempt} orders of the robots gave a plan",
         )
-
-
-def _doubled(intervals: Any, scratch: Any, path: IntArray) -> Any:
-    """Twice the length, with the same intervals in use."""
-    longer = [type(group)(*(_longer(a) if len(a) > 1 else a for a in group)) for group in (intervals, scratch)]
-    return longer[0], longer[1], _longer(path)
-
-
-def _longer(array: Any) -> Any:
-    return np.concatenate([array, np.zeros_like(array)])

@@ -1,0 +1,62 @@
+"""The paths planned so far, and the earliest path of one robot more around them (SIPP)."""
+
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.search._sipp import FOUND, FULL, Intervals, SippScratch, find_path, new_intervals, reserve, reset
+from mrp_sumo.search.distance import distances
+
+
+class Reservations:
+    """Safe intervals of a problem's graph; the buffers grow where they do not suffice."""
+
+    def __init__(self, problem: Problem, *, following: bool) -> None:
+        """`following` is whether a vertex must be free for a step before it is entered."""
+        tables = distances(problem.graph)
+        self._first, self._head, self._table = tables.first, tables.head, tables.to_all(problem.target)
+        self._start, self._goal, self._following = problem.start, problem.target, following
+        self._num_vertices = problem.graph.num_vertices
+        self.least = self._table[np.arange(problem.num_robots), problem.start]  # [R] steps of each robot's shortest path
+        room = 4 * (self._num_vertices + int(self.least.sum()) + 64)
+        self._intervals, self._scratch = new_intervals(self._num_vertices, room)
+        self._path = np.empty(2 * self._num_vertices + int(self.least.max(initial=0)) + 64, np.int64)
+
+    def clear(self) -> None:
+        """Drop all paths."""
+        reset(self._num_vertices, self._intervals)
+
+    def plan(self, robot: int) -> IntArray | None:
+        """[T] the robot's earliest path around those reserved, itself reserved from now on; None where there is none."""
+        while True:
+            code, length = find_path(
+                self._first, self._head, self._table[robot], self._start[robot], self._goal[robot], self._following,
+                self._intervals, self._scratch, self._path,
+            )  # fmt: skip
+            if code == FOUND and reserve(self._intervals, self._path, length):
+                return self._path[:length].copy()
+            if code not in (FOUND, FULL):
+                return None
+            self._grow()
+
+    def _grow(self) -> None:
+        """Twice the room, with the same intervals in use."""
+        self._intervals = Intervals._make(_longer(a) if len(a) > 1 else a for a in self._intervals)
+        self._scratch = SippScratch._make(_longer(a) if len(a) > 1 else a for a in self._scratch)
+        self._path = _longer(self._path)
+
+
+def _longer(array: Any) -> Any:
+    return np.concatenate([array, np.zeros_like(array)])
+
+
+def prepare(*, following: bool) -> None:
+    """Compile or load the kernels."""
+    intervals, scratch = new_intervals(2, 16)
+    reset(2, intervals)
+    path = np.zeros(8, np.int64)
+    lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
+    find_path(*lanes, distance, np.int64(0), np.int64(1), following, intervals, scratch, path)
+    reserve(intervals, path, 2)
