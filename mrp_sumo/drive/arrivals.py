@@ -9,6 +9,7 @@ import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.drive._causes import ARRIVED_M
 
 AT_REST_MPS = 1e-6
 
@@ -25,13 +26,13 @@ def with_goals_within(execution: Execution, xy_m: FloatArray, end: IntArray, tol
     end
         [R] vertices where the robots' tasks end.
     tolerance_m
-        How near is near enough.
+        How near is near enough; `ARRIVED_M` always is: a recovery may send a robot away that never leaves.
     """
-    if execution.all_at_goal or not len(execution.t_s) or not tolerance_m:
+    if execution.all_at_goal or not len(execution.t_s):
         return execution
     goal_m = xy_m[end]
     away_m = np.hypot(execution.x_m - goal_m[:, 0], execution.y_m - goal_m[:, 1])
-    there = (away_m < tolerance_m) & (np.abs(execution.speed_mps) <= AT_REST_MPS)  # [T, R]
+    there = (away_m < max(tolerance_m, ARRIVED_M)) & (np.abs(execution.speed_mps) <= AT_REST_MPS)  # [T, R]
     goal_s, events = execution.goal_s.copy(), list(execution.events)
     for robot in np.flatnonzero(np.isnan(goal_s) & there[-1]).tolist():
         elsewhere = np.flatnonzero(~there[:, robot])

@@ -147,6 +147,16 @@ def test_who_blocks_a_goal_is_moved_aside_by_a_new_plan(tmp_path):
     assert (run.x_m[-1, 0], run.x_m[-1, 1]) == pytest.approx((0.8, 1.2), abs=0.002)
 
 
+@pytest.mark.parametrize("tolerance_m", [0.0, 0.01])
+def test_a_robot_that_is_sent_aside_and_never_leaves_stands_on_its_goal(tmp_path, tolerance_m):
+    # as above, but robot_0 breaks down before it leaves, and is not repaired before time is up
+    broken = Disturbances(breakdowns=(Breakdown(0, 7.2, 1000.0),))
+    settings = {"patience_s": 5.0, "time_limit_s": 40.0, "goal_tolerance_m": tolerance_m, "disturbances": broken}
+    run = recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], **settings)
+    assert events(run, "resolved") and run.outcome is Outcome.TIME_LIMIT
+    assert np.isfinite(run.goal_s).tolist() == [True, False]
+
+
 def test_a_closed_lane_is_driven_around_after_the_patience(tmp_path):
     # 3 x 3: robot_0 goes along the lower edge and finds the second lane closed for good
     closed = Disturbances(closures=(Closure(1, 2, 0.0),))
