@@ -20,6 +20,7 @@ CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
     "repeat": ("campaigns.repeat:Repeat", 600.0),
     "kills": ("campaigns.kills:Kills", 300.0),
     "noise": ("campaigns.noise:Noise", 300.0),
+    "referee": ("campaigns.referee:Referee", 60.0),
 }
 
 
@@ -29,19 +30,14 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=30.0, help="after which no trial begins (default: 30)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/campaigns"), metavar="DIR", help="default: runs/campaigns")
-    parser.add_argument("--child", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     sys.path[:0] = [str(ROOT / "tests"), str(ROOT)]
     from campaigns import driver
 
     name, limit_s = CAMPAIGNS[options.campaign]
     module, _, kind = name.partition(":")
-    if options.child is None:
-        command = [sys.executable, __file__, options.campaign, "--seed", str(options.seed), "--out", str(options.out)]
-        return driver.run(command, options.campaign, options.out, options.seed, options.minutes, limit_s)
     campaign: Any = getattr(import_module(module), kind)(options.seed)
-    driver.work(campaign, options.campaign, options.out, options.seed, options.child)
-    return 0
+    return driver.run(campaign, driver.Places(options.campaign, options.seed, options.out), options.minutes, limit_s)
 
 
 if __name__ == "__main__":

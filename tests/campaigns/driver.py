@@ -3,8 +3,9 @@
     OUT/<campaign>-<seed>.jsonl    one line per trial that ended
     OUT/failed/<campaign>-<seed>-<number>/   the files of a trial with a fault; `command.sh` shows it
 
-A campaign is a class with `trial(number, folder)`. What a trial is follows from the seed and its number alone. Trials run one
-after the other in a child process with 4 GB; a trial that takes too long or kills the process is a fault, and the next child goes on.
+A campaign is a class with `trial(number, folder)`. What a trial is follows from the seed and its number alone. The campaign's process
+loads modules and starts no thread; it forks a child with 4 GB, which makes some thousand trials, one after the other. A trial that
+takes too long or kills the process is a fault, and the next child goes on.
 """
 
 import collections
@@ -13,7 +14,7 @@ import os
 import resource
 import shutil
 import signal
-import subprocess
+import sys
 import time
 import traceback
 from dataclasses import asdict, dataclass
@@ -21,8 +22,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 MEMORY_BYTES = 4 << 30
-TRIALS_PER_CHILD = 300
+GROWTH_BYTES = 1 << 29  # after which a child ends, so that no trial suffers for those before it
+TRIALS_PER_CHILD = 5000
 STARTING_S = 900.0
+MEMORY_DISK = Path("/dev/shm")  # trials write there, where syncing costs nothing
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,28 @@ class Campaign(Protocol):
         """Make a trial in an empty folder."""
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where a campaign writes."""
+
+    name: str
+    seed: int
+    out: Path
+
+    @property
+    def rows(self) -> Path:
+        return self.out / f"{self.name}-{self.seed}.jsonl"
+
+    def work(self, number: int) -> Path:
+        """Folder of a trial under way."""
+        top = MEMORY_DISK / f"campaign-{os.getuid()}" if MEMORY_DISK.is_dir() else self.out.resolve() / "work"
+        return top / f"{self.name}-{self.seed}-{number}"
+
+    def failed(self, number: int) -> Path:
+        """Folder of a trial with a fault."""
+        return self.out / "failed" / f"{self.name}-{self.seed}-{number}"
+
+
 def rows_in(path: Path) -> dict[int, dict[str, Any]]:
     """Trials that ended, by number; a line that was cut off is made again."""
     rows = {}
@@ -56,17 +81,15 @@ def rows_in(path: Path) -> dict[int, dict[str, Any]]:
     return rows
 
 
-def run(command: list[str], name: str, out: Path, seed: int, minutes: float, limit_s: float) -> int:
+def run(campaign: Campaign, places: Places, minutes: float, limit_s: float) -> int:
     """Make trials until the time is up or there are no more; print what was found.
 
     Parameters
     ----------
-    command
-        Starts a child; "--child FIRST" is added.
-    name, seed
-        Of the campaign.
-    out
-        Folder of the results.
+    campaign
+        Whose trials they are.
+    places
+        Where they are written.
     minutes
         After which no trial begins.
     limit_s
@@ -77,93 +100,124 @@ def run(command: list[str], name: str, out: Path, seed: int, minutes: float, lim
     int
         The exit code: 1 when a trial, now or earlier, had a fault.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / f"{name}-{seed}.jsonl"
-    until = time.monotonic() + 60 * minutes
-    while time.monotonic() < until:
-        first = max(rows_in(path), default=-1) + 1
-        child = subprocess.Popen([*command, "--child", str(first)], start_new_session=True)
-        _watch(child, path, out, name, seed, limit_s, until)
-        if first == max(rows_in(path), default=-1) + 1:  # there are no more
-            break
-    print(table(rows_in(path).values()))
-    return 1 if any(row["faults"] for row in rows_in(path).values()) else 0
+    places.out.mkdir(parents=True, exist_ok=True)
+    begin = time.monotonic()
+    first = done = max(rows_in(places.rows), default=-1) + 1
+    while time.monotonic() < begin + 60 * minutes and (campaign.size is None or done < campaign.size):
+        sys.stdout.flush()
+        child = os.fork()
+        if child == 0:
+            _be_child(campaign, places, done)
+        _watch(child, places, done, limit_s, begin + 60 * minutes)
+        done = _next_number(places.rows)
+    rows, took_s = rows_in(places.rows), time.monotonic() - begin
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu_s = used.ru_utime + used.ru_stime
+    print(table(rows.values()))
+    print(
+        f"{done - first} trials in {took_s / 60:.1f} min, {(done - first) / took_s:.3g} per second, {(done - first) / cpu_s:.3g} per CPU second"
+    )
+    return 1 if any(row["faults"] for row in rows.values()) else 0
 
 
-def _watch(child: subprocess.Popen[bytes], path: Path, out: Path, name: str, seed: int, limit_s: float, until: float) -> None:
+def _be_child(campaign: Campaign, places: Places, first: int) -> None:
+    """Make trials, and end the process."""
+    code = 3
+    try:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+        last = first + TRIALS_PER_CHILD if campaign.size is None else min(first + TRIALS_PER_CHILD, campaign.size)
+        size = 0
+        for number in range(first, last):
+            folder = places.work(number)
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            try:
+                trial = campaign.trial(number, folder)
+            except Exception:
+                trial = Trial("?", "the campaign failed", (traceback.format_exc(),))
+            _record(places, number, trial)
+            if number == first + 200:
+                size = _memory_bytes()
+            elif number > first + 200 and _memory_bytes() > size + GROWTH_BYTES:
+                break
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _memory_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+
+def _watch(child: int, places: Places, first: int, limit_s: float, until: float) -> None:
     """Wait for a child; when it hangs or dies, record its trial."""
+    path = places.rows
     size, since = -1, time.monotonic()
     patience_s = STARTING_S  # kernels may have to be compiled first
-    while child.poll() is None:
+    while True:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            break
         time.sleep(0.1)
         now = path.stat().st_size if path.is_file() else 0
         if now != size:
             patience_s = STARTING_S if size < 0 else limit_s + 30
             size, since = now, time.monotonic()
-            if since > until:
-                break
-        elif time.monotonic() - since > patience_s:
-            current = max(rows_in(path), default=-1) + 1
-            _record(
-                path,
-                out,
-                current,
-                name,
-                seed,
-                Trial("?", "hang", (f"takes more than {limit_s:g} s",), _command_in(out, name, seed, current)),
-            )
-            break
-    if child.poll() is None:
-        os.killpg(child.pid, signal.SIGKILL)
-    code = child.wait()
+        hangs = time.monotonic() - since > patience_s
+        if hangs:
+            number = max(_next_number(path), first)
+            _record(places, number, Trial("?", "hang", (f"takes more than {limit_s:g} s",), _command_in(places, number)))
+        if hangs or since > until:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return
+    code = os.waitstatus_to_exitcode(status)
     if code > 0:
-        raise SystemExit(f"{name}: the campaign itself failed")
-    if code not in (0, -signal.SIGKILL):
-        current = max(rows_in(path), default=-1) + 1
-        _record(
-            path, out, current, name, seed, Trial("?", "crash", (f"ends the process with {code}",), _command_in(out, name, seed, current))
-        )
+        raise SystemExit(f"{places.name}: the campaign itself failed")
+    if code < 0:
+        number = max(_next_number(path), first)
+        _record(places, number, Trial("?", "crash", (f"ends the process with {code}",), _command_in(places, number)))
 
 
-def work(campaign: Campaign, name: str, out: Path, seed: int, first: int) -> None:
-    """The trials of a child process."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    path = out / f"{name}-{seed}.jsonl"
-    last = first + TRIALS_PER_CHILD
-    for number in range(first, last if campaign.size is None else min(last, campaign.size)):
-        folder = _folder(out, name, seed, number)
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
+def _next_number(path: Path) -> int:
+    """After the last line's; the file may be long."""
+    if not path.is_file():
+        return 0
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 200_000))
+        lines = file.read().splitlines()
+    for line in reversed(lines):
         try:
-            trial = campaign.trial(number, folder)
-        except Exception:
-            trial = Trial("?", "the campaign failed", (traceback.format_exc(),))
-        _record(path, out, number, name, seed, trial)
+            return int(json.loads(line)["number"]) + 1
+        except ValueError:
+            continue
+    return 0
 
 
-def _folder(out: Path, name: str, seed: int, number: int) -> Path:
-    return out.resolve() / "work" / f"{name}-{seed}-{number}"
-
-
-def _command_in(out: Path, name: str, seed: int, number: int) -> str:
-    file = _folder(out, name, seed, number) / "command.sh"
+def _command_in(places: Places, number: int) -> str:
+    file = places.work(number) / "command.sh"
     return file.read_text() if file.is_file() else ""
 
 
-def _record(path: Path, out: Path, number: int, name: str, seed: int, trial: Trial) -> None:
-    folder = _folder(out, name, seed, number)
+def _record(places: Places, number: int, trial: Trial) -> None:
+    folder = places.work(number)
     if trial.faults:
-        print(f"{name} {number}: {trial.kind}: {trial.faults[0].strip().splitlines()[-1]}", flush=True)
-        failed = out / "failed" / folder.name
+        print(f"{places.name} {number}: {trial.kind}: {trial.faults[0].strip().splitlines()[-1]}", flush=True)
+        failed = places.failed(number)
         failed.parent.mkdir(exist_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "faults.txt").write_text("\n".join(trial.faults) + "\n")
+        (folder / "faults.txt").write_text("\n".join(trial.faults) + "\n", errors="replace")
         if trial.command:
-            (folder / "command.sh").write_text(trial.command.rstrip("\n") + "\n")
+            (folder / "command.sh").write_text(trial.command.rstrip("\n") + "\n", errors="surrogateescape")
         shutil.rmtree(failed, ignore_errors=True)
         shutil.move(folder, failed)
     shutil.rmtree(folder, ignore_errors=True)
-    with path.open("a") as file:
+    with places.rows.open("a") as file:
         file.write(json.dumps({"number": number, **asdict(trial)}) + "\n")
 
 

@@ -1,7 +1,8 @@
 """Damaged files of every format, through every command that reads them, and arguments nobody gives.
 
 Expected: exit code 0, 1 or 2; a refusal in lines that begin with `mrp-sumo:` and leaves nothing behind; no traceback; the trial's limits
-of time and memory hold. Commands run in the campaign's process, by `mrp_sumo.cli.main.main`.
+of time and memory hold. Commands run in the campaign's process, by `mrp_sumo.cli.main.main`, thousands one after the other; those that
+take long are drawn less often.
 """
 
 import contextlib
@@ -91,6 +92,14 @@ class Reading:
     command: tuple[str, ...]
     needs: tuple[str, ...] = ()  # more files
 
+    @property
+    def weight(self) -> float:
+        """How often it is drawn, among the others."""
+        return SLOW.get(self.command[0], 1.0)
+
+
+SLOW = {"report": 0.01, "analyze": 0.05, "query": 0.05, "compare": 0.05, "render": 0.05, "run": 0.1, "export": 0.1, "import": 0.1}
+SLOW |= {"replay": 0.1, "batch": 0.3}
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
 ON_MAP = ("--map", "small.map", "--scen", "small.scen")
@@ -193,8 +202,18 @@ class Fuzz:
         self._seed = seed
         self._kept = tempfile.TemporaryDirectory(prefix="fuzz-")
         self._material = Path(self._kept.name)
-        make_material(self._material)
+        self._weights = [reading.weight for reading in READINGS]
         os.environ["MPLBACKEND"] = "Agg"
+        maker = os.fork()  # the campaign's process itself starts no thread
+        if maker == 0:
+            code = 1
+            try:
+                make_material(self._material)
+                code = 0
+            finally:
+                os._exit(code)
+        if os.waitpid(maker, 0)[1]:
+            raise SystemExit("fuzz: the material cannot be made")
 
     def trial(self, number: int, folder: Path) -> Trial:
         chance = random.Random(f"{self._seed} {number}")
@@ -203,7 +222,7 @@ class Fuzz:
                 shutil.copy(self._material / name, folder)
             command = [chance.choice([name for name in COMMANDS if name not in UNSAFE]), *chance.choices(WORDS, k=chance.randint(0, 5))]
             return attempt(command, folder, "arguments")
-        reading = chance.choice(READINGS)
+        (reading,) = chance.choices(READINGS, self._weights)
         for name in {
             reading.file.split("/")[0],
             *reading.needs,
@@ -362,7 +381,37 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
         yield from _places(inner)
 
 
-_DAMAGES: tuple[Callable[[bytes, random.Random], bytes], ...] = (_word, _word, _line, _cut, _bytes, _inserted, _value, _value, _value)
+def _yaml_value(data: bytes, chance: random.Random) -> bytes:
+    """Another value, or none, at a place of a YAML document."""
+    import yaml
+
+    try:
+        document = yaml.load(data, yaml.CSafeLoader) if len(data) < 100_000 else None
+        places = list(_places(document))
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return _word(data, chance)
+    if not places:
+        return _word(data, chance)
+    parent, key = chance.choice(places)
+    match chance.randrange(5):
+        case 0:
+            del parent[key]
+        case 1:
+            parent[key] = [parent[key]]
+        case 2:  # a value of elsewhere
+            other, which = chance.choice(places)
+            parent[key] = other[which]
+        case _:
+            parent[key] = chance.choice(VALUES)
+    try:
+        return yaml.dump(document, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True).encode(errors="surrogatepass")
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return _word(data, chance)
+
+
+_DAMAGES: tuple[Callable[[bytes, random.Random], bytes], ...] = (
+    *(_word, _word, _line, _cut, _bytes, _inserted, _value, _value, _value, _yaml_value, _yaml_value),
+)
 
 
 def make_material(folder: Path) -> None:
