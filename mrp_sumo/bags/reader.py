@@ -18,6 +18,7 @@ from mrp_sumo.bags.messages import GENERATIONS, typestore
 from mrp_sumo.bags.paths import plain_path
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import require_regular
 
 FLEET_STATES = "/fleet_states"
@@ -147,6 +148,8 @@ def _fleet_log(path: Path, messages: list[tuple[str, int, Any]]) -> FleetLog:
     if not states:
         raise MrpSumoError(f"{path}: {FLEET_STATES} has no message")
     names = {robot.name: None for _, robots in states for robot in robots}
+    if fault := next(filter(None, map(fault_of, names)), ""):
+        raise MrpSumoError(f"{path}: {FLEET_STATES}: name of a robot: {fault}")
     column = {name: r for r, name in enumerate(names)}
     x, y = np.full((2, len(states), len(column)), np.nan)
     for k, (_, robots) in enumerate(states):

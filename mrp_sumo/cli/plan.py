@@ -47,11 +47,11 @@ def run(options: argparse.Namespace) -> int:
 
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
-    if options.scenario and (options.scen or options.assignment):
+    if options.scenario is not None and (options.scen or options.assignment):
         raise MrpSumoError("a scenario says itself who goes where: --scen and --assignment are for --map")
     scenario_choice.require_sound(options)
     kind = kind_of(options.out, options.format) if options.out else ""
-    name, problem, result, verdict, cells = _scenario(options) if options.scenario else _instance(options)
+    name, problem, result, verdict, cells = _scenario(options) if options.scenario is not None else _instance(options)
     summary = _summary(problem, result, name, verdict)
     if options.out and result.plan is not None:
         write(options.out, kind, problem, result.plan, cells)

@@ -17,6 +17,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest, sentence
 from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
+from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, plug_ins_of, read_scenario, rename, require_trust, unknown_key
@@ -24,7 +25,6 @@ from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.plugins.source import place_in_file
 
 MAX_RUNS = 1_000_000
-MAX_NAME_BYTES = 200
 _RANGE = re.compile(r"(\d+)\.\.(\d+)")
 
 Until = Literal["map", "plan", "execution"]
@@ -123,8 +123,8 @@ def read_suite(path: Path) -> SuiteFile:
     """
     document = read_document(path)
     suite = validated(document, Suite)
-    if (name := suite.name or document.path.stem) in (".", "..") or len(name.encode()) > MAX_NAME_BYTES:
-        raise ScenarioError(f"{document.at(('name',))}: found {name[:40]!r}, expected a name for a folder")
+    if fault := fault_of_folder(suite.name or document.path.stem):
+        raise ScenarioError(f"{document.at(('name',))}: {fault}")
     if not suite.grid_search and suite.repeat == 1:
         raise ScenarioError(f"{document.at(('grid_search',))}: nothing to vary; give lists by key, or repeat")
     faults: list[str] = []

@@ -16,6 +16,7 @@ from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import read_json
 
 SCHEMA_VERSION = 1
@@ -84,6 +85,8 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     for k, robot in enumerate(robots):
         if not isinstance(robot, dict) or not isinstance(robot.get("name"), str) or not isinstance(robot.get("visits"), list):
             raise PlanError(f"{path}: damaged: robots[{k}] has no name or no visits")
+        if fault := fault_of(robot["name"]):
+            raise PlanError(f"{path}: robots[{k}].name: {fault}")
         for i, visit in enumerate(robot["visits"]):
             if fault := _fault(visit):
                 raise PlanError(f"{path}: damaged: robots[{k}].visits[{i}] {fault}")

@@ -17,6 +17,7 @@ from mrp_sumo.files.reading import read_json
 from mrp_sumo.maps.building import Building
 
 SCHEMA_VERSION = 1
+FARTHEST_M = 1e7  # a coordinate beyond is none of a building
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +77,16 @@ def read_outline(path: Path) -> Outline | None:
         if document["schema_version"] != SCHEMA_VERSION:
             raise MrpSumoError(f"{path}: schema version {document['schema_version']}, expected {SCHEMA_VERSION}")
         return Outline(
-            walls=np.array(document["walls"], np.float64).reshape(-1, 2, 2),
-            doors=np.array(document["doors"], np.float64).reshape(-1, 2, 2),
-            **{key: tuple(np.array(p, np.float64).reshape(-1, 2) for p in document[key]) for key in ("floors", "holes", "lifts")},
+            walls=_points(document["walls"]).reshape(-1, 2, 2),
+            doors=_points(document["doors"]).reshape(-1, 2, 2),
+            **{key: tuple(_points(p).reshape(-1, 2) for p in document[key]) for key in ("floors", "holes", "lifts")},
         )
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise MrpSumoError(f"{path}: not the outline of a building: {error}") from None
+
+
+def _points(values: Any) -> FloatArray:
+    found = np.array(values, np.float64)
+    if not (np.abs(found) <= FARTHEST_M).all():
+        raise ValueError(f"a coordinate beyond {FARTHEST_M:g} m")
+    return found

@@ -21,8 +21,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.errors import BatchError, sentence
-from mrp_sumo.files.reading import shortened
+from mrp_sumo.errors import BatchError, MrpSumoError, sentence
+from mrp_sumo.files.reading import read_bytes, require_regular, shortened
 from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import parameter_columns
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 PLAN, TABLE, CSV, SUMS = "plan.json", "results.parquet", "results.csv", "results.sha256"
 MAX_ROWS = 10_000_000  # that a query gives
+MAX_RECORD_BYTES, MAX_TABLE_BYTES = 2**26, 2**34
 _LOCKED: dict[str, str | bool | int | float | list[str]] = {  # what SQL of a suite's views may do
     "enable_external_access": False,
     "autoinstall_known_extensions": False,
@@ -153,11 +154,7 @@ def _bodies(folder: Path, spoiled: Callable[[Path, str], None]) -> Iterator[byte
 
 
 def _read_body(path: str, name: str) -> bytes:
-    try:
-        with open(path, "rb", buffering=0) as file:  # noqa: PTH123
-            data = file.read()
-    except OSError as error:
-        raise BatchError(f"{name}: cannot be read: {sentence(error)}") from None
+    data = read_bytes(Path(path), MAX_RECORD_BYTES, BatchError)
     size = len(_HEAD % 0)
     body = data[size : -len(_TAIL)]
     if data[:size] != _HEAD % zlib.crc32(body) or not data.endswith(_TAIL) or not (begin := _BEGIN.match(body)):
@@ -179,17 +176,17 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """
     path = folder / PLAN
     try:
-        plan = json.loads(path.read_bytes())
+        if not path.exists():
+            raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}")
+        plan = json.loads(read_bytes(path, error=BatchError))
         if plan["format"] != 1:
             raise BatchError(f"{path}: format {plan['format']!r:.20}, expected 1")
         if not all(isinstance(plan[key], str) for key in ("suite", "code")) or not all(isinstance(key, str) for key in plan["keys"]):
             raise TypeError
         if not all(isinstance(text, str) for pair in plan["views"].items() for text in pair):
             raise TypeError
-    except FileNotFoundError:
-        raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}") from None
     except OSError as error:
-        raise BatchError(f"{shortened(path)}: cannot be read: {sentence(error)}") from None
+        raise BatchError(f"{shortened(path)}: {sentence(error)}") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BatchError(f"{path}: not the plan of a batch; move it away and start the batch again, no result is lost") from None
     return dict(plan)
@@ -239,8 +236,8 @@ def tables_are_whole(folder: Path) -> bool:
 
 def _is_whole(folder: Path, name: str) -> bool:
     try:
-        return _sum(name, (folder / name).read_bytes()) in (folder / SUMS).read_bytes()
-    except OSError:
+        return _sum(name, read_bytes(folder / name, MAX_TABLE_BYTES)) in read_bytes(folder / SUMS, MAX_RECORD_BYTES)
+    except MrpSumoError:
         return False
 
 
@@ -317,14 +314,15 @@ def _load_table(path: Path, report: Callable[[str], None]) -> "pyarrow.Table":
 
     file = path / TABLE if path.is_dir() else path
     damaged = path.is_dir() and (path / SUMS).exists() and not _is_whole(path, TABLE)
-    if file.is_file() and not damaged:
+    if not path.exists():
+        raise BatchError(f"{shortened(path)}: no such folder")
+    if not path.is_dir() or (file.exists() and not damaged):
+        require_regular(file, MAX_TABLE_BYTES, BatchError)
         try:
             return pq.read_table(file)
         except (pa.ArrowException, OSError, ValueError, KeyError) as error:
             if not path.is_dir():
                 raise BatchError(f"{file}: not a Parquet file: {' '.join(str(error).split())[:120]}") from None
-    if not path.is_dir():
-        raise BatchError(f"{path}: no such folder")
     order = {key: i for i, key in enumerate(read_plan(path)["keys"])}
     with _no_collection():
         records = sorted((r for r in records_in(path, report) if r["key"] in order), key=lambda record: order[record["key"]])

@@ -27,6 +27,7 @@ from pydantic import (
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.columns import MAIN_KEYS, put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
@@ -34,8 +35,8 @@ from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.plugins.source import program_of
 from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
 
-MAX_NAME_BYTES = 200
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)]
+OfRobot = Annotated[float, Field(ge=1e-4, le=1e3, allow_inf_nan=False)]  # sizes and speeds, generously
 GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
 
@@ -95,13 +96,13 @@ class Discretisation(_Strict):
 class RobotShape(_Strict):
     """A robot type written out; see the files in robots/."""
 
-    length_m: Positive
-    width_m: Positive
-    max_speed_mps: Positive
-    accel_mps2: Positive
-    decel_mps2: Positive
-    turn_rate_rad_s: Positive
-    gap_m: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0.1, description="Kept between robots, on top of their radii.")
+    length_m: OfRobot
+    width_m: OfRobot
+    max_speed_mps: OfRobot
+    accel_mps2: OfRobot
+    decel_mps2: OfRobot
+    turn_rate_rad_s: OfRobot
+    gap_m: float = Field(0.1, ge=0, le=1e3, description="Kept between robots, on top of their radii.")
     source: str = ""
 
 
@@ -281,8 +282,8 @@ class Recording(_Strict):
 
 def _folder_name(name: str) -> str:
     """A name that can be a folder's, with room for a suffix."""
-    if name in (".", "..") or len(name.encode()) > MAX_NAME_BYTES or not name.isprintable() or "/" in name:
-        raise ValueError(f"found {name[:40]!r}, expected the name of a folder, of at most {MAX_NAME_BYTES} bytes")
+    if fault := fault_of_folder(name):
+        raise ValueError(fault)
     return name
 
 

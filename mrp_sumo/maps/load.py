@@ -10,6 +10,8 @@ import numpy as np
 
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MapError, MrpSumoError, PlugInError
+from mrp_sumo.files.names import fault_of
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.cache import remembered
 from mrp_sumo.maps.finding import Finding
 from mrp_sumo.maps.map import Map
@@ -66,12 +68,12 @@ def load_map(
     """
     file, selection = map_file(Path(path)), Selection(graph, level, meters_per_pixel, cell_m, robot_radius_m)
     if reader is not None or len(file.text) < LARGE or any(_reader(name).detects(file) for name in OF_TEXT):
-        return _read(reader or _detected(file), file, selection, beside)
+        return _named(file, _read(reader or _detected(file), file, selection, beside))
     outside = [digest(registry.find("readers", name)) for name in registry.names("readers") if name not in OURS]
     choice = (str(file.path.resolve()), str(file.path), graph, level, meters_per_pixel, cell_m, robot_radius_m, *outside)
     found = remembered("map", f"{choice}\n{file.text}".encode(), lambda: _read(_detected(file), file, selection))
     _read_only(found.nav)
-    return found
+    return _named(file, found)
 
 
 def files_of(path: Path, reader: str | None = None, beside: Path | None = None) -> tuple[Path, ...]:
@@ -137,6 +139,15 @@ def _read(name: str, file: MapFile, selection: Selection, beside: Path | None = 
         raise PlugInError(f"{place_of(type(reader))}: read gives {type(found).__name__}, expected a Map")
     if not found.nav.num_lanes:
         raise MapError(f"{file.path.name}: no lanes: nothing to drive on ({found.nav.num_vertices} vertices)")
+    return found
+
+
+def _named(file: MapFile, found: Map) -> Map:
+    """The map, whose names can be shown."""
+    for what, names in (("map", (found.name,)), ("level", found.nav.level_names), ("vertex", set(found.nav.vertex_name))):
+        for name in names:
+            if fault := fault_of(name):
+                raise MapError(f"{shortened(file.path)}: name of a {what}: {fault}")
     return found
 
 

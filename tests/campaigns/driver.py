@@ -114,9 +114,8 @@ def run(campaign: Campaign, places: Places, minutes: float, limit_s: float) -> i
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = used.ru_utime + used.ru_stime
     print(table(rows.values()))
-    print(
-        f"{done - first} trials in {took_s / 60:.1f} min, {(done - first) / took_s:.3g} per second, {(done - first) / cpu_s:.3g} per CPU second"
-    )
+    num = done - first
+    print(f"{num} trials in {took_s / 60:.1f} min, {num / took_s:.3g} per second, {num / cpu_s:.3g} per CPU second")
     return 1 if any(row["faults"] for row in rows.values()) else 0
 
 
