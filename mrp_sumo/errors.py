@@ -53,7 +53,7 @@ _SENTENCES = {
     errno.ENOTEMPTY: "the folder is not empty",
     errno.EACCES: "no permission",
     errno.EPERM: "no permission",
-    errno.EROFS: "cannot be written to: the file system is read-only",
+    errno.EROFS: "the file system is read-only",
     errno.ENAMETOOLONG: "the name is too long",
     errno.ELOOP: "its symbolic links lead in a circle",
     errno.ENOSPC: "the disk is full",

@@ -44,11 +44,11 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
     with _progress_bar() as progress:
         result = run_scenario(file, out, progress=progress, gui=options.gui)
+    _print(result, out, options.verbose)
     if options.replay and (out / "plan.json").is_file():
         from mrp_sumo.reports.replay.page import write_replay
 
         write_replay(out)
-    _print(result, out, options.verbose)
     if result.status in PLUG_IN_FAILED:
         print_failure(result.status.replace("_", " "), result.note, result.details if options.verbose else "")
     elif result.metric_faults:

@@ -3,6 +3,7 @@
 Refuses suffixes it does not know, and several levels in formats that have one.
 """
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,8 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     except OSError as error:
         raise MapError(f"{shortened(path)}: {sentence(error)}") from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # such as a read-only disk, which has been reported
+            partial.unlink(missing_ok=True)
     return losses
 
 

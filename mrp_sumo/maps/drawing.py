@@ -8,6 +8,7 @@ Refuses two stations on one spot or of one name, and lanes between unknown stati
 import json
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -136,7 +137,8 @@ class Drawing:
             part.write_text(self.text(), encoding="utf-8")
             part.replace(path)
         finally:
-            part.unlink(missing_ok=True)
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
 
     def _corner(self, point: Point) -> int:
         """Number of the point among those that walls, floors, doors and measurements share."""

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, sentence
 from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.map import Map
@@ -117,6 +117,9 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
             pixels = np.asarray(image.convert("LA" if with_alpha else "L"), np.float64)
     except MapError:
         raise
+    except OSError as error:
+        why = sentence(error) if error.errno is not None else str(error).splitlines()[0]  # Pillow's own have no number
+        raise source.fault(f"image '{name}' cannot be read: {why}", "image") from None
     except Exception as error:  # Pillow's decoders raise anything on damaged files
         raise source.fault(
             f"image '{name}' cannot be read: {str(error).splitlines()[0] if str(error) else type(error).__name__}", "image"

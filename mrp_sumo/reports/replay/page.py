@@ -11,6 +11,7 @@ import json
 import math
 import re
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -122,7 +123,8 @@ def write_page(page: str, out: Path) -> Path:
         part.write_text(page, encoding="utf-8")
         part.replace(out)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
         raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
     return out
 
