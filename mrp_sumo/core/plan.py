@@ -14,6 +14,8 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.errors import PlanError
 
+MOST_STEPS = 1_000_000  # of a plan that is written out step by step
+
 
 class Status(StrEnum):
     """How planning ended. Every one of them is a result."""
@@ -119,7 +121,8 @@ def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
     Raises
     ------
     PlanError
-        When a time of the plan is missing or not a whole number of steps, or a robot has no visit at time 0.
+        When a time of the plan is missing, not a whole number of steps, before an earlier one or beyond `MOST_STEPS`, or a robot
+        has no visit at time 0.
     """
     paths = []
     for robot in range(plan.num_robots):
@@ -129,17 +132,20 @@ def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
             raise PlanError(f"robot {robot} has no visit at 0 s")
         if not np.isfinite(steps).all() or not np.isfinite(plan.depart_s[visits][:-1]).all():
             raise PlanError(f"robot {robot} has a visit without a time")
+        if steps[-1] > MOST_STEPS:
+            raise PlanError(f"robot {robot} arrives after {steps[-1]:.6g} steps; at most {MOST_STEPS} are written out")
         arrive = np.rint(steps).astype(np.int64)
         depart = plan.depart_s[visits] / step_s
         whole = np.abs(steps - arrive) < 1e-6
         if not whole.all():
             raise PlanError(f"robot {robot} arrives at {plan.arrive_s[visits][~whole][0]} s, not at a whole step of {step_s} s")
         depart = np.where(np.isfinite(depart), depart, arrive)
-        # a robot is at its visit's vertex from its arrival until the step before the next arrival
-        path = np.repeat(plan.vertex[visits], np.diff(np.append(arrive, arrive[-1] + 1)))
         leaves = np.rint(depart[:-1]).astype(np.int64)
         if (leaves + 1 != arrive[1:]).any():
             k = int(np.flatnonzero(leaves + 1 != arrive[1:])[0])
             raise PlanError(f"robot {robot} needs {arrive[k + 1] - leaves[k]} steps for one lane, to visit {k + 1}")
-        paths.append(path)
+        if (leaves < arrive[:-1]).any():
+            raise PlanError(f"robot {robot} leaves visit {int(np.flatnonzero(leaves < arrive[:-1])[0])} before it arrives there")
+        # a robot is at its visit's vertex from its arrival until the step before the next arrival
+        paths.append(np.repeat(plan.vertex[visits], np.diff(np.append(arrive, arrive[-1] + 1))))
     return paths

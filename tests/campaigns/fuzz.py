@@ -356,7 +356,7 @@ def _value(data: bytes, chance: random.Random) -> bytes:
 
     try:
         document = json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         return _word(data, chance)
     places = list(_places(document))
     if not places:

@@ -82,3 +82,13 @@ def test_position_between_samples_is_linear_and_turns_the_short_way():
     x, _, yaw = positions_at(execution, np.array([-1.0, 0.5, 1.0, 9.0]))
     assert x[:, 0].tolist() == [0.0, 1.0, 2.0, 2.0]
     assert yaw[1, 0] == pytest.approx(np.pi, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arrive", "depart", "words"),
+    [([0, 3, 2], [2, 1, np.inf], "leaves visit 1 before it arrives"), ([0, 1, 1e15], [0, 1e15 - 1, np.inf], "at most 1000000")],
+)
+def test_plan_that_cannot_be_written_step_by_step_is_refused(arrive, depart, words):
+    plan = Plan(np.array([0, 3]), np.array([0, 1, 2]), np.array(arrive, np.float64), np.array(depart, np.float64))
+    with pytest.raises(PlanError, match=words):
+        paths_of_plan(plan, 1.0)

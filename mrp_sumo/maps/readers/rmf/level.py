@@ -68,7 +68,7 @@ class Reader:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.source.fault(f"{what} is {told(value)}, expected a number", *keys)
         if not abs(value) < FARTHEST:  # NaN too
-            raise self.source.fault(f"{what} is {value:.6g}, expected a number of sensible size", *keys)
+            raise self.source.fault(f"{what} is {min(max(value, -1e308), 1e308):.6g}, expected a number of sensible size", *keys)
         return float(value)
 
     def items(self, value: Any, what: str, keys: tuple[str | int, ...]) -> list[Any]:
