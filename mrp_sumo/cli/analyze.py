@@ -156,7 +156,7 @@ def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[st
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.maps.yaml_text import parse, read_text
 
-    beside = [bag.with_name(bag.name + suffix) for suffix in (".yaml", ".yml")]
+    beside = [bag.parent / (bag.name + suffix) for suffix in (".yaml", ".yml")]
     path = config or next((p for p in beside if p.is_file()), None)
     if path is None:
         return _constants_in(bag / "metadata.yaml"), {}

@@ -88,6 +88,8 @@ def _dispatch(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         _print_help()
         return 0
+    if odd := next((argument for argument in arguments if "\0" in argument), None):
+        raise MrpSumoError(f"{odd[:80]!r} holds a null byte, which no name or path does")
     name = arguments[0]
     if name in ("-V", "--version"):
         print(f"mrp-sumo {__version__}")

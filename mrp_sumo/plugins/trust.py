@@ -98,7 +98,7 @@ def trust_folder(folder: Path) -> Path:
     MrpSumoError
         When it is no folder, or the list cannot be written.
     """
-    place = _resolved(folder)
+    place = folder.resolve()
     if not place.is_dir():
         raise MrpSumoError(f"{folder}: {'is a file, expected a folder' if place.exists() else 'no such folder'}")
     if not str(place).isprintable():
@@ -115,7 +115,7 @@ def forget_folder(folder: Path) -> Path:
     MrpSumoError
         When it was not trusted, or the list cannot be written.
     """
-    place, known = _resolved(folder), trusted_folders()
+    place, known = folder.resolve(), trusted_folders()
     if place not in known:
         above = next((trusted for trusted in known if place.is_relative_to(trusted)), None)
         raise MrpSumoError(f"{place}: is not in the list of trusted folders" + (f", but {above} above it is" if above else ""))
@@ -139,10 +139,3 @@ def _write(folders: set[Path]) -> None:
             file.flush()
             os.fsync(file.fileno())
         new.replace(path)
-
-
-def _resolved(folder: Path) -> Path:
-    try:
-        return folder.resolve()
-    except ValueError:  # a null byte
-        raise MrpSumoError(f"{str(folder)!r} is not a path") from None
