@@ -127,13 +127,13 @@ def hurried(u, w, length, t, top, accel, decel, at_s, at_m):
 
     Accelerate, cruise, brake to a low speed or to a stand, wait, accelerate to w.
     """
-    peak = np.sqrt(max(0.0, 2 * (length + (u * u - w * w) / (2 * accel)) / (1 / accel + 1 / decel)))
+    peak = max(u, np.sqrt(max(0.0, 2 * (length + (u * u - w * w) / (2 * accel)) / (1 / accel + 1 / decel))))
     cruise, low, stand = 0.0, 0.0, 0.0
     if peak > top:
         cruise = (length + (u * u - w * w) / (2 * accel) - top * top * (1 / accel + 1 / decel) / 2) / top
         peak = top
     stand = t - (peak - u) / accel - cruise - peak / decel - w / accel
-    if peak < u or stand < 0.0:
+    if stand < 0.0:
         stand = 0.0
         a = min(w, max(0.0, (u / decel + w / accel - t) / (1 / decel + 1 / accel)))
         b = w

@@ -7,10 +7,10 @@ within half a step of such a motion at the start of a run, and they have arrived
 
 *Bodies.* The times of two visits do not say how a robot drives from one to the other. It is taken to be as far along as it can be at
 every moment: it hurries, and waits short of the next vertex where it has time. That is what the executor does with what it holds.
-On a lane longer than two separations it may also wait a separation before the vertex and start from there as late as its times
-allow, whichever keeps a pair apart. Two bodies are too close where the circles around them, and the larger of their gaps, overlap by
-more than 1 cm. This is judged for each pair of robots, so that types may be mixed, and it covers vertices, crossings, lanes side by
-side, meetings and overtaking.
+On a long lane it may also wait where nobody at the vertex ahead, or on its other lanes, comes too close, and start from there as
+late as its times allow, whichever keeps a pair apart. Two bodies are too close where the circles around them, and the larger of
+their gaps, overlap by more than 1 cm. This is judged for each pair of robots, so that types may be mixed, and it covers vertices,
+crossings, lanes side by side, meetings and overtaking.
 
 *Groups.* A mutex group is held from when a robot sets out on a lane that is in it, or for a vertex that is, until it is a separation
 beyond that vertex, or at its next visit.
@@ -161,7 +161,8 @@ def _runs(problem: Problem, plan: Plan, step_length_s: float) -> _Runs:
     length_m = np.where(lane >= 0, graph.length_m[lane], 1.0)
     top_mps = np.minimum(np.where(lane >= 0, graph.speed_mps[lane], np.inf), fleet.max_speed_mps[robot])
     accel, decel = fleet.accel_mps2, fleet.decel_mps2
-    slack = ARRIVES_M + np.maximum(accel, decel) * step_length_s**2 / 8
+    jumps = np.minimum(accel * step_length_s, fleet.max_speed_mps) + np.minimum(decel * step_length_s, fleet.max_speed_mps)
+    slack = ARRIVES_M + jumps * step_length_s / 8  # a polygon through the middles of steps is this close to the steps
     stop = decel * step_length_s + np.sqrt(2 * decel * ARRIVES_M)
     low, high, verdict = np.zeros(num_visits), np.zeros(num_visits), np.zeros(num_visits, np.int64)
     early, late = np.zeros((num_visits, 3, 6)), np.zeros((num_visits, 3, 6))
@@ -208,15 +209,15 @@ def _fault(problem: Problem, plan: Plan, visit: int, verdict: int) -> str:
 
 def _pieces(problem: Problem, plan: Plan, runs: _Runs, cells: _Cells) -> Pieces:
     """Lanes first, in the order of their visits, then stays."""
-    graph, fleet, robot = problem.graph, problem.fleet, plan.robot
+    graph, robot = problem.graph, plan.robot
     moves, stays = np.flatnonzero(runs.lane >= 0), np.flatnonzero(runs.stands)
     visit = np.concatenate([moves, stays])
     is_lane = np.arange(len(visit)) < len(moves)
     head = graph.xy[plan.vertex[visit]]
     tail = np.where(is_lane[:, None], graph.xy[plan.vertex[np.maximum(visit - 1, 0)]], head)
     last_s = float(plan.arrive_s.max()) + 1.0
-    separation = (2 * fleet.radius_m + fleet.gap_m)[robot[visit]]
     length_m = runs.length_m[visit]
+    room_m = _room_m(graph, runs.lane[visit], np.flatnonzero(is_lane & (length_m > 2 * cells.reach_m)), cells.reach_m)
     return Pieces(
         robot=robot[visit],
         visit=visit,
@@ -227,12 +228,35 @@ def _pieces(problem: Problem, plan: Plan, runs: _Runs, cells: _Cells) -> Pieces:
         head=head,
         length=length_m,
         top=np.where(is_lane, runs.top_mps[visit], 0.0),
-        short_of=np.where(is_lane & (length_m > 2 * separation), length_m - separation, np.inf),
+        short_of=np.where(length_m > cells.reach_m + room_m, length_m - room_m, np.inf),
         level=graph.level[plan.vertex[visit]],
         corner=np.floor((np.minimum(tail, head) - cells.reach_m / 2) / cells.side_m).astype(np.int64),
         early=runs.early,
         late=runs.late,
     )
+
+
+def _room_m(graph: NavGraph, lane: IntArray, long: IntArray, reach_m: float) -> FloatArray:
+    """[P] how far before its head a robot on some long lanes is out of reach of the head and of all other lanes there; inf on others."""
+    found = np.full(len(lane), np.inf)
+    by_head = np.argsort(graph.head, kind="stable")
+    into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
+    backwards = graph.xy[graph.tail] - graph.xy[graph.head]
+    room: dict[int, float] = {}
+    for k in np.unique(lane[long]).tolist():
+        v = int(graph.head[k])
+        out, incoming = np.arange(graph.first[v], graph.first[v + 1]), by_head[into[v] : into[v + 1]]
+        away = np.concatenate([-backwards[out], backwards[incoming[incoming != k]]])  # [A, 2] along all lanes there, from the head
+        length, mine = np.hypot(*away.T), backwards[k] / np.hypot(*backwards[k])
+        along, aside = away @ mine / length, np.abs(away @ [-mine[1], mine[0]]) / length  # cosine and sine of the angles between
+        other = ~((along > 0) & (aside < 1e-9))  # not the opposite of this lane
+        along, aside, length = along[other], aside[other], length[other]
+        past_end = length * along + np.sqrt(np.maximum(reach_m**2 - (length * aside) ** 2, 0.0))
+        beside = np.divide(reach_m, aside, out=np.full(len(aside), np.inf), where=aside > 0)
+        clear = np.where(along <= 0, reach_m, np.where(beside * along <= length, beside, past_end))
+        room[k] = float(clear.max(initial=reach_m))
+    found[long] = [room[k] for k in lane[long].tolist()]
+    return found
 
 
 def _too_close(plan: Plan, pieces: Pieces, apart: FloatArray, kind: IntArray, cells: _Cells) -> list[Meeting]:

@@ -145,6 +145,14 @@ def test_robot_may_wait_on_a_long_lane_short_of_its_vertex():
     assert not judged(graph, [(0, 0.0, 0.0), (1, 6.0, np.inf)], run([2, 1, 3], [3.0, 3.0], begin=3.0))[0].drivable
 
 
+def test_it_waits_farther_back_where_the_other_leaves_at_an_acute_angle():
+    # the lanes to 0 and 2 leave vertex 1 at 30 degrees: they are a separation apart only 1.64 m from it
+    graph = graph_of([(0, 0), (5, 0), (5 - 5 * np.cos(np.pi / 6), 2.5)], [(0, 1), (1, 2)], 1.0)
+    leaves = run([1, 2], [5.0], begin=3.0)
+    assert judged(graph, [(0, 0.0, 0.0), (1, 8.0, np.inf)], leaves)[0].drivable
+    assert not judged(graph, [(0, 0.0, 0.0), (1, 6.0, np.inf)], leaves)[0].drivable
+
+
 def test_one_robot_at_a_time_is_in_a_group():
     nav = nav_graph(
         name="two rooms",
