@@ -77,7 +77,9 @@ def simulate(
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, recorder, witness = EventLog(), Recorder(), Witness()
-    with sumo_engine(problem.graph, problem.fleet, network, dt, settings.seed, gui) as bodies:
+    only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
+    ways = plan.vertex if only_first else None
+    with sumo_engine(problem.graph, problem.fleet, network, dt, settings.seed, gui, ways=ways) as bodies:
         bodies.place(ledger.visits)
         drive.run(bodies, [log, recorder, witness, *reports])
     return _execution(drive, plan, log, recorder, witness)

@@ -9,6 +9,7 @@ from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo import engine, network, session
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
 
@@ -152,6 +153,23 @@ def test_the_same_input_gives_the_same_bytes(tmp_path):
     assert one.x_m.tobytes() == two.x_m.tobytes()
     assert one.arrived_s.tobytes() == two.arrived_s.tobytes()
     assert one.events == two.events
+
+
+@pytest.mark.parametrize("robot", [BURGER, dataclasses.replace(BURGER, max_speed_mps=3.0)])
+def test_what_no_robot_comes_near_changes_nothing_and_is_not_loaded(tmp_path, monkeypatch, robot):
+    graph = square_grid(7)
+    paths = [[0, 1, 2, 9], [9, 8, 7, 0], [16, 15, 14]]
+    loaded = []
+    monkeypatch.setattr(session, "excerpt", lambda *given: loaded.append(network.excerpt(*given)) or loaded[-1])
+    one = drive(tmp_path, graph, paths, robot=robot)
+    monkeypatch.setattr(engine, "MOST_OF", 0.0)
+    two = drive(tmp_path, graph, paths, robot=robot)
+    (text,) = loaded
+    assert text.count("<junction") == 9 + 6  # the corner that is driven on, and what is next to it
+    assert one.all_at_goal
+    assert one.events == two.events
+    for name in ("x_m", "y_m", "speed_mps", "arrived_s", "sumo_xy_m"):
+        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.2, 0.5, 1.0])

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, lane_ends
 from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
@@ -20,15 +20,16 @@ from mrp_sumo.errors import ExecutionError
 
 AHEAD = 5  # edges in a renewed route
 WHOLE_WAY = 2**62
+MOST_OF = 0.7  # of a graph's vertices, from which on it is quicker to load the whole network
 
 
 class SumoEngine:
     """See `engines.protocol.Engine`. Made by `sumo_engine`."""
 
-    def __init__(self, graph: PlanGraph, fleet: Fleet, sumo: Sumo) -> None:
+    def __init__(self, graph: PlanGraph, fleet: Fleet, sumo: Sumo, only: IntArray | None = None) -> None:
         self.driven_m = np.zeros(fleet.num_robots)
         self.routed = np.zeros(fleet.num_robots, np.int64)
-        self._graph, self._fleet, self._sumo = graph, fleet, sumo
+        self._graph, self._fleet, self._sumo, self._only = graph, fleet, sumo, only
         self._edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]  # [L]
 
     def place(self, visits: Visits) -> None:
@@ -90,7 +91,10 @@ class SumoEngine:
     def _raise_limits(self, speed_mps: float) -> None:
         """The network's stand-in for no limit must not cap fast robots."""
         if speed_mps > NO_LIMIT_MPS:
-            for lane in np.flatnonzero(~np.isfinite(self._graph.speed_mps)).tolist():
+            unlimited = ~np.isfinite(self._graph.speed_mps)
+            if self._only is not None:
+                unlimited &= np.isin(self._graph.tail, self._only) & np.isin(self._graph.head, self._only)
+            for lane in np.flatnonzero(unlimited).tolist():
                 self._sumo.raise_limit(self._edge[lane], speed_mps)
 
     def _insert_all(self, visits: Visits, kinds: Sequence[int]) -> None:
@@ -146,13 +150,38 @@ class SumoEngine:
 
 
 @contextmanager
-def sumo_engine(graph: PlanGraph, fleet: Fleet, network: Path, step_length_s: float, seed: int, gui: bool = False) -> Iterator[SumoEngine]:
+def sumo_engine(
+    graph: PlanGraph,
+    fleet: Fleet,
+    network: Path,
+    step_length_s: float,
+    seed: int,
+    gui: bool = False,
+    *,
+    ways: IntArray | None = None,
+) -> Iterator[SumoEngine]:
     """Start SUMO (sumo-gui with `gui`) on the network of a graph, and close it whatever happens.
+
+    With `ways`, all vertices that robots will ever come to, SUMO loads these and their neighbours only: they need not go elsewhere,
+    and on large maps the network is most of what a run of few robots loads.
 
     Raises
     ------
     ExecutionError
         For a network that SUMO does not load or that is another graph's, and for every error of SUMO inside the block.
     """
-    with running_sumo(network, fleet, fleet.separation_m, step_length_s, seed, gui) as sumo:
-        yield SumoEngine(graph, fleet, sumo)
+    only = None if ways is None or gui else _with_neighbours(graph, ways)
+    if only is not None and len(only) > MOST_OF * graph.num_vertices:
+        only = None
+    with running_sumo(network, fleet, fleet.separation_m, step_length_s, seed, gui, only=only) as sumo:
+        yield SumoEngine(graph, fleet, sumo, only)
+
+
+def _with_neighbours(graph: PlanGraph, vertices: IntArray) -> IntArray:
+    """Ascending; robots are put on lanes to their first vertices, and routes lead on beyond the last ones."""
+    is_in = np.zeros(graph.num_vertices, np.bool_)
+    is_in[vertices] = True
+    near = is_in.copy()
+    near[graph.tail[is_in[graph.head]]] = True
+    near[graph.head[is_in[graph.tail]]] = True
+    return np.flatnonzero(near)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.core.graph import IntArray, NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building
 from mrp_sumo.maps.cache import remembered
@@ -24,6 +24,11 @@ NO_LIMIT_MPS = 2.0  # of lanes without a limit; SUMO looks for followers by it, 
 LANE_WIDTH_M = 0.3  # drawn only
 SHORTEST_M = 0.1  # SUMO makes shorter edges this long
 THINNEST_M = 0.01  # netconvert drops edges below
+ELEMENT = re.compile(  # of a network, by the vertices it touches
+    r'\s*<(?:edge id="e(\d+)_(\d+)".*?</edge>|connection from="e(\d+)_(\d+)" to="e\d+_(\d+)"[^>]*/>|junction id="n(\d+)"[^>]*/>)',
+    re.DOTALL,
+)
+INCOMING = re.compile(r'(?<= incLanes=")[^"]+')  # lanes that lead to a junction
 
 
 def edge_name(tail: int, head: int) -> str:
@@ -73,6 +78,20 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
 def backdrop_of(path: Path) -> Path:
     """Where floors and walls of the network at `path` are drawn, if they are."""
     return path.with_name(path.name.removesuffix(".net.xml").removesuffix(".xml") + ".poly.xml")
+
+
+def excerpt(text: str, vertices: IntArray) -> str:
+    """A network's text without all that touches other vertices than these: SUMO needs time and memory for whatever it loads."""
+    kept = set(map(str, vertices.tolist()))
+
+    def shorten(element: re.Match[str]) -> str:
+        if not all(vertex is None or vertex in kept for vertex in element.groups()):
+            return ""
+        if element[6] is None:
+            return element[0]
+        return INCOMING.sub(lambda lanes: " ".join(lane for lane in lanes[0].split() if lane[1:].partition("_")[0] in kept), element[0])
+
+    return ELEMENT.sub(shorten, text)
 
 
 def _network(graph: NavGraph) -> str:

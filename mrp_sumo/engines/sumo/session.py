@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.imports import without
+from mrp_sumo.engines.sumo.network import backdrop_of, excerpt
 from mrp_sumo.errors import ExecutionError
 
 VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times real time
@@ -128,10 +129,12 @@ class Sumo:
 
 
 @contextmanager
-def running_sumo(network: Path, fleet: Fleet, separation_m: float, step_length_s: float, seed: int, gui: bool = False) -> Iterator[Sumo]:
+def running_sumo(
+    network: Path, fleet: Fleet, separation_m: float, step_length_s: float, seed: int, gui: bool = False, *, only: IntArray | None = None
+) -> Iterator[Sumo]:
     """Start SUMO (sumo-gui with `gui`) on a network, and close it whatever happens.
 
-    Robots' types are numbered by `type_of`.
+    Robots' types are numbered by `type_of`. Of the network, SUMO loads only what is between the vertices `only`, if given.
 
     Raises
     ------
@@ -146,11 +149,15 @@ def running_sumo(network: Path, fleet: Fleet, separation_m: float, step_length_s
     with tempfile.TemporaryDirectory() as folder:
         types = Path(folder) / "types.add.xml"
         types.write_text(_types(fleet, separation_m, step_length_s))
+        loaded = Path(network)
+        if only is not None:
+            loaded = Path(folder) / "excerpt.net.xml"
+            loaded.write_text(excerpt(Path(network).read_text(encoding="utf-8"), only), encoding="utf-8")
         _running = True
         try:
             api.start(
                 [
-                    *(program, "-n", str(network), "-a", _additional(Path(network), types, gui), "--step-length", f"{step_length_s:g}"),
+                    *(program, "-n", str(loaded), "-a", _additional(Path(network), types, gui), "--step-length", f"{step_length_s:g}"),
                     *("--time-to-teleport", "-1", "--insertion-checks", "none", "--collision.action", "warn"),
                     *(
                         "--collision.stoptime",
@@ -207,8 +214,6 @@ def _api(gui: bool) -> tuple[Any, str]:
 
 
 def _additional(network: Path, types: Path, gui: bool) -> str:
-    from mrp_sumo.engines.sumo.network import backdrop_of
-
     backdrop = backdrop_of(network)
     return f"{types},{backdrop}" if gui and backdrop.is_file() else str(types)
 
