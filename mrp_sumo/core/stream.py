@@ -7,15 +7,43 @@ done. Draws are in a fixed order (arrival, route, service times), each kind from
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
+from typing import Protocol
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.task import Station, Stop, Task
 
 TASKS = 41  # purpose of the streams of chance
 ARRIVALS, ROUTES, SERVICE = range(3)
 HOUR_S = 3600.0
+
+
+class TaskSource(Protocol):
+    """Where tasks come from."""
+
+    @property
+    def num_open(self) -> int:
+        """How many of its tasks are always known and not done; 0 where tasks have times of their own."""
+
+    def tasks(self) -> Iterator[Task]:
+        """The tasks by release."""
+
+
+@dataclass(frozen=True)
+class TaskList:
+    """Tasks that are listed one by one."""
+
+    listed: tuple[Task, ...]  # by release
+
+    @property
+    def num_open(self) -> int:
+        """None: they have times of their own."""
+        return 0
+
+    def tasks(self) -> Iterator[Task]:
+        """See TaskSource."""
+        return iter(self.listed)
 
 
 @dataclass(frozen=True)
@@ -93,6 +121,11 @@ class TaskStream:
     seed: int = 0
     number: int = 0  # of the stream in its scenario
 
+    @property
+    def num_open(self) -> int:
+        """See TaskSource."""
+        return self.arrivals.num_open
+
     def tasks(self) -> Iterator[Task]:
         """The tasks by release. Their ids count from 0 within the stream."""
         rngs = [np.random.default_rng([self.seed, TASKS, self.number, purpose]) for purpose in (ARRIVALS, ROUTES, SERVICE)]
@@ -114,20 +147,3 @@ def zipf_weights(num: int, exponent: float) -> FloatArray:
     """[num] weights 1 / rank ** exponent."""
     weights: FloatArray = 1.0 / np.arange(1, num + 1, dtype=np.float64) ** exponent
     return weights
-
-
-def routes_between(
-    from_: tuple[Station, ...], to: tuple[Station, ...], weight: FloatArray
-) -> tuple[tuple[tuple[Station, ...], ...], FloatArray]:
-    """The routes of a from-to matrix, without those that weigh nothing, and from a station to itself.
-
-    Parameters
-    ----------
-    from_, to
-        [A] and [B] stations.
-    weight
-        [A, B]
-    """
-    pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(weight > 0).tolist() if from_[a] != to[b]]
-    index: IntArray = np.array(pairs, np.int64).reshape(-1, 2)
-    return tuple((from_[a], to[b]) for a, b in pairs), weight[index[:, 0], index[:, 1]]

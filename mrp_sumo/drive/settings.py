@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.stream import TaskStream
+from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.drive.disturbances import NONE, Disturbances
 from mrp_sumo.errors import ExecutionError, nearest
 
@@ -23,7 +23,7 @@ class ExecutionSettings:
     dispatcher_parameters: Mapping[str, Any] = field(default_factory=dict)
     planner: str = "lacam"  # that the dispatcher asks for more plans
     planner_parameters: Mapping[str, Any] = field(default_factory=dict)
-    tasks: tuple[TaskStream, ...] = ()
+    tasks: tuple[TaskSource, ...] = ()
     planning_budget_s: float = 0.0  # simulated: so long after it is asked, the planner's answer is there
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated

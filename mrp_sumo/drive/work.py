@@ -1,8 +1,8 @@
 """Work: the tasks of a run as they become known and are done, who has which, and how far it is.
 
 A robot makes its task's stops one after the other, each at a place of the stop's station that no other robot is at or on its way to; it
-stays there for the service time. Where no place is free it goes to one of the station's places to wait. Robots without work stay where
-they are, unless somebody has to come there.
+stays there for the service time. Where no place is free it goes to one of the station's places to wait, or near them. Robots without work
+stay where they are, unless somebody has to come there.
 """
 
 import heapq
@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
-from mrp_sumo.core.stream import TaskStream
+from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import NOBODY, Stop, Task, TaskLog
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.search.distance import UNREACHABLE, distances
@@ -35,7 +35,7 @@ class WorkRequest(Request):
 class Work:
     """Tasks of R robots; `tasks` are those that are known by now, numbered by release."""
 
-    def __init__(self, streams: Sequence[TaskStream], problem: Problem) -> None:
+    def __init__(self, sources: Sequence[TaskSource], problem: Problem) -> None:
         num_robots = problem.num_robots
         self.problem = problem
         self.tasks: list[Task] = []
@@ -49,7 +49,7 @@ class Work:
         self._robot: list[int] = []
         self._times: dict[str, list[float]] = {"released_s": [], "assigned_s": [], "opened_s": [], "done_s": []}
         self._waiting: list[int] = []  # tasks that nobody has, by urgency
-        self._open_streams = [_Source(stream.tasks(), stream.arrivals.num_open) for stream in streams]
+        self._sources = [_Source(source.tasks(), source.num_open) for source in sources]
         self._again_s = 0.0
 
     @property
@@ -65,7 +65,7 @@ class Work:
     @property
     def endless(self) -> bool:
         """Whether more tasks will come."""
-        return any(source.next is not None for source in self._open_streams)
+        return any(source.next is not None for source in self._sources)
 
     @property
     def all_done(self) -> bool:
@@ -154,11 +154,11 @@ class Work:
         if self.stop[r] == len(self.tasks[task].stops):
             self._times["done_s"][task] = over_s
             self.current[r] = NONE
-            for source in self._open_streams:
+            for source in self._sources:
                 source.done(task)
 
     def _reveal(self, now_s: float) -> None:
-        for source in self._open_streams:
+        for source in self._sources:
             while (task := source.take(now_s, len(self.tasks))) is not None:
                 self.tasks.append(replace(task, id=len(self.tasks)))
                 self._robot.append(NOBODY)
@@ -168,25 +168,36 @@ class Work:
                 self.news = True
 
     def _aims(self, start: IntArray, stops: Mapping[int, Stop], given: Mapping[int, int]) -> tuple[IntArray, BoolArray]:
-        """[R] where robots are to go, all different, and whether they can make their stops there; robots with older tasks first."""
+        """[R] where robots are to go, all different, and whether they can make their stops there. Who is near chooses first."""
         steps, vertex, made = distances(self.problem.graph), start.copy(), np.zeros(len(start), np.bool_)
         taken = set(start[self.serving].tolist())
-        rest = [r for r in range(len(start)) if not self.serving[r] and r not in stops]
-        for r in sorted(stops, key=lambda r: given.get(r, int(self.current[r]))):
+        away = {r: min(int(steps.to(v)[start[r]]) for v in stop.places) for r, stop in stops.items()}
+        around: dict[int, int] = {r: int(start[r]) for r in range(len(start)) if not self.serving[r]}  # vertices to be near to
+        for r in sorted(stops, key=lambda r: (away[r], given.get(r, int(self.current[r])))):
             for makes, choice in ((True, stops[r].places), (False, stops[r].queue)):
-                near = [(int(steps.to(v)[start[r]]), v) for v in choice if v not in taken]
-                if near and min(near)[0] < UNREACHABLE:
-                    vertex[r], made[r] = min(near)[1], makes
+                free = [(int(steps.to(v)[start[r]]), v) for v in choice if v not in taken]
+                if free and min(free)[0] < UNREACHABLE:
+                    vertex[r], made[r] = min(free)[1], makes
                     taken.add(int(vertex[r]))
+                    del around[r]
                     break
             else:
-                rest.append(r)
+                around[r] = stops[r].places[0] if away[r] < UNREACHABLE else int(start[r])
         stood_on = set(start.tolist())
-        for r in rest:  # they stay, or go to the nearest vertex that nobody needs, and where best nobody is
-            free = [v for v in _outwards(self.problem, int(start[r])) if v not in taken] if int(start[r]) in taken else [int(start[r])]
-            vertex[r] = next((v for v in free if v not in stood_on), free[0])
+        for r, centre in sorted(around.items(), key=lambda item: item[0] not in stops):  # without a place, then without work
+            vertex[r] = self._resting_place(int(start[r]), centre, taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, made
+
+    def _resting_place(self, at: int, centre: int, taken: set[int], stood_on: set[int]) -> int:
+        """The vertex nearest to another that nobody needs, where best nobody is; not before its doorstep, if a robot waits for it."""
+        if at == centre and at not in taken:
+            return at
+        graph, doorstep = self.problem.graph, set[int]()
+        if at != centre:
+            doorstep = {centre, *graph.head[graph.first[centre] : graph.first[centre + 1]].tolist()}
+        free = [v for v in _outwards(self.problem, centre) if v not in taken]
+        return next((v for v in free if v not in doorstep and (v == at or v not in stood_on)), free[0])
 
 
 class _Source:

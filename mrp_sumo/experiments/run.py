@@ -185,4 +185,6 @@ def _status(solution: Solution, execution: Execution | None, audited: dict[str, 
         return "refused"
     if audited is not None and not audited["passed"]:
         return "audit_failed"
+    if execution.tasks is not None:
+        return str(execution.outcome)
     return "completed" if metrics["all_goals_reached"] else str(execution.outcome)

@@ -17,13 +17,15 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.drive.dispatcher import ONE_SHOT, dispatcher_of
+from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
+from mrp_sumo.io.tasks import sources_of
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
@@ -38,6 +40,7 @@ from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
 
 TIMES_MAKESPAN, LEAST_TIME_LIMIT_S = 1.5, 300.0  # of an execution without a stated limit
+TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
 
 
 @dataclass(frozen=True)
@@ -99,13 +102,15 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             fleet=fleet,
             start=start,
             goal=goal,
-            goal_of=np.full(len(start), -1),
+            goal_of=np.full(len(start), -1) if scenario.tasks is None else np.arange(len(start)),
             step_s=scenario.planner.step_s or planned_step_s(graph, fleet, scenario.execution.step_length_s),
             seed=scenario.seed,
         ),
     )
-    if scenario.robots.starts is not None:
+    if scenario.robots.starts is not None and scenario.tasks is None:
         _require_reachable(file, problem)
+    if scenario.tasks is not None:
+        settings = replace(settings, tasks=_tasks(file, map_.nav, problem))
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings))
 
 
@@ -125,7 +130,9 @@ def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
     scenario = setup.scenario
     if scenario.execution.time_limit_s is not None:
         return setup
-    limit_s = max(LEAST_TIME_LIMIT_S, math.ceil(TIMES_MAKESPAN * float(plan.end_s.max(initial=0.0))))
+    limit_s = (
+        TASKS_TIME_LIMIT_S if scenario.tasks else max(LEAST_TIME_LIMIT_S, math.ceil(TIMES_MAKESPAN * float(plan.end_s.max(initial=0.0))))
+    )
     execution = scenario.execution.model_copy(update={"time_limit_s": float(limit_s)})
     file = replace(setup.file, scenario=scenario.model_copy(update={"execution": execution}))
     return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
@@ -188,7 +195,8 @@ def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> floa
 def _settings(file: ScenarioFile) -> ExecutionSettings:
     execution = file.scenario.execution
     _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
-    dispatcher = execution.dispatcher.name or ONE_SHOT
+    tasks = file.scenario.tasks
+    dispatcher = execution.dispatcher.name or (ONE_SHOT if tasks is None else NEAREST)
     _plug_in(file, ("execution", "dispatcher"), "dispatchers", _checked_dispatcher, dispatcher, execution.dispatcher.parameters)
     recovery, replanner = execution.recovery, execution.recovery.replanner or ""
     if replanner:
@@ -205,7 +213,8 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             dispatcher=resolved(dispatcher, file.folder),
             dispatcher_parameters=execution.dispatcher.parameters,
             step_length_s=execution.step_length_s,
-            time_limit_s=execution.time_limit_s or LEAST_TIME_LIMIT_S,
+            time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
+            planning_budget_s=tasks.planning_budget_s if tasks else 0.0,
             blocking_window_s=execution.blocking_window_s,
             goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
@@ -335,8 +344,14 @@ def _with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, 
 
 
 def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
-    """Plan vertices of starts and goals, not assigned yet."""
+    """Plan vertices of starts and goals, not assigned yet; with tasks, robots have no goals but their starts."""
     robots = file.scenario.robots
+    if file.scenario.tasks is not None:
+        if robots.starts is not None:
+            start = _looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
+        else:
+            start, _ = _located(file, ("robots", "count"), lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed, separation_m))
+        return start, start
     if robots.starts is not None and robots.goals is not None:
         start = _looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
         fixed = file.scenario.assignment.mode == "fixed"
@@ -372,6 +387,18 @@ def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[s
     if faults:
         raise ScenarioError(*faults)
     return np.array(found, np.int64)
+
+
+def _tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:
+    """The tasks of the scenario, on the vertices of the plan graph."""
+
+    def vertex_of(name: str) -> int | None:
+        vertex = nav.vertex_of_name.get(name)
+        return None if vertex is None else int(problem.graph.vertex_of_station[vertex])
+
+    choice = file.scenario.tasks
+    assert choice is not None
+    return sources_of(choice, vertex_of, nav.vertex_name, file.at, file.folder, file.scenario.seed, problem.step_s)
 
 
 def _require_reachable(file: ScenarioFile, problem: Problem) -> None:

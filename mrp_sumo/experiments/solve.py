@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.plan import Plan, PlanResult, Status
+from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, PlugInError, ScenarioError
 from mrp_sumo.experiments.kernels import compiling
@@ -144,6 +144,9 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     except PlugInError as error:
         return Solution(setup, problem, failed(error), None, 0.0)
     prepare_time_s = time.perf_counter() - began
+    if scenario.tasks is not None:  # robots stand at their starts until they are given tasks
+        stay = plan_of_paths([[v] for v in problem.start.tolist()], problem.step_s)
+        return Solution(setup, problem, PlanResult(Status.SOLVED, stay, prepare_time_s=prepare_time_s), judge(problem, stay), 0.0)
     report("planning", 0.0, 0.0)
     began = time.perf_counter()
     try:

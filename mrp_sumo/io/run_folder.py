@@ -221,6 +221,7 @@ def _write_logs(
 ) -> None:
     """Trajectory, visits, events and bag."""
     from mrp_sumo.io.replans import write_replans
+    from mrp_sumo.io.tasks_table import write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
     from mrp_sumo.io.visits import write_visits
 
@@ -232,6 +233,8 @@ def _write_logs(
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
     if execution.replies:
         write_replans(folder / "replans.parquet", execution.replies, problem.graph, problem.fleet.robot_name)
+    if execution.tasks is not None:
+        write_tasks(folder / "tasks.parquet", execution.tasks, problem.fleet.robot_name)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
         record = record_of(scenario, problem, result.plan, execution, nav, costmap)

@@ -14,6 +14,7 @@ from mrp_sumo.core.execution import Execution, Outcome, Reply
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.task import TaskLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import read_json
 from mrp_sumo.formats.plan_json import read_plan
@@ -161,6 +162,7 @@ class RunFolder:
             findings=tuple(self.result["findings"]),
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
             replies=self._replies(),
+            tasks=self._tasks(),
         )
 
     @property
@@ -214,6 +216,13 @@ class RunFolder:
         from mrp_sumo.io.replans import read_replans
 
         return read_replans(self.folder / "replans.parquet", self.graph, self.fleet.robot_name)
+
+    def _tasks(self) -> TaskLog | None:
+        if not self._has("tasks.parquet"):
+            return None
+        from mrp_sumo.io.tasks_table import read_tasks
+
+        return read_tasks(self.folder / "tasks.parquet", self.fleet.robot_name)
 
     def _has(self, name: str) -> bool:
         """Whether a file is there; raises for one that the run wrote and that is lost."""

@@ -33,6 +33,14 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         _count(m["cost_steps"], "cells (paper's count)"),
         _count(m["lower_bound_steps"] or None, "steps lower bound"),  # 0: the planner proves nothing
     )
+    if m["tasks_done"] is not None:
+        yield "tasks", f"{m['tasks_done']} done, {m['tasks_open']} open", _count(m["throughput_per_h"], "an hour")
+        yield (
+            "service time",
+            _given("mean", seconds(m["service_time_mean_s"])),
+            _given("95 % below", seconds(m["service_time_p95_s"])),
+            "run too short to tell the warm-up" if m["warm_up_s"] is None else f"after a warm-up of {seconds(m['warm_up_s'])}",
+        )
     if result.get("policy"):
         yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}"
         yield "execution time", seconds(m["execution_time_s"]), "timed out" if m["execution_timed_out"] else ""

@@ -31,6 +31,7 @@ from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.columns import MAIN_KEYS, put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
+from mrp_sumo.io.tasks import TasksChoice
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.plugins.source import program_of
 from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
@@ -223,7 +224,7 @@ class PolicyChoice(_Strict):
 class DispatcherChoice(PolicyChoice):
     """The dispatcher; its name alone is short for one without parameters."""
 
-    name: str = Field("", description="By default one_shot.")
+    name: str = Field("", description="By default one_shot, and nearest where there are tasks.")
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
 
 
@@ -299,8 +300,23 @@ class Scenario(_Strict):
     robots: Robots
     assignment: Assignment = Assignment()
     planner: PlannerChoice = PlannerChoice()
+    tasks: TasksChoice | None = Field(None, description="Work that comes while robots drive; then robots have no goals of their own.")
     execution: ExecutionChoice = ExecutionChoice()
     record: Recording = Recording()
+
+    @model_validator(mode="after")
+    def _goals_or_tasks(self) -> "Scenario":
+        if self.tasks is not None and self.robots.goals != self.robots.starts:
+            raise ValueError("robots: goals and tasks exclude each other")
+        return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _start_is_goal(cls, data: Any) -> Any:
+        """With tasks, robots have no goals but their starts."""
+        if isinstance(data, dict) and data.get("tasks") is not None and isinstance(robots := data.get("robots"), dict):
+            return {**data, "robots": {"goals": robots.get("starts"), **robots}}
+        return data
 
     @model_validator(mode="before")
     @classmethod

@@ -3,7 +3,7 @@
 Documentation, reports, comparisons and batches read this table; a metric's unit, sense and formula stand nowhere else.
 """
 
-from mrp_sumo.metrics import motion, mrp_bench, planning, safety, service
+from mrp_sumo.metrics import motion, mrp_bench, planning, safety, service, tasks
 from mrp_sumo.metrics.metric import YES_NO, Metric
 
 METRICS: tuple[Metric, ...] = (
@@ -48,6 +48,12 @@ METRICS: tuple[Metric, ...] = (
     motion.robot_seconds_per_cpu_second,
     motion.blocked_s,
     motion.execution_time_limit_s,
+    tasks.throughput_per_h,
+    tasks.tasks_done,
+    tasks.tasks_open,
+    tasks.service_time_mean_s,
+    tasks.service_time_p95_s,
+    tasks.warm_up_s,
 )
 BY_NAME = {metric.name: metric for metric in METRICS}
 MACHINE_DEPENDENT = tuple(metric.name for metric in METRICS if metric.of_machine)

@@ -48,6 +48,7 @@ NAMED: dict[str, list[Any]] = {
     "execution.policy.name": list(policies()),
     "execution.dispatcher.name": ["", "one_shot"],
     "execution.dispatcher.parameters": [{}],
+    "tasks": [None],
     "execution.policy.parameters": [{}],
     "execution.recovery.replanner": [None, "lacam", "cbs"],
     "execution.mutex_groups": [{"middle": ["crossing_2_2", "crossing_3_2"]}],
@@ -68,7 +69,7 @@ def keys(model: type[BaseModel] = Scenario, above: str = "") -> dict[str, list[A
     for name, field in model.model_fields.items():
         key = above + name
         kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-        inner = _models_in(kind)
+        inner = _models_in(kind) if key != "tasks" else []  # tests/io/test_tasks.py has its keys
         if not inner or key in NAMED:
             found[key] = NAMED.get(key) or _values(kind, key)
         for part in inner:

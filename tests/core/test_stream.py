@@ -5,7 +5,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream, routes_between, zipf_weights
+from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import PlanError
 
@@ -68,10 +68,8 @@ def test_service_times_are_spread_as_they_say():
     assert {ServiceTime(usual_s=4).draw(rng) for _ in range(3)} == {4}
 
 
-def test_a_from_to_matrix_leaves_out_what_weighs_nothing_and_ways_to_oneself():
-    routes, weight = routes_between((A, B), (B, C), np.array([[1.0, 0.0], [5.0, 3.0]]))
-    assert routes == ((A, B), (B, C)) and weight.tolist() == [1.0, 3.0]
-    drawn = first(4000, stream(Arrivals("at_once"), routes=routes, weight=weight))
+def test_routes_are_drawn_by_weight():
+    drawn = first(4000, stream(Arrivals("at_once"), weight=(1.0, 3.0)))
     assert sum(task.stops[0].station == A for task in drawn) / 4000 == pytest.approx(0.25, abs=0.03)
 
 

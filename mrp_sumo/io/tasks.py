@@ -1,0 +1,309 @@
+"""The `tasks:` of a scenario: stations, and the streams of tasks between them; listed, in a file, or drawn.
+
+`tasks: [...]` is short for one list, `tasks: orders.csv` for one file. Names are those of stations, of groups of stations, or of vertices
+of the map, each of which is a station with one place. Refuses unknown names, each in one line with its place in the file.
+"""
+
+import copy
+import csv
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskSource, TaskStream, zipf_weights
+from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.files.reading import read_text, shortened
+
+MAX_BYTES = 64_000_000
+MAX_ROUTES = 100_000
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Place = tuple[str | int, ...]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class StationChoice(_Strict):
+    """Where stops are made."""
+
+    places: list[str] = Field(min_length=1, description="Names of vertices; one robot at a time is served at each.")
+    queue: list[str] = Field([], description="Names of vertices where robots wait for a place.")
+
+
+class ServiceChoice(_Strict):
+    """How long a stop takes; a number is short for constant_s."""
+
+    constant_s: NotNegative | None = None
+    triangular_s: tuple[NotNegative, NotNegative, NotNegative] | None = Field(None, description="Least, usual and most.")
+    lognormal: tuple[Positive, NotNegative] | None = Field(None, description="Median in s, and sigma of the logarithm.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_form(cls, found: Any) -> Any:
+        return {"constant_s": found} if isinstance(found, int | float) and not isinstance(found, bool) else found
+
+    @model_validator(mode="after")
+    def _one(self) -> "ServiceChoice":
+        given = [key for key in ("constant_s", "triangular_s", "lognormal") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give one of constant_s, triangular_s, lognormal; found {', '.join(given) or 'none'}")
+        if self.triangular_s and not self.triangular_s[0] <= self.triangular_s[1] <= self.triangular_s[2]:
+            raise ValueError(f"triangular_s is {list(self.triangular_s)}, expected least, usual and most in ascending order")
+        return self
+
+
+class TaskChoice(_Strict):
+    """One task."""
+
+    name: str = ""
+    stops: list[str] = Field(min_length=1, description="Names of stations or vertices.")
+    release_s: NotNegative = 0.0
+    due_s: NotNegative | None = None
+    priority: int = 0
+    service_s: NotNegative = Field(0.0, description="At each stop.")
+
+
+class ArrivalsChoice(_Strict):
+    """When tasks become known; exactly one kind."""
+
+    rate_per_h: Positive | None = Field(None, description="Poisson arrivals.")
+    profile: list[NotNegative] = Field([], description="Of Poisson arrivals: factors on the rate in equal parts of a day.")
+    open: Annotated[int, Field(ge=1)] | None = Field(None, description="So many are always known and not done: a closed loop.")
+    per_step: Positive | None = Field(None, description="Tasks in a planned step; below 1 one with that probability.")
+    at_once: bool = Field(False, description="All at 0; needs count.")
+
+    @model_validator(mode="after")
+    def _one(self) -> "ArrivalsChoice":
+        given = [key for key in ("rate_per_h", "open", "per_step") if getattr(self, key) is not None] + ["at_once"] * self.at_once
+        if len(given) != 1:
+            raise ValueError(f"give one of rate_per_h, open, per_step, at_once; found {', '.join(given) or 'none'}")
+        if self.profile and (self.rate_per_h is None or max(self.profile) <= 0):
+            raise ValueError("profile goes with rate_per_h, and needs a factor above 0")
+        if self.per_step is not None and self.per_step > 1 and self.per_step != round(self.per_step):
+            raise ValueError(f"per_step is {self.per_step:g}, expected a whole number, or one below 1")
+        return self
+
+
+class StreamChoice(_Strict):
+    """Tasks drawn with the scenario's seed: the same for every fleet."""
+
+    name: str = Field("task", pattern=r"^[\w.+-]+$")
+    arrivals: ArrivalsChoice
+    count: Annotated[int, Field(ge=1)] | None = Field(None, description="Tasks in all; without end by default.")
+    stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
+    zipf: NotNegative = Field(0.0, description="Of groups: the k-th station is drawn with weight 1 / k ** zipf.")
+    matrix: dict[str, dict[str, NotNegative]] | None = Field(None, description="Weights of ways between stations, instead of stops.")
+    service: list[ServiceChoice] = Field([], description="Of each stop; the last also of those after it. Nothing by default.")
+    due_after_s: Positive | None = Field(None, description="After the release.")
+    priority: int = Field(0, description="More is more urgent.")
+
+    @model_validator(mode="after")
+    def _routes(self) -> "StreamChoice":
+        if (self.stops is None) == (self.matrix is None):
+            raise ValueError("give stops or matrix")
+        if self.arrivals.at_once and self.count is None:
+            raise ValueError("arrivals at_once need a count")
+        return self
+
+
+class TasksChoice(_Strict):
+    """Work that comes while robots drive."""
+
+    stations: dict[str, StationChoice] = Field({}, description="By name; every vertex of the map is one, too.")
+    groups: dict[str, list[str]] = Field({}, description="Names of stations or vertices by the group's name.")
+    list: tuple[TaskChoice, ...] = Field((), description="Tasks one by one.")
+    file: str | None = Field(
+        None, description="A CSV file with the columns release_s, stops (parted by blanks), and more of a task's keys."
+    )
+    streams: tuple[StreamChoice, ...] = ()
+    planning_budget_s: NotNegative = Field(1.0, description="Simulated time that the planner is given for each answer.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_forms(cls, found: Any) -> Any:
+        return {"list": found} if isinstance(found, list | tuple) else {"file": found} if isinstance(found, str) else found
+
+    @model_validator(mode="after")
+    def _any(self) -> "TasksChoice":
+        if not (self.list or self.file or self.streams):
+            raise ValueError("no tasks: give list, file or streams")
+        return self
+
+
+VertexOf = Callable[[str], int | None]  # the vertex of the plan graph by its name on the map
+
+
+def sources_of(
+    choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str], folder: Path, seed: int, step_s: float
+) -> tuple[TaskSource, ...]:
+    """The streams of tasks that a scenario asks for.
+
+    Parameters
+    ----------
+    vertex_of, known
+        Vertices by name, and all names.
+    at
+        `file:line: key` of a place in the scenario.
+    folder
+        Where the path of a file begins.
+    seed
+        Of the scenario.
+    step_s
+        Planned time of a step.
+
+    Raises
+    ------
+    ScenarioError
+        One line, for a name that is not known and a file that cannot be read.
+    """
+    names = _Names(choice, vertex_of, known, at)
+    found: list[TaskSource] = []
+    listed = [(("tasks", "list", i), task) for i, task in enumerate(choice.list)]
+    if listed:
+        found.append(_listed([_task(names, place, task, n) for n, (place, task) in enumerate(listed)]))
+    if choice.file is not None:
+        found.append(_listed(_read(names, folder / choice.file, at("tasks", "file"))))
+    found += [_stream(names, ("tasks", "streams", i), stream, i, seed, step_s) for i, stream in enumerate(choice.streams)]
+    return tuple(found)
+
+
+class _Names:
+    """Stations and groups by name."""
+
+    def __init__(self, choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str]) -> None:
+        self._vertex_of, self._known, self.at, self._group = vertex_of, known, at, choice.groups
+        self._station = {
+            name: Station(
+                name,
+                tuple(self._vertex(("tasks", "stations", name, "places", i), v) for i, v in enumerate(station.places)),
+                tuple(self._vertex(("tasks", "stations", name, "queue", i), v) for i, v in enumerate(station.queue)),
+            )
+            for name, station in choice.stations.items()
+        }
+        for name, members in choice.groups.items():
+            for i, member in enumerate(members):
+                self.station(("tasks", "groups", name, i), member)
+
+    def of_line(self, line: str) -> "_Names":
+        """The same names, for messages about a line of another file."""
+        names = copy.copy(self)
+        names.at = lambda *place: line
+        return names
+
+    def station(self, place: Place, name: str) -> Station:
+        return self._station.get(name) or Station(name, (self._vertex(place, name),))
+
+    def group(self, place: Place, name: str) -> tuple[Station, ...]:
+        return tuple(self.station(place, member) for member in self._group.get(name, [name]))
+
+    def _vertex(self, place: Place, name: str) -> int:
+        vertex = self._vertex_of(name)
+        if vertex is None:
+            likely = nearest(name, [*self._station_names(), *self._group, *filter(None, self._known)])
+            raise ScenarioError(f"{self.at(*place)}: '{name}' is no station, group or vertex{likely}")
+        return vertex
+
+    def _station_names(self) -> Sequence[str]:
+        return list(getattr(self, "_station", {}))
+
+
+def _listed(tasks: Sequence[Task]) -> TaskList:
+    return TaskList(tuple(sorted(tasks, key=lambda task: task.release_s)))
+
+
+def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
+    stations = [names.station((*place, "stops", i), name) for i, name in enumerate(task.stops)]
+    stops = tuple(Stop(station.places[0], task.service_s, "", station) for station in stations)
+    due_s = math.inf if task.due_s is None else task.due_s
+    return Task(number, stops, task.release_s, due_s, task.priority, name=task.name or f"task_{number}")
+
+
+def _read(names: _Names, path: Path, where: str) -> list[Task]:
+    """The tasks of a CSV file."""
+    if not path.is_file():
+        raise ScenarioError(f"{where}: {shortened(path)}: no such file")
+    rows = csv.DictReader(read_text(path, MAX_BYTES, ScenarioError).splitlines())
+    columns = set(rows.fieldnames or ())
+    if lacking := {"release_s", "stops"} - columns:
+        raise ScenarioError(f"{shortened(path)}:1: has no column '{sorted(lacking)[0]}', expected release_s and stops")
+    if odd := columns - set(TaskChoice.model_fields):
+        raise ScenarioError(
+            f"{shortened(path)}:1: unknown column '{sorted(odd)[0]}'{nearest(sorted(odd)[0], TaskChoice.model_fields, limit=9)}"
+        )
+    found = []
+    for number, row in enumerate(rows):
+        line = f"{shortened(path)}:{rows.line_num}"
+        given: Mapping[str, Any] = {key: value for key, value in row.items() if value not in (None, "")}
+        try:
+            task = TaskChoice.model_validate({**given, "stops": str(given.get("stops", "")).split()})
+        except ValueError as error:
+            first = error.errors()[0] if hasattr(error, "errors") else {"loc": (), "msg": str(error)}
+            key = ".".join(map(str, first["loc"]))
+            raise ScenarioError(f"{line}: {key}: {first['msg']}, found {row.get(key)!r}") from None
+        found.append(_task(names.of_line(line), (), task, number))
+    return found
+
+
+def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed: int, step_s: float) -> TaskStream:
+    routes: tuple[tuple[Station, ...], ...]
+    if stream.matrix is not None:
+        pairs = [
+            ((names.station((*place, "matrix", a), a), names.station((*place, "matrix", a, b), b)), weight)
+            for a, row in stream.matrix.items()
+            for b, weight in row.items()
+            if weight > 0 and a != b
+        ]
+        routes = tuple(route for route, _ in pairs)
+        weights = np.array([weight for _, weight in pairs], np.float64)
+    else:
+        groups = [names.group((*place, "stops", i), name) for i, name in enumerate(stream.stops or ())]
+        if (num_ways := math.prod(map(len, groups))) > MAX_ROUTES:
+            raise ScenarioError(f"{names.at(*place, 'stops')}: {num_ways} ways from group to group, expected at most {MAX_ROUTES}")
+        all_weights = reduce(np.multiply.outer, [zipf_weights(len(group), stream.zipf) for group in groups]).reshape(-1)
+        kept = [(route, weight) for route, weight in zip(product(*groups), all_weights.tolist()) if all(map(_differ, route, route[1:]))]
+        routes = tuple(route for route, _ in kept)
+        weights = np.array([weight for _, weight in kept], np.float64)
+    if not routes:
+        raise ScenarioError(f"{names.at(*place)}: no way leads from a station to another")
+    chosen = stream.arrivals
+    kind = "poisson" if chosen.rate_per_h else "open" if chosen.open else "per_step" if chosen.per_step else "at_once"
+    return TaskStream(
+        name=stream.name,
+        arrivals=Arrivals(
+            kind,
+            rate_per_h=chosen.rate_per_h or 0.0,
+            profile=tuple(chosen.profile),
+            per_step=chosen.per_step or 0.0,
+            step_s=step_s,
+            num_open=chosen.open or 0,
+        ),
+        routes=routes,
+        weight=weights,
+        service=tuple(_service(each) for each in stream.service),
+        count=stream.count or 0,
+        due_after_s=stream.due_after_s or math.inf,
+        priority=stream.priority,
+        seed=seed,
+        number=number,
+    )
+
+
+def _differ(one: Station, other: Station) -> bool:
+    return one != other
+
+
+def _service(choice: ServiceChoice) -> ServiceTime:
+    if choice.triangular_s:
+        return ServiceTime("triangular", *choice.triangular_s)
+    if choice.lognormal:
+        return ServiceTime("lognormal", usual_s=choice.lognormal[0], sigma=choice.lognormal[1])
+    return ServiceTime(usual_s=choice.constant_s or 0.0)
