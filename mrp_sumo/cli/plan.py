@@ -115,7 +115,9 @@ def _instance(options: argparse.Namespace) -> "Planned":
 
 
 def _summary(problem: "Problem", result: "PlanResult", name: str, verdict: "Verdict | None") -> dict[str, Any]:
-    """What is printed; numbers that are not finite become null."""
+    """What is printed; numbers that are not finite become null. Cost and makespan are in steps."""
+    from mrp_sumo.core.plan import as_planned_in_steps
+
     plan = result.plan
     summary: dict[str, Any] = {
         "status": str(result.status),
@@ -126,15 +128,19 @@ def _summary(problem: "Problem", result: "PlanResult", name: str, verdict: "Verd
         "prepare_time_s": result.prepare_time_s,
         "cost": None,
         "makespan": None,
+        "makespan_s": None,
+        "flowtime_s": None,
         "lower_bound": result.lower_bound_steps,
         "suboptimality": None,
         "message": result.message or (verdict.summary(problem) if verdict and not verdict.valid else ""),
     }
     if plan is not None:
-        end = plan.end_s / problem.step_s
-        summary["cost"] = round(float(end.sum()), 6)
-        summary["makespan"] = round(float(end.max(initial=0.0)), 6)
-        if result.lower_bound_steps > 0:
+        summary |= {"makespan_s": float(plan.end_s.max(initial=0.0)), "flowtime_s": float(plan.end_s.sum())}
+        in_steps = as_planned_in_steps(plan, problem.step_s)
+        if in_steps is not None:
+            end = in_steps.end_s / problem.step_s
+            summary |= {"cost": round(float(end.sum()), 6), "makespan": round(float(end.max(initial=0.0)), 6)}
+        if result.lower_bound_steps > 0 and in_steps is not None:
             summary["suboptimality"] = summary["cost"] / result.lower_bound_steps
     summary |= {f"stats.{key}": float(value) for key, value in result.stats.items()}
     return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in summary.items()}

@@ -98,7 +98,8 @@ def plans_in_force(plan: Plan, replies: Sequence[Reply]) -> Iterator[Plan]:
             parts = (vertex, reply.vertex[new]), (arrive_s, reply.arrive_s[new]), (depart_s, reply.depart_s[new])
             columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
         first = np.cumsum([0, *(len(vertex) for vertex, _, _ in columns)]).astype(np.int64)
-        yield Plan(frozen(first), *(frozen(np.concatenate([column[i] for column in columns])) for i in range(3)))
+        vertex, arrive_s, depart_s = (frozen(np.concatenate([column[i] for column in columns])) for i in range(3))
+        yield Plan(frozen(first), vertex, arrive_s, depart_s)
 
 
 def as_believed(execution: Execution) -> Execution:

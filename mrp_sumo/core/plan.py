@@ -32,13 +32,15 @@ class Plan:
     """Timed visits of R robots in CSR form; robot r's are `first[r]:first[r + 1]`.
 
     A robot stands on `vertex[k]` from `arrive_s[k]` to `depart_s[k]`, then drives to the next visit's
-    vertex. It starts at time 0 and stays at its last visit for ever (`depart_s` inf).
+    vertex. It starts at time 0 and stays at its last visit for ever (`depart_s` inf). A plan that was made in steps of one
+    length and then given the times of real motion has the steps beside them.
     """
 
     first: IntArray  # [R + 1]
     vertex: IntArray  # [N]
     arrive_s: FloatArray  # [N]
     depart_s: FloatArray  # [N]
+    in_steps: "Plan | None" = None  # the same visits at the times that the planner gave them, where these are others
 
     @property
     def num_robots(self) -> int:
@@ -77,6 +79,7 @@ class PlanResult:
     stats: Mapping[str, float] = field(default_factory=dict)  # the planner's own counters
     message: str = ""  # why there is no plan
     details: str = ""  # the traceback of a plug-in that failed
+    retime_time_s: float | None = None  # wall time of giving the plan the times of real motion
 
 
 def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> Plan:
@@ -115,6 +118,14 @@ def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> P
     )
 
 
+def as_planned_in_steps(plan: Plan, step_s: float) -> Plan | None:
+    """The plan with its arrivals at whole steps: itself, or as it was before it got other times; None where it never was."""
+    if plan.in_steps is not None:
+        return plan.in_steps
+    steps = plan.arrive_s / step_s
+    return plan if bool((np.abs(steps - np.rint(steps)) < 1e-6).all()) else None
+
+
 def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
     """The plan step by step: [R] arrays of vertices at steps 0, 1, ... up to the robot's arrival.
 
@@ -125,6 +136,7 @@ def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
         has no visit at time 0.
     """
     paths = []
+    plan = plan.in_steps or plan
     for robot in range(plan.num_robots):
         visits = slice(plan.first[robot], plan.first[robot + 1])
         steps = plan.arrive_s[visits] / step_s

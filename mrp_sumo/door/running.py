@@ -17,7 +17,7 @@ from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.run import carry_out, finish
 from mrp_sumo.experiments.set_up import driven_as
-from mrp_sumo.experiments.solve import Solution, StageReport
+from mrp_sumo.experiments.solve import Solution, StageReport, retimed
 from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.record import RunRecord
@@ -284,6 +284,8 @@ def simulate(
     >>> run.metrics["execution_time_s"]
     """
     solution = solution_of(problem, plan, "simulate")
+    if isinstance(plan, Plan) and solution.is_valid:
+        solution = retimed(solution)
     if solution.plan is None:
         why = f": {solution.message}" if solution.message else ""
         raise PlanError(f"simulate: there is no plan to drive, {solution.setup.scenario.planner.name} {_ended(solution)}{why}")

@@ -28,7 +28,8 @@ WHY = {
 class Controller:
     """Grants what the ledger allows under a policy, which may change with a new plan."""
 
-    def __init__(self, ledger: Ledger, policy: Policy, settings: ExecutionSettings) -> None:
+    def __init__(self, ledger: Ledger, policy: Policy, settings: ExecutionSettings, *, paced: bool = True) -> None:
+        """`paced` says whether robots that are early may be slowed down where the policy asks for it."""
         fleet, dt = ledger.problem.fleet, settings.step_length_s
         self.ledger = ledger
         self.dt = dt
@@ -39,7 +40,7 @@ class Controller:
             reach_m=fleet.max_speed_mps**2 / (2 * fleet.decel_mps2) + 3 * fleet.max_speed_mps * dt + 0.02,
         )
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
-        self._settings = settings
+        self._settings, self._paced = settings, paced
         self.follow(policy)
         self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
         self._num_changed = self._num_due = 0
@@ -50,12 +51,12 @@ class Controller:
         """Grant by this policy from now on."""
         self.policy = policy
         settings = self._settings
-        self._rules = Rules(*(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S), policy.look_ahead, policy.paced)
+        self.rules = Rules(*(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S), policy.look_ahead, policy.paced and self._paced)
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
         ledger = self.ledger
-        step = (observe, now_s, self.dt, bodies.driven_m, self.kinematics, self._rules)
+        step = (observe, now_s, self.dt, bodies.driven_m, self.kinematics, self.rules)
         arrays = (ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news)
         if self._visits is not ledger.visits:  # the ledger's arrays are new ones
             self._advance, self._visits = entry_for(_controller.advance, *step, *arrays), ledger.visits

@@ -1,4 +1,4 @@
-"""The co-simulation: a plan driven in SUMO, step by step, under a policy.
+"""The co-simulation: a plan driven in SUMO, or another engine, step by step, under a policy.
 
 Tasks go in, commitments come out: the ledger keeps what robots have been given, the controller grants what it allows, the
 engine moves the bodies, the dispatcher sends robots other ways where they do not get on, listeners write and show. Refuses plans
@@ -8,6 +8,7 @@ obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -15,8 +16,8 @@ from typing import cast
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.graph import frozen
-from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.arrivals import with_goals_within
@@ -35,6 +36,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import Work, WorkRequest
 from mrp_sumo.drive.world import World
+from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import PlanError, PlugInError
@@ -56,7 +58,7 @@ def simulate(
     progress
         Called about once a simulated second with the time in s and the number of robots at their goals.
     gui
-        Show it in sumo-gui; everything else is the same.
+        Show it in sumo-gui, whatever the engine; everything else is the same.
 
     Raises
     ------
@@ -72,17 +74,27 @@ def simulate(
         *(float(problem.fleet.radius_m.max()), settings.seed),
     )
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
-    controller, recovery = Controller(ledger, policy, settings), Recovery(ledger, world, settings)
+    # a plan in steps lets robots be early, one with the times of real motion does not
+    controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
+    recovery = Recovery(ledger, world, settings)
     drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan)
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, recorder, witness = EventLog(), Recorder(), Witness()
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
-    with sumo_engine(problem.graph, problem.fleet, network, dt, settings.seed, gui, ways=ways) as bodies:
+    with _engine(problem, settings, network, gui, ways) as bodies:
         bodies.place(ledger.visits)
         drive.run(bodies, [log, recorder, witness, *reports])
     return _execution(drive, plan, log, recorder, witness)
+
+
+def _engine(
+    problem: Problem, settings: ExecutionSettings, network: Path, gui: bool, ways: IntArray | None
+) -> AbstractContextManager[Engine]:
+    if settings.engine == "kinematic" and not gui:
+        return nullcontext(KinematicEngine(problem.graph, problem.fleet, settings.step_length_s))
+    return sumo_engine(problem.graph, problem.fleet, network, settings.step_length_s, settings.seed, gui, ways=ways)
 
 
 @dataclass

@@ -11,12 +11,14 @@ from mrp_sumo.drive.disturbances import NONE, Disturbances
 from mrp_sumo.errors import ExecutionError, nearest
 
 ON_DEADLOCK = ("report", "stop", "resolve")
+ENGINES = ("sumo", "kinematic")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExecutionSettings:
     """Policy, clock and recording of an execution."""
 
+    engine: str = "sumo"  # what moves the bodies
     policy: str = "adg"
     policy_parameters: Mapping[str, Any] = field(default_factory=dict)
     dispatcher: str = "one_shot"  # who goes on when the first plan is there
@@ -44,8 +46,9 @@ class ExecutionSettings:
                 raise ExecutionError(f"{key} is {value}, expected a number of seconds above 0")
         if not 0.001 <= self.step_length_s <= 1.0:
             raise ExecutionError(f"step_length_s is {self.step_length_s}, expected 0.001 to 1")
-        if self.on_deadlock not in ON_DEADLOCK:
-            raise ExecutionError(f"on_deadlock is '{self.on_deadlock}'{nearest(self.on_deadlock, ON_DEADLOCK)}")
+        for key, possible in (("on_deadlock", ON_DEADLOCK), ("engine", ENGINES)):
+            if getattr(self, key) not in possible:
+                raise ExecutionError(f"{key} is '{getattr(self, key)}'{nearest(getattr(self, key), possible)}")
         if not self.goal_tolerance_m >= 0:
             raise ExecutionError(f"goal_tolerance_m is {self.goal_tolerance_m}, expected 0 or more")
         steps = self.record_period_s / self.step_length_s

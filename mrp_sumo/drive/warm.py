@@ -4,7 +4,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import DeadlockWatch
@@ -13,6 +13,7 @@ from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import first_of
+from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.world import World
 
@@ -27,16 +28,27 @@ class Standstill:
 
 def prepare() -> None:
     """Let the controller look at one robot on one lane, twice."""
-    nav = nav_graph(name="lane", xy=[(0, 0), (1, 0)], lanes=[(0, 1), (1, 0)])
-    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
-    fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 1)
-    problem = Problem(graph, fleet, np.array([0]), np.array([1]), np.array([0]), 1.0)
-    plan, policy, settings = plan_of_paths([[0, 1]], 1.0), policy_of("adg"), ExecutionSettings()
+    problem, plan = _one_robot()
+    policy, settings = policy_of("adg"), ExecutionSettings()
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy, 0.0)
     controller = Controller(ledger, policy, settings)
-    conditions = World(NONE, graph, 1, 0.1, 1.0, 0.1, 0).conditions
+    conditions = World(NONE, problem.graph, 1, 0.1, 1.0, 0.1, 0).conditions
     for step in range(2):
         controller.advance(step * 0.1, Standstill(1), conditions, observe=step > 0)
     ledger.state.waits.since_s[:] = 0.0
     DeadlockWatch().look(ledger.state)
+    prepare_retime()
+
+
+def prepare_retime() -> None:
+    """Retime a plan for one robot on one lane."""
+    retime(*_one_robot(), ExecutionSettings())
+
+
+def _one_robot() -> tuple[Problem, Plan]:
+    nav = nav_graph(name="lane", xy=[(0, 0), (1, 0)], lanes=[(0, 1), (1, 0)])
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
+    fleet = fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 1)
+    problem = Problem(graph, fleet, np.array([0]), np.array([1]), np.array([0]), 1.0)
+    return problem, plan_of_paths([[0, 1]], 1.0)

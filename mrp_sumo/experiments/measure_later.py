@@ -43,6 +43,7 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         Status(run.result["plan"]["status"]),
         plan=plan,
         planning_time_s=told["planning_time_s"],
+        retime_time_s=told.get("retime_time_s"),
         prepare_time_s=told["prepare_time_s"],
         lower_bound_steps=told["lower_bound_steps"],
         message=run.result["plan"]["message"],

@@ -103,13 +103,14 @@ def finish(
     from mrp_sumo.metrics.registry import METRICS
 
     report = progress or silent
-    execution, note, details, broken = None, solution.result.message, solution.result.details, ""
+    execution, note, details, broken = None, solution.result.message or solution.note, solution.result.details, ""
     if execute and solution.result.plan is not None:
         setup = with_time_limit(setup, solution.result.plan)
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         try:
-            execution, note = _execute(setup, solution, network, report, gui)
+            execution, otherwise = _execute(setup, solution, network, report, gui)
+            note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
             broken = DISPATCHER_FAILED if isinstance(error, DispatcherError) else POLICY_FAILED

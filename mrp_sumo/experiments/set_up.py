@@ -208,6 +208,7 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
         file,
         ("execution",),
         lambda: ExecutionSettings(
+            engine=execution.engine,
             policy=resolved(execution.policy.name, file.folder),
             policy_parameters=execution.policy.parameters,
             dispatcher=resolved(dispatcher, file.folder),

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
+from mrp_sumo.core.plan import Plan, PlanResult, Status, as_planned_in_steps, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError, PlugInError, ScenarioError
+from mrp_sumo.errors import ExecutionError, PlanError, PlugInError, ScenarioError
 from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.io.scenario import ScenarioFile
@@ -30,6 +30,10 @@ ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
 StageReport = Callable[[str, float, float], None]  # stage, done, of
 
 
+def silent(stage: str, done: float, of: float) -> None:
+    """Nobody wants to know."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """What assignment and planning came to, judged."""
@@ -39,6 +43,7 @@ class Solution:
     result: PlanResult
     verdict: Verdict | None  # of the plan, if there is one
     assignment_time_s: float
+    note: str = ""  # why the plan is still in steps, where that was not asked for
 
     @property
     def plan(self) -> Plan | None:
@@ -63,7 +68,8 @@ class Solution:
     @property
     def cost_steps(self) -> float | None:
         """Sum of costs: the steps until each robot arrives to stay, over all robots."""
-        return None if self.plan is None else round(float(self.plan.end_s.sum() / self.problem.step_s), 6)
+        in_steps = None if self.plan is None else as_planned_in_steps(self.plan, self.problem.step_s)
+        return None if in_steps is None else round(float(in_steps.end_s.sum() / self.problem.step_s), 6)
 
     @property
     def lower_bound_steps(self) -> float:
@@ -165,7 +171,28 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
         problem = problem.assigned(result.goal_of)
     if result.plan is not None:
         verdict = judge(problem, result.plan)
-    return Solution(setup, problem, result, verdict, assignment_time_s)
+    solution = Solution(setup, problem, result, verdict, assignment_time_s)
+    return retimed(solution, report) if verdict is not None and verdict.valid else solution
+
+
+def retimed(solution: Solution, report: StageReport = silent) -> Solution:
+    """Give the plan the times of real motion, if the scenario wants that and its order can be kept."""
+    choice, plan = solution.setup.scenario.planner.retime, solution.result.plan
+    if choice is False or plan is None:
+        return solution
+    from mrp_sumo.drive.retime import retime
+    from mrp_sumo.drive.warm import prepare_retime
+
+    with compiling(report, execute=False):
+        prepare_retime()
+    settings, problem = solution.setup.settings, solution.problem
+    margin_s = 0.0 if choice is True else choice.margin_s
+    began = time.perf_counter()
+    try:
+        plan = retime(problem, plan, settings, margin_s=margin_s)
+    except (ExecutionError, PlanError) as error:
+        return replace(solution, note=f"the plan is in steps of one length still: {error}")
+    return replace(solution, result=replace(solution.result, plan=plan, retime_time_s=time.perf_counter() - began))
 
 
 def _assignment(setup: SetUp) -> IntArray:
@@ -189,7 +216,3 @@ def located(file: ScenarioFile, *place: str) -> Iterator[None]:
         yield
     except ScenarioError as error:
         raise ScenarioError(*(f"{file.at(*place)}: {line}" for line in error.lines)) from None
-
-
-def silent(stage: str, done: float, of: float) -> None:
-    """Nobody wants to know."""

@@ -1,8 +1,9 @@
 """Plans as JSON: per robot its timed visits, with the vertices' names and places so that a reader needs no map.
 
 `{"schema_version", "step_s", "units", "robots": [{"name", "start", "goal", "visits": [{"vertex", "name",
-"x", "y", "arrive_s", "depart_s"}]}]}`; `depart_s` is null at the end, where the robot stays. Refuses files
-of another schema, and plans whose robots are not the fleet's.
+"x", "y", "arrive_s", "depart_s"}]}]}`; `depart_s` is null at the end, where the robot stays. Visits of a plan that was made in
+steps and then retimed have `arrive_step` and `depart_step` too. Refuses files of another schema, and plans whose robots are
+not the fleet's.
 """
 
 import json
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import frozen
+from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -20,6 +21,7 @@ from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import read_json
 
 SCHEMA_VERSION = 1
+STEPS = ("arrive_step", "depart_step")
 FARTHEST = 1e15  # of times and numbers of vertices
 
 
@@ -38,7 +40,9 @@ def write_plan(path: Path, problem: Problem, plan: Plan) -> None:
     graph, lines = problem.graph, []
     for r in range(plan.num_robots):
         visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
-        rows = zip(plan.vertex[visits].tolist(), plan.arrive_s[visits].tolist(), plan.depart_s[visits].tolist())
+        columns = [plan.vertex[visits], plan.arrive_s[visits], plan.depart_s[visits]]
+        if plan.in_steps is not None:
+            columns += [np.rint(times[visits] / problem.step_s) for times in (plan.in_steps.arrive_s, plan.in_steps.depart_s)]
         document = {
             "name": problem.fleet.robot_name[r],
             "start": graph.label(int(problem.start[r])),
@@ -51,8 +55,9 @@ def write_plan(path: Path, problem: Problem, plan: Plan) -> None:
                     "y": float(graph.xy[v, 1]),
                     "arrive_s": arrive,
                     "depart_s": depart if np.isfinite(depart) else None,
+                    **{key: int(step) if np.isfinite(step) else None for key, step in zip(STEPS, steps)},
                 }
-                for v, arrive, depart in rows
+                for v, arrive, depart, *steps in zip(*(column.tolist() for column in columns))
             ],
         }
         lines.append(json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False))
@@ -90,6 +95,9 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
         for i, visit in enumerate(robot["visits"]):
             if fault := _fault(visit):
                 raise PlanError(f"{path}: damaged: robots[{k}].visits[{i}] {fault}")
+    step_s = document.get("step_s")
+    if not isinstance(step_s, int | float) or isinstance(step_s, bool) or not 0 < step_s < FARTHEST:
+        raise PlanError(f"{path}: damaged: step_s is {step_s!r:.40}, expected a number of seconds above 0")
     if robot_name is not None:
         by_name = {robot["name"]: robot for robot in robots}
         if set(by_name) != set(robot_name):
@@ -97,13 +105,16 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
             raise PlanError(f"{path}: robot '{odd}' is not in both the plan and the fleet")
         robots = [by_name[name] for name in robot_name]
     visits = [visit for robot in robots for visit in robot["visits"]]
-    depart = [np.inf if visit["depart_s"] is None else visit["depart_s"] for visit in visits]
-    return Plan(
-        first=frozen(np.cumsum([0, *(len(robot["visits"]) for robot in robots)]).astype(np.int64)),
-        vertex=frozen(np.array([visit["vertex"] for visit in visits], np.int64)),
-        arrive_s=frozen(np.array([visit["arrive_s"] for visit in visits], np.float64)),
-        depart_s=frozen(np.array(depart, np.float64)),
-    )
+    first = frozen(np.cumsum([0, *(len(robot["visits"]) for robot in robots)]).astype(np.int64))
+    vertex = frozen(np.array([visit["vertex"] for visit in visits], np.int64))
+
+    def times(key: str, unit_s: float = 1.0) -> FloatArray:
+        return frozen(np.array([np.inf if visit[key] is None else visit[key] * unit_s for visit in visits], np.float64))
+
+    in_steps = None
+    if visits and all(STEPS[0] in visit for visit in visits):
+        in_steps = Plan(first, vertex, times(STEPS[0], step_s), times(STEPS[1], step_s))
+    return Plan(first, vertex, times("arrive_s"), times("depart_s"), in_steps)
 
 
 def _fault(visit: Any) -> str:
@@ -118,4 +129,7 @@ def _fault(visit: Any) -> str:
         value = visit.get(key, "missing")
         if not isinstance(value, kinds) or isinstance(value, bool) or (value is not None and not abs(value) < FARTHEST):
             return f"has the {key} {value!r:.40}, expected {expected}"
+    given = [visit[key] for key in STEPS if key in visit]
+    if given and (len(given) < 2 or any(not isinstance(step, int | None) or isinstance(step, bool) for step in given) or given[0] is None):
+        return f"has the {' and '.join(STEPS)} {given!r:.40}, expected numbers of steps, or null where it stays"
     return ""

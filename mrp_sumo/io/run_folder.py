@@ -158,6 +158,7 @@ def result_document(
             "status": status,
             "note": note,
             "policy": execution.policy if execution else None,
+            "engine": scenario.execution.engine if execution else None,
             "outcome": str(execution.outcome) if execution else None,
             "scenario": scenario.model_dump(mode="json"),
             "seed": scenario.seed,

@@ -6,6 +6,7 @@ from typing import Any
 
 from mrp_sumo.io.summary import Summary, count, seconds, summary
 
+ON_TIME_S = 1e-6
 NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
 
 
@@ -60,7 +61,9 @@ def _given(name: str, value: str) -> str:
 
 
 def _lateness(value: float | None) -> str:
-    return "" if value is None else f"{seconds(abs(value))} {'early' if value < 0 else 'late'}"
+    if value is None or abs(value) < ON_TIME_S:
+        return "" if value is None else "none"
+    return f"{seconds(abs(value))} {'early' if value < 0 else 'late'}"
 
 
 def _metres(value: float | None) -> str:

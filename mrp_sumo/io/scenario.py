@@ -140,6 +140,12 @@ class Assignment(_Strict):
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the assigner.")
 
 
+class RetimeChoice(_Strict):
+    """How a plan gets the times of real motion."""
+
+    margin_s: Annotated[float, Field(ge=0)] = Field(0.0, description="What a robot leaves is planned to be free this much later.")
+
+
 class PlannerChoice(_Strict):
     """The planner and what it may spend."""
 
@@ -148,6 +154,9 @@ class PlannerChoice(_Strict):
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the planner.")
     step_s: Positive | None = Field(
         None, description="Planned time for a lane; by default its length at full speed plus a quarter turn, rounded up to the step length."
+    )
+    retime: bool | RetimeChoice = Field(
+        True, description="Give the plan the times of the robots' real motion, in the order that it has; false: leave it in steps."
     )
 
 
@@ -229,7 +238,11 @@ class DispatcherChoice(PolicyChoice):
 
 
 class ExecutionChoice(_Strict):
-    """How the plan is driven in SUMO."""
+    """How the plan is driven."""
+
+    engine: Literal["sumo", "kinematic"] = Field(
+        "sumo", description="What moves the bodies: SUMO, or the robots' limits alone, which takes a fraction of the time."
+    )
 
     policy: PolicyChoice = Field(
         PolicyChoice(), description="Who may enter which vertex when: adg, open_loop, ..., or name and parameters."

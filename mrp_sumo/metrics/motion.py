@@ -1,11 +1,26 @@
 """Metrics of the drive: how long it took, on the simulation's clock and on the machine's, and who stood."""
 
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.metrics.metric import Evidence, metric
 
 
 @metric("s", "less", "simulated time at the end")
 def sim_time_s(run: Evidence) -> float | None:
     return None if run.execution is None else run.execution.sim_time_s
+
+
+@metric("s", "less", "time at which the last robot came to its goal to stay; null where not all did")
+def driven_makespan_s(run: Evidence) -> float | None:
+    goal_s = run.once(_goal_times)
+    return None if goal_s is None else float(goal_s.max())
+
+
+@metric("s", "less", "sum over robots of the time at which each came to its goal to stay; null where not all did")
+def driven_flowtime_s(run: Evidence) -> float | None:
+    goal_s = run.once(_goal_times)
+    return None if goal_s is None else float(goal_s.sum())
 
 
 @metric("s", "less", "wall time of the simulation loop", of_machine=True)
@@ -47,3 +62,9 @@ def blocked_s(run: Evidence) -> float | None:
 )
 def execution_time_limit_s(run: Evidence) -> float | None:
     return None if run.execution is None else run.time_limit_s
+
+
+def _goal_times(run: Evidence) -> FloatArray | None:
+    """[R] when each robot came to its goal; None where not all did."""
+    goal_s = None if run.execution is None else run.execution.goal_s
+    return goal_s if goal_s is not None and len(goal_s) and bool(np.isfinite(goal_s).all()) else None

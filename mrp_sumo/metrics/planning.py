@@ -1,6 +1,7 @@
 """Metrics of the plan: is it valid, what does it cost, how long did it take."""
 
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.plan import as_planned_in_steps
 from mrp_sumo.metrics.metric import YES_NO, Evidence, count_of, metric
 
 
@@ -59,12 +60,22 @@ def makespan_s(run: Evidence) -> float | None:
     return float(run.plan.end_s.max()) if run.plan is not None and run.plan.num_robots else None
 
 
+@metric("s", "less", "sum over robots of the planned time at which each is at its goal to stay")
+def flowtime_s(run: Evidence) -> float | None:
+    return float(run.plan.end_s.sum()) if run.plan is not None and run.plan.num_robots else None
+
+
+@metric("s", "less", "wall time of working out the plan's times with real motion; null where that was not asked for", of_machine=True)
+def retime_time_s(run: Evidence) -> float | None:
+    return run.result.retime_time_s
+
+
 def steps_to_goal(run: Evidence) -> FloatArray | None:
-    """[R] planned steps until each robot is at its goal to stay; None without a plan."""
+    """[R] planned steps until each robot is at its goal to stay; None without a plan in steps."""
     if run.plan is None or not run.plan.num_robots:
         return None
-    steps: FloatArray = run.plan.end_s / run.problem.step_s
-    return steps
+    in_steps = as_planned_in_steps(run.plan, run.problem.step_s)
+    return None if in_steps is None else in_steps.end_s / run.problem.step_s
 
 
 def _conflicts(run: Evidence, kind: str) -> int | None:

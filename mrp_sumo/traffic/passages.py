@@ -70,7 +70,10 @@ def order_of(plan: Plan, needs: Needs) -> Schedule:
     ends = plan.first[1:] - 1
     never = ~on_lane & (ends[robot[last_of]] == last_of)
     left_at = np.where(never, plan.num_visits, last_of + ~on_lane)
-    order = np.lexsort((robot[visit_of], plan.depart_s[last_of], plan.arrive_s[visit_of], resource_of))
+    # a zone is needed from setting out, and may have been left before the arrival; vertices are not
+    sets_out_s = np.where(visit_of == plan.first[robot[visit_of]], -np.inf, plan.depart_s[np.maximum(visit_of - 1, 0)])
+    enters_s = np.where(plan.vertex[visit_of] == resource_of, plan.arrive_s[visit_of], sets_out_s)
+    order = np.lexsort((robot[visit_of], plan.depart_s[last_of], plan.arrive_s[visit_of], enters_s, resource_of))
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     passage_of_need = np.empty(len(q), np.int64)

@@ -69,7 +69,7 @@ def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_s
     problem
         Starts, goals and the graph.
     plan
-        Any plan, by whomever.
+        Any plan, by whomever. Where it has got other times after it was planned, those that the planner gave it are judged.
     goal_of
         [R] the assignment the plan claims, for planners that assign; the problem's by default.
     in_seconds
@@ -80,6 +80,7 @@ def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_s
     Verdict
         Faults end the judgement: conflicts are looked for in a plan without faults only.
     """
+    plan = plan if in_seconds else plan.in_steps or plan
     faults = _faults(problem, plan, problem.goal_of if goal_of is None else goal_of, 0.0 if in_seconds else problem.step_s)
     if faults:
         return Verdict(tuple(faults), (), ())

@@ -14,6 +14,7 @@ Together: a robot that holds the vertices and zones of its visits is R away from
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,6 +49,7 @@ class Resources:
         return len(self.zone) + len(self.group_name)
 
 
+@lru_cache(maxsize=2)  # retiming and driving ask for the same
 def resources_of(graph: NavGraph, separation_m: float) -> Resources:
     """Find them.
 

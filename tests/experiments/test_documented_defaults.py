@@ -48,7 +48,7 @@ def test_scenario_with_all_defaults_written_out_is_the_scenario_without_them(tmp
 def test_time_limit_follows_the_plan_where_none_is_stated(tmp_path):
     robots = {"starts": ["v0"], "goals": ["v5"]}
     for name, planned_s, limit_s in (("short", None, 300.0), ("long", 40.0, None)):
-        path = written(tmp_path, name, robots=robots, planner={"name": "pibt", "step_s": planned_s})
+        path = written(tmp_path, name, robots=robots, planner={"name": "pibt", "step_s": planned_s, "retime": planned_s is None})
         assert main(["run", str(path), "--out", str(tmp_path / name)]) == 0
         result = json.loads((tmp_path / name / "result.json").read_text())
         used_s = result["metrics"]["execution_time_limit_s"]

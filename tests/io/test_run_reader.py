@@ -91,7 +91,12 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         ("floor.json", "{}", "graph", r"floor\.json: schema version None, expected 1"),
         ("plan.json", "[1", "plan", r"plan\.json: not JSON"),
         ("plan.json", '{"schema_version": 9}', "plan", r"plan\.json: schema version 9, expected 1"),
-        ("plan.json", '{"schema_version": 1, "robots": [{"name": "x", "visits": []}]}', "plan", "robot 'robot_0' is not in both"),
+        (
+            "plan.json",
+            '{"schema_version": 1, "step_s": 1, "robots": [{"name": "x", "visits": []}]}',
+            "plan",
+            "robot 'robot_0' is not in both",
+        ),
         ("events.jsonl", '{"t_s": 1}\nnonsense\n', "events", r"events\.jsonl:2: not JSON"),
         ("events.jsonl", "[1]\n", "execution", r"events\.jsonl:1: found '\[1\]', expected an object"),
         ("trajectory.parquet", "nonsense", "samples", r"trajectory\.parquet: not a readable Parquet file"),

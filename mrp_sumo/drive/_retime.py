@@ -1,0 +1,91 @@
+"""The kernel of `drive.retime`: the controller drives bodies through a plan, undisturbed, and only the times are kept."""
+
+import numpy as np
+
+from mrp_sumo.drive._causes import PLANNED
+from mrp_sumo.drive._controller import command, grant
+from mrp_sumo.drive._observe import arrive, move, release
+from mrp_sumo.search._bodies import move_bodies
+from mrp_sumo.search._kernel import kernel
+
+AT_VERTEX_M = 1e-6  # beyond it by more, a robot has left a vertex
+
+
+@kernel
+def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, needs, state, conditions, log, news, left_s):
+    """Drive until everybody has made its last visit. Writes `visits.arrived_s` and the departures `left_s` [N].
+
+    Parameters
+    ----------
+    dt
+        Step length, s.
+    most_steps
+        After which it gives up.
+    lag
+        Steps by which what a robot has left is free later than that.
+    accel
+        [R] m/s2.
+    limit_mps
+        [L] of lanes.
+
+    Returns
+    -------
+    steps
+        How many it took; -1 when nobody can go on, or not within `most_steps`.
+    """
+    # arrays are taken out of their tuples once: numba counts references each time
+    motion, grants = state.motion, state.grants
+    reached, following, lane = visits.reached, visits.next, visits.lane
+    commanded, cause, turning, speed = grants.command_mps, grants.cause, motion.turning, motion.speed_mps
+    num_robots = len(accel)
+    s_m, velocity, was_mps, cap = motion.s_m.copy(), np.zeros(num_robots), np.zeros(num_robots), np.zeros(num_robots)
+    past = np.zeros((lag + 1, num_robots))
+    idle = 0  # steps in which nobody could do anything
+    for step in range(most_steps):
+        now = step * dt
+        if step > 0:
+            was_mps[:] = speed
+            move(dt, s_m, kinematics, visits, motion)
+            depart(now - dt, motion.s_m, motion.moved_m, was_mps, visits, left_s)
+            before = reached.copy()
+            arrive(now, dt, s_m, visits, state, log, 0)
+            pass_through(before, visits, left_s)
+            past[step % (lag + 1)] = s_m
+            release(past[(step + 1) % (lag + 1)], visits, needs, grants)
+            motion.s_m[:] = s_m
+        grant(now, kinematics, rules, visits, needs, state, conditions.closed)
+        command(now, dt, kinematics, rules, visits, state, conditions, news.changed)
+        finished, stuck = True, True
+        for r in range(num_robots):
+            ahead = following[reached[r]]
+            cap[r] = limit_mps[lane[ahead]] if ahead >= 0 else np.inf
+            if ahead >= 0:
+                finished = False
+                if commanded[r] > 0.0 or turning[r] or cause[r] == PLANNED or speed[r] > 0.0:
+                    stuck = False
+        if finished:
+            return step
+        idle = idle + 1 if stuck else 0
+        if idle > lag + 2:
+            return -1
+        move_bodies(dt, commanded, accel, kinematics.decel_mps2, cap, velocity, s_m)
+    return -1
+
+
+@kernel(inline="always")
+def depart(began, was_m, moved_m, was_mps, visits, left_s):
+    """Who stood on a vertex and set out in the step that began at `began`."""
+    for r in range(len(was_m)):
+        m = visits.reached[r]
+        if moved_m[r] > 0.0 and was_mps[r] == 0.0 and was_m[r] <= visits.at_m[m] + AT_VERTEX_M:
+            left_s[m] = began
+
+
+@kernel(inline="always")
+def pass_through(before, visits, left_s):
+    """Visits that were made in this step are left at once, unless the robot stops there."""
+    for r in range(len(before)):
+        k = before[r]
+        while k != visits.reached[r]:
+            k = visits.next[k]
+            left_s[k] = visits.arrived_s[k]

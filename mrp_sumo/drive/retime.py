@@ -1,0 +1,79 @@
+"""Retiming: a plan's order, driven with real motion, gives the plan's times.
+
+Planners count steps of one length, each long enough for a turn; robots accelerate, drive through and turn where they must. So
+the controller's own kernels drive the plan on undisturbed bodies, and the times that come out are the plan's from then on: what
+is planned is what is driven, but for what disturbs a run. Vertices and order stay as the planner made them.
+"""
+
+import numpy as np
+
+from mrp_sumo.core.graph import frozen
+from mrp_sumo.core.plan import Plan, as_planned_in_steps
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive import _retime
+from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.disturbances import NONE
+from mrp_sumo.drive.fit import resources_for
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.reroute import first_of
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.state import empty_log, empty_news
+from mrp_sumo.drive.world import World
+from mrp_sumo.errors import PlanError
+
+LONGEST = 20.0  # times the plan's makespan; who is not there by then never will be
+
+
+def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0, keep_departures: bool = False) -> Plan:
+    """The plan in seconds of real motion.
+
+    Parameters
+    ----------
+    problem
+        What the plan is for.
+    plan
+        With an order that can be kept: who passes first at each vertex and zone.
+    settings
+        Step length; and look-ahead where the policy keeps an order.
+    margin_s
+        What a robot leaves is free this much later for the next. A plan with a margin is longer, and survives small delays.
+    keep_departures
+        Nobody leaves a visit before the plan does; for plans that are in seconds of real motion already.
+
+    Returns
+    -------
+    plan
+        The same visits. A robot arrives at `arrive_s`, and sets out at `depart_s`; both are equal where it drives through.
+
+    Raises
+    ------
+    ExecutionError
+        When it cannot be driven at all (`drive.fit`).
+    PlanError
+        When its order cannot be kept.
+    """
+    policy = policy_of("adg_timed" if keep_departures else "adg", _look_ahead(settings))
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy, 0.0)
+    controller, dt = Controller(ledger, policy, settings, paced=False), settings.step_length_s
+    world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, float(problem.fleet.radius_m.max()), 0)
+    left_s = np.zeros(ledger.num_visits)
+    longest_s = LONGEST * (float(plan.end_s.max(initial=0.0)) + problem.step_s) + margin_s * plan.num_visits
+    steps = _retime.drive_out(
+        *(dt, int(longest_s / dt), round(margin_s / dt), problem.fleet.accel_mps2, problem.graph.speed_mps),
+        *(controller.kinematics, controller.rules, ledger.visits, ledger.needs, ledger.state, world.conditions),
+        *(empty_log(problem.num_robots), empty_news(problem.num_robots), left_s),
+    )
+    if steps < 0:
+        raise PlanError("nobody can drive this plan to its end in the order that it has")
+    ids = np.concatenate([ledger.all_ids(r) for r in range(plan.num_robots)])
+    depart_s = left_s[ids]
+    depart_s[plan.first[1:] - 1] = np.inf
+    in_steps = as_planned_in_steps(plan, problem.step_s)
+    return Plan(plan.first, plan.vertex, frozen(ledger.column("arrived_s")[ids]), frozen(depart_s), in_steps)
+
+
+def _look_ahead(settings: ExecutionSettings) -> dict[str, int]:
+    given = settings.policy_parameters.get("look_ahead")
+    return {} if given is None else {"look_ahead": int(given)}

@@ -1,0 +1,113 @@
+"""What is planned is what is driven: the times of a retimed plan are those that SUMO needs, to one step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import BURGER, CART, cross, graph_of, line, problem_of, square_grid
+
+from mrp_sumo.core.plan import Plan, paths_of_plan
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.retime import retime
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo.network import build_network
+from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.referee import judge
+
+STEP_S = ExecutionSettings().step_length_s
+CROSSING = [[3, 2, 1, 0, 7, 8, 9], [6, 5, 4, 0, 10, 11, 12]]  # from the east to the west, from the north to the south, at once
+LATER = [[3, 2, 1, 0, 7, 8, 9], [6, 5, 4, 4, 0, 10, 11, 12]]
+
+
+def driven_and_planned(tmp_path, graph, paths, robot=BURGER, **settings):
+    """The retimed plan, and the execution of it in SUMO."""
+    problem, plan = problem_of(graph, paths, robot)
+    how = ExecutionSettings(**{"time_limit_s": 300.0, **settings})
+    planned = retime(problem, plan, how)
+    return planned, simulate(problem, planned, how, build_network(graph, tmp_path / "world.net.xml"))
+
+
+def test_a_run_alone_takes_its_trapezoid_and_a_bend_its_turn(tmp_path):
+    cell, robot = 2.0, CART
+    graph = graph_of([(0, 0), (cell, 0), (2 * cell, 0), (2 * cell, cell)], [(0, 1), (1, 2), (2, 3)], cell)
+    problem, plan = problem_of(graph, [[0, 1, 2, 3]], robot)
+    arrive = retime(problem, plan, ExecutionSettings()).arrive_s
+    v, a = robot.max_speed_mps, robot.accel_mps2
+    straight_s = 2 * v / a + (2 * cell - v * v / a) / v  # from rest to rest over two lanes
+    turn_s = np.pi / 2 / robot.turn_rate_rad_s
+    assert arrive[1] == pytest.approx(v / a + (cell - v * v / a / 2) / v, abs=STEP_S)  # driven through
+    assert arrive[2] == pytest.approx(straight_s, abs=2 * STEP_S)
+    assert arrive[3] - arrive[2] == pytest.approx(turn_s + 2 * v / a + (cell - v * v / a) / v, abs=3 * STEP_S)
+
+
+@pytest.mark.parametrize("robot", [BURGER, CART], ids=lambda robot: robot.name)
+@pytest.mark.parametrize("paths", [CROSSING[:1], LATER, [LATER[1], [*LATER[0][:1], *LATER[0]]]])
+def test_sumo_drives_every_visit_when_it_is_planned(tmp_path, paths, robot):
+    planned, run = driven_and_planned(tmp_path, cross(3, 1.0), paths, robot)
+    assert np.abs(run.arrived_s - planned.arrive_s).max() <= STEP_S + 1e-9
+
+
+@pytest.mark.parametrize("policy", ["adg", "adg_timed"])
+def test_policies_that_keep_the_order_keep_the_times(tmp_path, policy):
+    planned, run = driven_and_planned(tmp_path, square_grid(3), [[0, 1, 2, 5], [6, 3, 4, 4, 1], [8, 7, 6]], policy=policy)
+    assert np.abs(run.arrived_s - planned.arrive_s).max() <= STEP_S + 1e-9
+
+
+def test_engines_agree(tmp_path):
+    graph, paths = cross(3, 1.0), LATER
+    _, sumo = driven_and_planned(tmp_path, graph, paths, CART)
+    _, own = driven_and_planned(tmp_path, graph, paths, CART, engine="kinematic")
+    assert own.arrived_s == pytest.approx(sumo.arrived_s, abs=1e-6)
+    assert own.x_m == pytest.approx(sumo.x_m, abs=1e-6) and own.y_m == pytest.approx(sumo.y_m, abs=1e-6)
+    assert own.sumo_xy_m == pytest.approx(np.stack([own.x_m, own.y_m], -1)[np.isin(own.t_s, own.sumo_t_s)], abs=1e-6)
+    assert [(e.kind, e.robot, e.vertex) for e in own.events] == [(e.kind, e.robot, e.vertex) for e in sumo.events]
+
+
+def test_a_robot_departs_when_it_sets_out_and_at_once_where_it_drives_through():
+    problem, plan = problem_of(line(4), [[0, 1, 1, 2, 3]])
+    retimed = retime(problem, plan, ExecutionSettings())
+    assert retimed.depart_s[0] == 0.0 and retimed.depart_s[-1] == np.inf
+    assert retimed.depart_s[1:3] == pytest.approx(retimed.arrive_s[1:3])  # nothing is in its way, so it does not wait
+    problem, plan = problem_of(cross(2), [[2, 1, 0, 5], [4, 3, 3, 0, 7]])
+    second = slice(int(plan.first[1]), int(plan.first[2]))
+    retimed = retime(problem, plan, ExecutionSettings())
+    assert retimed.depart_s[second][1] > retimed.arrive_s[second][1] + 0.5  # it lets the other pass
+
+
+def test_the_plan_in_steps_stays_beside_it():
+    problem, plan = problem_of(cross(3, 1.0), LATER)
+    retimed = retime(problem, plan, ExecutionSettings())
+    assert retimed.in_steps is plan and judge(problem, retimed).valid
+    assert [path.tolist() for path in paths_of_plan(retimed, problem.step_s)] == LATER
+
+
+def test_departures_that_a_plan_asks_for_are_kept():
+    problem, plan = problem_of(line(4), [[0, 1, 2, 3]])
+    plan = retime(problem, plan, ExecutionSettings())
+    later = replace(plan, depart_s=plan.depart_s + np.array([4.0, 0, 0, 0]), in_steps=None)
+    kept = retime(problem, later, ExecutionSettings(), keep_departures=True)
+    assert kept.depart_s[0] == pytest.approx(4.0) and kept.arrive_s[1:] == pytest.approx(plan.arrive_s[1:] + 4.0)
+
+
+def test_a_margin_lets_the_second_wait_longer():
+    problem, plan = problem_of(cross(3, 1.0), LATER, CART)
+    first, second = slice(0, int(plan.first[1])), slice(int(plan.first[1]), None)
+    without, with_margin = (retime(problem, plan, ExecutionSettings(), margin_s=margin) for margin in (0.0, 1.5))
+    assert with_margin.arrive_s[first] == pytest.approx(without.arrive_s[first])
+    assert with_margin.end_s[1] - without.end_s[1] == pytest.approx(1.5, abs=2 * STEP_S)
+    assert (with_margin.arrive_s[second] >= without.arrive_s[second] - 1e-9).all()
+
+
+def test_a_plan_whose_order_nobody_can_keep_is_refused():
+    problem, plan = problem_of(square_grid(2), [[0, 1], [1, 3], [3, 2], [2, 0]])
+    with pytest.raises(PlanError, match="cyclic"):
+        retime(problem, plan, ExecutionSettings())
+
+
+def test_who_passes_first_is_read_from_who_sets_out_first():
+    """A robot on a long lane holds what it needs there from when it enters it, though another one arrives earlier elsewhere."""
+    graph = graph_of([(0, 0), (6, 0), (5.8, 1), (5.8, -1), (0, 1)], [(0, 1), (2, 3), (4, 2)], 1.0)
+    problem, plan = problem_of(graph, [[0, 1], [2, 2, 2, 3]], CART)
+    retimed = retime(problem, plan, ExecutionSettings())
+    again = retime(problem, Plan(retimed.first, retimed.vertex, retimed.arrive_s, retimed.depart_s), ExecutionSettings())
+    assert again.arrive_s == pytest.approx(retimed.arrive_s)
