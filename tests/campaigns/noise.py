@@ -2,7 +2,9 @@
 
 Everything about a run is drawn from its number: the world (bundled maps, each as a grid and as a roadmap; generated warehouses and
 roads; racks with narrow aisles; tangles of lanes with acute angles and crossings), robots, policy, step length, disturbances and what is
-done about deadlocks. The audit of its own follows footprints with shapely, another author's geometry, and knows nothing of ours.
+done about deadlocks. The audit of its own follows footprints with shapely, another author's geometry, and knows nothing of ours: they
+overlap nobody and no wall of the building (lanes without room are left out before), vertices are passed in the plan's order where a policy
+keeps it, robots that stand on their goals count as there, and none stands to the end for no reason.
 """
 
 import collections
@@ -33,7 +35,9 @@ from mrp_sumo.drive.policy import needs_sound_plan, policies
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
+from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.catalogue import bundled_maps
+from mrp_sumo.maps.clearance import narrow, pruned, standing_walls
 from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.maps.grid import grid_graph, paper_grid
 from mrp_sumo.maps.load import load_map
@@ -100,7 +104,7 @@ class Worlds:
         self._scratch = scratch
         self._paths = {"bundled": sorted(bundled_maps().values()), "corpus": corpus}
         self._lasting_graph = cache(self._graph)
-        self._lasting_network = cache(self._network)
+        self._building: dict[World, Building | None] = {}
 
     def draw(self, rng: np.random.Generator, number: int) -> World:
         """A family, and one of its worlds."""
@@ -125,8 +129,19 @@ class Worlds:
     def graph(self, world: World) -> PlanGraph:
         return self._graph(world) if world[0] in PASSING else self._lasting_graph(world)
 
-    def network(self, world: World) -> Path:
-        return self._network(world) if world[0] in PASSING else self._lasting_network(world)
+    def network(self, world: World, graph: PlanGraph, robot: RobotType) -> Path:
+        if world[0] in PASSING:
+            return build_network(graph, self._scratch / "passing.net.xml")
+        name = re.sub(r"\W", "_", " ".join((*world, robot.name)))
+        path = self._scratch / f"{name}.net.xml"
+        return path if path.is_file() else build_network(graph, path)
+
+    def with_room(self, world: World, graph: PlanGraph, robot: RobotType) -> tuple[PlanGraph, np.ndarray]:
+        """The graph without what walls leave no room for, and the walls [W, 2, 2]."""
+        building = self._building.get(world)
+        if building is None:
+            return graph, np.zeros((0, 2, 2))
+        return pruned(graph, narrow(graph, building, robot)), standing_walls(building, graph.level_names)
 
     def _graph(self, world: World) -> PlanGraph:
         family, which = world
@@ -135,9 +150,11 @@ class Worlds:
         *parts, kind, cell = which.split()
         if family in self._paths:
             path = self._paths[family][int(parts[0])]
-            nav = load_map(path, graph="all").nav
-            if len(nav.level_names) > 1:  # lifts are not driven yet
-                nav = load_map(path, graph="all", level=nav.level_names[int(parts[1]) % len(nav.level_names)]).nav
+            map_ = load_map(path, graph="all")
+            names = map_.nav.level_names
+            if len(names) > 1:  # lifts are not driven yet
+                map_ = load_map(path, graph="all", level=names[int(parts[1]) % len(names)])
+            nav, self._building[world] = map_.nav, map_.building
         else:
             path = self._scratch / f"{family}_{'_'.join(parts)}.building.yaml"
             if family == "warehouse":
@@ -149,10 +166,6 @@ class Worlds:
         if graph.num_vertices > LARGEST:
             raise MrpSumoError("too large for the campaign")
         return graph
-
-    def _network(self, world: World) -> Path:
-        name = "passing" if world[0] in PASSING else re.sub(r"\W", "_", " ".join(world))
-        return build_network(self.graph(world), self._scratch / f"{name}.net.xml")
 
 
 def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> Disturbances:
@@ -218,6 +231,10 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     except MrpSumoError as error:
         return row | {"ended": "no map", "why": plain(error)}
     robot = BOX if boxes and fleet_of(BOX, 1).separation_m <= graph.cell_m else BURGER
+    try:
+        graph, walls = worlds.with_room(world, graph, robot)
+    except MrpSumoError:
+        return row | {"ended": "no room beside walls"}
     distance = fleet_of(robot, 1).separation_m
     wanted = min(wanted, graph.num_vertices // (4 if graph.kind == "grid" else 10))
     start, goal = apart(graph, rng, wanted, distance), apart(graph, rng, wanted, distance)
@@ -246,11 +263,11 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
         if plan is None:
             continue
         try:
-            run = simulate(problem, plan, settings, worlds.network(world))
+            run = simulate(problem, plan, settings, worlds.network(world, graph, robot))
         except (PlanError, ExecutionError) as error:
             why = plain(error)
             continue
-        return row | {"planner": name, "ended": str(run.outcome), "why": ""} | findings(run, fleet, graph.level[start], distance, policy)
+        return row | {"planner": name, "ended": str(run.outcome), "why": ""} | findings(run, plan, problem, settings, distance, walls)
     return row | {"ended": "refused" if why else "no plan", "why": why}
 
 
@@ -273,9 +290,12 @@ def plain(error: Exception) -> str:
     return re.sub(r"'[^']*'|robot_\d+|\d[\d.]*", "_", str(error).replace("the plan's", "its"))[:90]
 
 
-def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, policy: str) -> dict[str, Any]:
+def findings(
+    run: Execution, plan: Plan, problem: Problem, settings: ExecutionSettings, distance: float, walls: np.ndarray
+) -> dict[str, Any]:
     """What the audit and a few other looks find."""
-    found = audit(run, fleet, level)
+    fleet, level, policy = problem.fleet, problem.graph.level[problem.start], settings.policy
+    found = audit(run, fleet, level, walls if len(walls) else None)
     wrong = [f"{found[key]} {key.removeprefix('num_')}" for key in found if key.startswith("num_") and found[key]]
     wrong += [str(found["violations"][0])] if found["violations"] else []
     events = collections.Counter(event.kind for event in run.events)
@@ -283,7 +303,10 @@ def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, p
         wrong.append("bookings do not add up")
     if needs_sound_plan(policy) and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
         wrong.append("deadlock in plan order")
-    wrong += overlaps(run, fleet, level)
+    wrong += overlaps(run, fleet, level) + in_walls(run, fleet, walls)
+    if needs_sound_plan(policy) and not run.replies:
+        wrong += out_of_order(run, plan)
+    wrong += uncounted(run, problem) + idle(run, settings, events)
     nearest = np.inf
     for k in np.unique(np.linspace(0, len(run.t_s) - 1, 150).astype(int)):
         for floor in np.unique(level):
@@ -311,17 +334,74 @@ def findings(run: Execution, fleet: Fleet, level: np.ndarray, distance: float, p
     }
 
 
+def footprints(run: Execution, fleet: Fleet, k: int, there: np.ndarray, less_m: float = 0.0) -> np.ndarray:
+    """[N] rectangles of some robots at a sample, smaller by a margin on each side."""
+    half = np.column_stack((fleet.length_m, fleet.width_m))[there] / 2 - less_m
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[None] * half[:, None]  # [N, 4, 2]
+    c, s = np.cos(run.yaw_rad[k, there, None]), np.sin(run.yaw_rad[k, there, None])
+    x, y = np.moveaxis(corners, -1, 0)
+    at_x, at_y = run.x_m[k, there, None], run.y_m[k, there, None]
+    return shapely.polygons(np.stack((at_x + c * x - s * y, at_y + s * x + c * y), -1))
+
+
+def in_walls(run: Execution, fleet: Fleet, walls: np.ndarray) -> list[str]:
+    """Footprints, less a millimetre, that meet a wall; the first of each robot."""
+    if not len(walls):
+        return []
+    tree = shapely.STRtree(shapely.linestrings(walls))
+    found: dict[int, str] = {}
+    for k in range(len(run.t_s)):
+        there = np.flatnonzero(np.isfinite(run.x_m[k]))
+        for i, wall in tree.query(footprints(run, fleet, k, there, 0.001), predicate="intersects").T.tolist():
+            robot = int(there[i])
+            found.setdefault(robot, f"shapely: robot {robot} meets wall {walls[wall].round(2).tolist()} at {run.t_s[k]:.1f} s")
+    return list(found.values())
+
+
+def out_of_order(run: Execution, plan: Plan) -> list[str]:
+    """Vertices at which a robot arrived before one that the plan has there earlier."""
+    robot, found = plan.robot, []
+    arrived = np.where(np.isfinite(run.arrived_s), run.arrived_s, np.inf)
+    for vertex in np.unique(plan.vertex):
+        visits = np.flatnonzero(plan.vertex == vertex)
+        visits = visits[np.argsort(plan.arrive_s[visits], kind="stable")]
+        latest, who = -np.inf, -1
+        for k in visits.tolist():
+            if arrived[k] < latest - 1e-6 and robot[k] != who:
+                found.append(f"robot {robot[k]} is at {vertex} before robot {who}, against the plan")
+            if arrived[k] >= latest:
+                latest, who = arrived[k], robot[k]
+    return found[:3]
+
+
+def uncounted(run: Execution, problem: Problem) -> list[str]:
+    """Robots that stand on their goals at the end, and count as elsewhere; and the other way round."""
+    goal = problem.graph.xy[problem.target]
+    away = np.hypot(run.x_m[-1] - goal[:, 0], run.y_m[-1] - goal[:, 1])
+    stands = (away < 0.001) & (np.abs(run.speed_mps[-1]) < 1e-6)
+    counts = np.isfinite(run.goal_s)
+    found = [f"robot {r} stands on its goal, but does not count as there" for r in np.flatnonzero(stands & ~counts).tolist()]
+    return found + [f"robot {r} counts as at its goal, {away[r]:.3f} m away" for r in np.flatnonzero(counts & (away > 0.01)).tolist()]
+
+
+def idle(run: Execution, settings: ExecutionSettings, events: Any) -> list[str]:
+    """A run at whose end nobody moves any more, though some are not at their goals and nothing is known to stand in the way for good."""
+    what = settings.disturbances
+    lasting = any(not np.isfinite(d.duration_s) for d in (*what.breakdowns, *what.obstacles, *what.closures))
+    seen = {"deadlock", "unresolved", "blocked_for_good"} & set(events)
+    last = run.t_s > run.t_s[-1] - 60.0
+    moved = np.hypot(np.ptp(run.x_m[last], axis=0), np.ptp(run.y_m[last], axis=0)).max(initial=0.0)
+    if run.all_at_goal or lasting or seen or run.t_s[-1] < 120.0 or moved > 0.01:
+        return []
+    return ["nobody moves in the last minute, and nothing says why"]
+
+
 def overlaps(run: Execution, fleet: Fleet, level: np.ndarray, touch_m2: float = 1e-6) -> list[str]:
     """Pairs of footprints that overlap at a sample, by shapely; the first of each pair."""
-    half = np.column_stack((fleet.length_m, fleet.width_m)) / 2
-    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[None] * half[:, None]  # [R, 4, 2]
     found: dict[tuple[int, int], str] = {}
     for k in range(len(run.t_s)):
         there = np.flatnonzero(np.isfinite(run.x_m[k]))
-        c, s = np.cos(run.yaw_rad[k, there, None]), np.sin(run.yaw_rad[k, there, None])
-        x, y = np.moveaxis(corners[there], -1, 0)  # [N, 4] each
-        at_x, at_y = run.x_m[k, there, None], run.y_m[k, there, None]
-        shapes = shapely.polygons(np.stack((at_x + c * x - s * y, at_y + s * x + c * y), -1))
+        shapes = footprints(run, fleet, k, there)
         for i, j in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
             pair = a, b = int(there[i]), int(there[j])
             if a < b and level[a] == level[b] and pair not in found and shapely.intersection(shapes[i], shapes[j]).area > touch_m2:
