@@ -1,5 +1,6 @@
 """`python drive_batch.py SUITE DIR WORKERS [SCHEDULER]`: a batch of fake runs in a process of its own. Dask workers preload it."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,6 +14,10 @@ batch.code_version = cluster.code_version = lambda: "1"  # whatever is edited me
 
 if __name__ == "__main__":
     suite, out, workers, *scheduler = sys.argv[1:]
+    if log := os.environ.get("POWER_LOG"):
+        import power_cut
+
+        power_cut.watch(Path(out), Path(log))
     try:
         batch.run_batch(
             read_suite(Path(suite)),

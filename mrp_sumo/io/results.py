@@ -59,6 +59,7 @@ def write_whole(path: Path, data: bytes) -> None:
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
+        new = [folder for folder in path.parents if not folder.exists()]
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("wb") as file:
             file.write(data)
@@ -71,11 +72,16 @@ def write_whole(path: Path, data: bytes) -> None:
         if isinstance(error, OSError) and error.errno is not None:
             error.filename = str(path)  # a full disk names no file, and the other name is nobody's business
         raise
-    folder = os.open(path.parent, os.O_RDONLY)
+    for folder in (path.parent, *(folder.parent for folder in new)):  # a folder is there for good once the one above is synced
+        _sync(folder)
+
+
+def _sync(folder: Path) -> None:
+    opened = os.open(folder, os.O_RDONLY)
     try:
-        os.fsync(folder)
+        os.fsync(opened)
     finally:
-        os.close(folder)
+        os.close(opened)
 
 
 def record_path(folder: Path, key: str) -> Path:
@@ -252,6 +258,7 @@ def drop_tables(folder: Path) -> None:
     """Remove the tables, before there is a record that they do not cover."""
     for name in (SUMS, TABLE, CSV):
         (folder / name).unlink(missing_ok=True)
+    _sync(folder)  # or they come back with the power
 
 
 def load_results(path: str | Path, report: Callable[[str], None] | None = None) -> "pandas.DataFrame":

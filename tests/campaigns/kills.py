@@ -1,8 +1,8 @@
 """Batches, their workers and their Dask schedulers killed at random moments: nothing lost, nothing doubled, the same results.
 
 A trial makes a batch of fake runs (tests/fake_runs.py), kills it, one of its workers or its scheduler some times with SIGKILL, and goes on
-each time. After some kills there are files that were being written, as a power cut leaves them (a rename is after its sync; no disk is cut
-off here). At the end the records are those of a batch that nobody disturbed.
+each time. Local batches also meet power cuts: all their processes are killed, and of the folder only that stays which was synced, by the
+strict reading of tests/power_cut.py. At the end the records are those of a batch that nobody disturbed.
 """
 
 import os
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from campaigns.driver import Trial
+from power_cut import cut
 
 from mrp_sumo.io.results import CSV, TABLE, records_in, tables_are_whole
 
@@ -41,13 +42,13 @@ class Kills:
         dask = chance.random() < 0.25
         faults: list[str] = []
         kept: set[str] = set()
-        kills = 0
+        kills = cuts = 0
         wanted = chance.randint(2, 5)
         for _ in range(60):
             with _scheduler(folder, chance.randint(1, 2)) if dask else _nobody() as cluster:
                 address, servants = cluster
                 batch = _started(folder, "2", *address)
-                victim = chance.choice(["batch", "batch", "worker", "scheduler"] if dask else ["batch", "worker"])
+                victim = chance.choice(["batch", "batch", "worker", "scheduler"] if dask else ["batch", "worker", "power"])
                 if kills < wanted:
                     with suppress(subprocess.TimeoutExpired):
                         batch.wait(chance.uniform(0.5, 2.5))
@@ -58,10 +59,16 @@ class Kills:
                 if batch.poll() is None:
                     faults.append("the batch hangs after a kill")
                 _end(batch)
+                if victim == "power" and batch.returncode == -signal.SIGKILL and out.is_dir():
+                    before = _keys(out)
+                    cut(out, folder / "power")
+                    cuts += 1
+                    if len(lost := before - _keys(out)) > 1:  # one may have been under way
+                        faults.append(f"{len(lost)} results were lost in a power cut")
             if batch.returncode != 0 and chance.random() < 0.4:
                 _leave_parts(out, chance)
-            there = {record["key"] for record in records_in(out, lambda line: None)}
-            if lost := kept - there:
+            there = _keys(out)
+            if len(lost := kept - there) > (victim == "power"):
                 faults.append(f"{len(lost)} results were lost")
             kept = there
             if faults or (batch.returncode == 0 and len(there) == NUM_RUNS and tables_are_whole(out)):
@@ -70,7 +77,14 @@ class Kills:
             faults.append("the batch does not end")
         faults += _faults_of(out)
         kind = "with Dask" if dask else "local workers"
-        return Trial(kind, f"{kills} kills", tuple(faults), "python tests/drive_batch.py study.yaml out 2")
+        return Trial(
+            f"{kind}, power cuts" if cuts else kind, f"{kills} kills", tuple(faults), "python tests/drive_batch.py study.yaml out 2"
+        )
+
+
+def _keys(out: Path) -> set[str]:
+    """Of the records that are there."""
+    return {record["key"] for record in records_in(out, lambda line: None)}
 
 
 def _faults_of(out: Path) -> Iterator[str]:
@@ -102,6 +116,12 @@ def _leave_parts(out: Path, chance: random.Random) -> None:
 
 def _kill(victim: str, batch: "subprocess.Popen[bytes]", servants: list["subprocess.Popen[bytes]"], chance: random.Random) -> int:
     target = batch.pid
+    if victim == "power":
+        targets = [*_children(batch.pid), batch.pid]
+        for pid in reversed(targets):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        return 1
     if victim == "worker":
         workers = [servant.pid for servant in servants[1:]] or _children(batch.pid)
         if not workers:
@@ -128,7 +148,12 @@ def _children(pid: int) -> list[int]:
 
 
 def _started(folder: Path, *arguments: str) -> "subprocess.Popen[bytes]":
-    environment = os.environ | {"PYTHONPATH": f"{TESTS}:{TESTS.parent}", "FAKE_SLEEP": "0.15", "FAKE_NOTES": str(folder)}
+    environment = os.environ | {
+        "PYTHONPATH": f"{TESTS}:{TESTS.parent}",
+        "FAKE_SLEEP": "0.15",
+        "FAKE_NOTES": str(folder),
+        "POWER_LOG": str(folder / "power"),
+    }
     command = [sys.executable, str(TESTS / "drive_batch.py"), str(folder / "study.yaml"), str(folder / "out"), *arguments]
     with (folder / "batch.err").open("ab") as errors:
         return subprocess.Popen(command, env=environment, stderr=errors)
