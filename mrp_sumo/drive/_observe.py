@@ -118,7 +118,7 @@ def watch_waits(now, dt, rules, grants, waits, log, count):
     why_now, other_now, where_now = grants.cause, grants.other, grants.wanted
     for r in range(len(since)):
         why = FOLLOWING if why_now[r] == FREE else why_now[r]
-        same = waiting[r] and why == cause[r] and other_now[r] == other[r] and where_now[r] == where[r]
+        same = waiting[r] and since[r] < np.inf and why == cause[r] and other_now[r] == other[r] and where_now[r] == where[r]
         if since[r] < np.inf and not same:
             if now - dt - since[r] >= rules.wait_least_s:
                 count = note(log, count, WAITED, r, cause[r], where[r], other[r], since[r], now - dt)

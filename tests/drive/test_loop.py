@@ -7,6 +7,7 @@ import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, problem_of, square_grid
 
 from mrp_sumo.core.execution import Outcome
+from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo import engine, network, session
@@ -106,6 +107,15 @@ def test_who_stands_at_its_goal_blocks_the_others_for_good(tmp_path):
     final = next(event for event in run.events if event.kind == "blocked_for_good")
     assert (final.robot, final.other, final.text) == (1, 0, "behind robot_0, which stays at its goal")
     assert 10.0 < final.t_s < 13.0  # no progress within the window of 10 s
+
+
+def test_a_wait_goes_on_after_a_disturbance_of_the_one_that_waits(tmp_path):
+    # robot_1 waits behind robot_0, breaks down there for 4 s, and waits on, for the same reason
+    broken = Disturbances(breakdowns=(Breakdown(1, 5.0, 4.0),))
+    run = drive(tmp_path, line(5), [[2], [0, 1, 2, 3]], "open_loop", time_limit_s=40.0, disturbances=broken)
+    waits = [(event.t_s, event.t_s + event.duration_s) for event in run.events if event.kind == "waited"]
+    assert waits[-1] == pytest.approx((9.0, 40.0), abs=0.3)
+    assert "blocked_for_good" in kinds(run)
 
 
 def test_a_final_blocking_ends_the_run_where_that_is_asked_for(tmp_path):
