@@ -84,7 +84,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
             if turns[m] and yaw[r] != heading[k]:
                 cause[r] = TURNING
                 break
-            lead = 0.0 if standing else top[r] / decel[r]
+            lead = 0.0 if standing else max(top[r] / decel[r], reach[r] / top[r])  # in time to drive through
             if now < earliest[m] - lead - 1e-9:
                 cause[r] = PLANNED
                 break

@@ -1,0 +1,82 @@
+"""Ways for all robots, one after the other: where one finds none, it is raised above those in its way, which look for others then."""
+
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray
+from planners.safe_interval._timetable import Timetable, Way
+
+EFFORTS = ((3_000, 1.0), (3_000, 1.2), (3_000, 1.5), (20_000, 2.5))  # entries a search looks at, and its weight
+RAISES = 1  # of each robot on average, before another order is tried
+
+
+def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, deadline_s: float) -> bool:
+    """Fill the timetable. Returns whether all robots have ways.
+
+    Parameters
+    ----------
+    order
+        [R] in which robots look for ways.
+    protected_steps
+        For how long the starts of robots that still have no way are left to them.
+    deadline_s
+        On the clock of `perf_counter`.
+    """
+    timetable.clear(protected_steps)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    raised = np.zeros(len(order), np.int64)
+    waiting = order.tolist()
+    while waiting:
+        if perf_counter() > deadline_s or raised.sum() > RAISES * len(order) + 20:
+            return False
+        robot = waiting.pop(0)
+        way = _first_way(timetable, robot)
+        evicted: list[int] = []
+        if way is None:
+            raised[robot] += 1
+            way, evicted = _raise(timetable, robot, raised)
+        if way is None:
+            return False
+        timetable.add(robot, way)
+        waiting = sorted(evicted, key=rank.__getitem__) + waiting
+    return True
+
+
+def _first_way(timetable: Timetable, robot: int) -> Way | None:
+    """The earliest way, or where that takes long to find, one that is good."""
+    for most, weight in EFFORTS:
+        if way := timetable.search(robot, most, weight=weight):
+            return way
+        if timetable.exhausted:
+            break
+    return None
+
+
+def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[Way | None, list[int]]:
+    """A way around those only that have been raised as often, or around nobody; and who has lost his way by that."""
+    with_way = [r for r, way in enumerate(timetable.way) if way is not None]
+    lower = [r for r in with_way if raised[r] < raised[robot]]
+    for others in (lower, with_way) if len(lower) < len(with_way) else (lower,):
+        removed = [(r, way) for r in others if (way := timetable.remove(r)) is not None]
+        found = _first_way(timetable, robot)
+        if found is None:
+            _put_back(timetable, removed)
+            continue
+        timetable.add(robot, found)
+        evicted = _put_back(timetable, removed)
+        timetable.remove(robot)
+        return found, evicted
+    return None, []
+
+
+def _put_back(timetable: Timetable, removed: list[tuple[int, Way]]) -> list[int]:
+    """Robots get their ways again, but for those where somebody else is in the way."""
+    evicted = []
+    for robot, way in removed:
+        if len(timetable.hinders(robot, way)):
+            evicted.append(robot)
+        else:
+            timetable.add(robot, way)
+    return evicted

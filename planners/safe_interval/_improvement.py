@@ -1,0 +1,91 @@
+"""Large neighbourhood search: some robots lose their ways and look for others in another order; the better ones are kept.
+
+Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI 2021; the choice
+among neighbourhoods by their success after Ropke, Pisinger, "An adaptive large neighborhood search heuristic", 2006.
+"""
+
+from time import perf_counter
+
+import numpy as np
+
+from planners.safe_interval._timetable import Timetable, Way
+
+MOST = 4_000  # entries a search looks at
+A_TRY = 50  # what a neighbourhood costs beside the entries
+REACTION = 0.05  # how fast the choice follows success
+KINDS = 3
+
+
+class Improvement:
+    """A timetable whose ways get shorter."""
+
+    def __init__(self, timetable: Timetable, size: int, rng: np.random.Generator) -> None:
+        self.timetable, self.tries = timetable, 0
+        self._size, self._rng = min(size, timetable.num_robots), rng
+        self._weight = np.ones(KINDS)
+        self._ideal: dict[int, Way] = {}
+
+    def until(self, deadline_s: float, most_work: int) -> None:
+        """Go on until the deadline (perf_counter), until so much work has been done since the beginning, or nothing is left to gain."""
+        timetable = self.timetable
+        begin = timetable.work
+        while timetable.delay.sum() > 0 and perf_counter() < deadline_s:
+            if timetable.work - begin + A_TRY * self.tries > most_work:
+                break
+            self.tries += 1
+            kind = int(self._rng.choice(KINDS, p=self._weight / self._weight.sum()))
+            gain = self._replan((self._by_delay, self._by_place, self._by_chance)[kind](), deadline_s)
+            self._weight[kind] = max(0.05, (1 - REACTION) * self._weight[kind] + REACTION * 10 * (gain > 0))
+
+    def _replan(self, robots: list[int], deadline_s: float) -> int:
+        """Other ways for these robots, if they are no worse. Returns the steps that are gained."""
+        timetable = self.timetable
+        alone = timetable.alone
+        before = [(robot, way) for robot in robots if (way := timetable.remove(robot)) is not None]
+        room = sum(way.steps - int(alone[robot]) for robot, way in before)
+        gained = room
+        found: list[int] = []
+        for robot in self._rng.permutation(robots).tolist():
+            way = timetable.search(robot, MOST, int(alone[robot]) + gained)
+            if way is None or perf_counter() > deadline_s:
+                for other in found:
+                    timetable.remove(other)
+                for other, old in before:
+                    timetable.add(other, old)
+                return 0
+            gained -= way.steps - int(alone[robot])
+            timetable.add(robot, way)
+            found.append(robot)
+        return gained
+
+    def _by_delay(self) -> list[int]:
+        """A robot that is late, and some of those in its way."""
+        timetable, rng = self.timetable, self._rng
+        delay = timetable.delay
+        robot = int(rng.choice(len(delay), p=delay / delay.sum()))
+        if robot not in self._ideal:
+            self._ideal[robot] = timetable.ideal(robot)
+        blockers = timetable.hinders(robot, self._ideal[robot])
+        return self._filled([robot, *rng.permutation(blockers[blockers != robot])[: self._size - 1].tolist()])
+
+    def _by_place(self) -> list[int]:
+        """Robots that need one place one after the other."""
+        timetable, rng = self.timetable, self._rng
+        chosen: list[int] = []
+        robot = int(rng.integers(timetable.num_robots))
+        way = timetable.way[robot]
+        assert way is not None
+        for q in rng.permutation(way.resource)[:4].tolist():
+            passing = timetable.passing(q)
+            at = int(np.flatnonzero(passing == robot)[0])
+            begin = max(0, at - self._size // 2)
+            chosen += [r for r in passing[begin : begin + self._size].tolist() if r not in chosen]
+        return self._filled(chosen[: self._size])
+
+    def _by_chance(self) -> list[int]:
+        return self._filled([])
+
+    def _filled(self, robots: list[int]) -> list[int]:
+        """With others, as many as a neighbourhood has."""
+        others = self._rng.permutation(self.timetable.num_robots).tolist()
+        return (robots + [r for r in others if r not in robots])[: self._size] if len(robots) < 2 else robots[: self._size]

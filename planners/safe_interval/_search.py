@@ -1,0 +1,580 @@
+"""Kernels of safe interval planning by runs: the earliest way of one robot among reservations, and what is left of it without others.
+
+At rest a robot may wait, so of two arrivals at a vertex by one lane within one safe interval the earlier is as good as the later: a state
+is a lane and a safe interval of its head (Phillips, Likhachev, ICRA 2011). Moves are a turn and a run of any number of lanes. Only when
+to set out is free: all that a run needs is taken and left at fixed steps after it, so that each reservation forbids an interval of steps.
+States are expanded in part (Yoshizumi, Miura, Ishida, AAAI 2000): first by the rays that could be best, then by the runs of each ray
+that could be.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.search._heap import pop, push
+from mrp_sumo.search._kernel import kernel
+from planners.safe_interval._rays import steps_of_turn
+from planners.safe_interval._table import FOREVER, first_after, next_begin
+
+GUARD = 2  # steps before which what is needed is taken
+FAR = 1 << 29  # no way to the goal
+AT_ONCE = 8  # runs that are worse by so many steps are looked at together
+FOUND, NO_WAY, FULL, ENOUGH = 0, 1, 2, 3
+MOST_GAPS = 64
+MOST_PENDING = 1024
+
+
+class Scratch(NamedTuple):
+    """Room for a search of N states, E entries and a table of H places."""
+
+    lane: np.ndarray  # [N] by which the robot came, -1: it has not moved
+    arrived: np.ndarray  # [N] step
+    until: np.ndarray  # [N] the end of the safe interval
+    parent: np.ndarray  # [N]
+    ray: np.ndarray  # [N] the first lane of the run that led here, and its number of lanes
+    lanes: np.ndarray  # [N]
+    left: np.ndarray  # [N] step at which it set out
+    entry: np.ndarray  # [E, 5] state, ray (-1: the state itself), lanes (0: any), from which bound on, from which step on
+    heap: np.ndarray  # [E]
+    key: np.ndarray  # [H] of each state
+    place: np.ndarray  # [H] its number
+    stamp: np.ndarray  # [H] the search that wrote it
+    searches: np.ndarray  # [1]
+    gap: np.ndarray  # [2, MOST_GAPS] steps from which on and until when the robot may set out
+    pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
+    pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
+    work: np.ndarray  # [2] states and entries so far, over all searches
+
+
+def new_scratch(states: int) -> Scratch:
+    """Room for so many states, and four times as many entries."""
+    index = [np.zeros(states, np.int64) for _ in range(7)]
+    places = 1 << (4 * states - 1).bit_length()
+    return Scratch(
+        *index,
+        entry=np.zeros((4 * states, 5), np.int64),
+        heap=np.zeros(4 * states, np.int64),
+        key=np.zeros(places, np.int64),
+        place=np.zeros(places, np.int64),
+        stamp=np.zeros(places, np.int64),
+        searches=np.zeros(1, np.int64),
+        gap=np.zeros((2, MOST_GAPS), np.int64),
+        pending=np.zeros((2, MOST_PENDING), np.int64),
+        pending_m=np.zeros(MOST_PENDING),
+        work=np.zeros(2, np.int64),
+    )
+
+
+@kernel
+def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, heap):
+    """Steps to the goal without others: `at_rest` [L] after each lane, `facing` [L] at its tail and turned towards it.
+
+    `goal_heading` is NaN where any will do; `lanes_best` [L] is scratch. Returns False where the heap has no room.
+
+    Where all lanes have one speed limit, a longer run takes fewer steps for each lane more. So where a run along a ray is no better than a
+    longer one, neither is it from any place behind.
+    """
+    at_rest[:] = FAR
+    facing[:] = FAR
+    count = 0
+    for k in range(moves.first_in[goal], moves.first_in[goal + 1]):
+        lane = moves.lane_in[k]
+        at_rest[lane] = steps_of_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
+        push(heap, count, (at_rest[lane] << 32) | lane)
+        count += 1
+    stack = np.empty((len(facing) + 1, 2), np.int64)
+    while count:
+        key = pop(heap, count)
+        count -= 1
+        steps, end = key >> 32, key & 0xFFFFFFFF
+        if steps != at_rest[end]:
+            continue
+        stack[0, 0] = end
+        stack[0, 1] = 1
+        depth = 1
+        while depth:
+            depth -= 1
+            ray, lanes = stack[depth, 0], stack[depth, 1]
+            if lanes > moves.length[ray]:
+                continue
+            now = steps + moves.time[moves.run_first[moves.course[ray]] + lanes - 1]
+            if now >= facing[ray]:
+                if moves.concave and lanes_best[ray] >= lanes:
+                    continue
+            else:
+                facing[ray] = now
+                lanes_best[ray] = lanes
+                v = moves.tail[ray]
+                for k in range(moves.first_in[v], moves.first_in[v + 1]):
+                    lane = moves.lane_in[k]
+                    turned = now + moves.turn[moves.turn_first[lane] + ray - moves.first[v]]
+                    if turned < at_rest[lane]:
+                        at_rest[lane] = turned
+                        if count >= len(heap):
+                            return False
+                        push(heap, count, (turned << 32) | lane)
+                        count += 1
+            for k in range(moves.behind_first[ray], moves.behind_first[ray + 1]):
+                if depth < len(stack):
+                    stack[depth, 0] = moves.behind[k]
+                    stack[depth, 1] = lanes + 1
+                    depth += 1
+    return True
+
+
+@kernel
+def step_at(moves, ray, at_m):
+    """The step after which a robot that drives along a ray without end is at a place or beyond."""
+    a = moves.along_first[moves.course[ray]]
+    b = moves.along_first[moves.course[ray] + 1]
+    begin = a
+    while a < b:
+        m = (a + b) >> 1
+        if moves.along_m[m] >= at_m:
+            b = m
+        else:
+            a = m + 1
+    return a - begin
+
+
+@kernel
+def step_of_run(moves, ray, lanes, at_m):
+    """The same of a run of so many lanes."""
+    run = moves.run_first[moves.course[ray]] + lanes - 1
+    brake, time = moves.brake[run], moves.time[run]
+    begin = moves.along_first[moves.course[ray]]
+    if moves.along_m[begin + brake] >= at_m:
+        return step_at(moves, ray, at_m)
+    tail = moves.tail_first[run] - brake
+    for n in range(brake + 1, time):
+        if moves.tail_m[tail + n] >= at_m:
+            return n
+    return time
+
+
+@kernel
+def taken_at(moves, ray, lanes):
+    """The step at which a robot has to be let on to the last of so many lanes of a ray."""
+    return 0 if lanes == 1 else moves.brake[moves.run_first[moves.course[ray]] + lanes - 2]
+
+
+@kernel
+def safe_until(moves, table, v, t):
+    """The end of the safe interval of a vertex that step t is in; t or less if it is not in one."""
+    until = FOREVER
+    for k in range(moves.at_first[v], moves.at_first[v + 1]):
+        until = min(until, next_begin(table, moves.at[k], t))
+    return until
+
+
+@kernel
+def without(table, q, taken, left, gap, num):
+    """Take away from the gaps what a reservation of a resource forbids that is needed from `taken` until `left`. Returns their number."""
+    count = 0
+    last = table.row[q] + table.count[q]
+    for i in range(num):  # each gap is read before anything is written in its place, but for those that split
+        low, high = gap[0, i], gap[1, i]
+        k = first_after(table, q, low + taken)
+        if k >= last or table.begin[k] - left >= high:
+            gap[0, count] = low
+            gap[1, count] = high
+            count += 1
+            continue
+        return split(table, q, taken, left, gap, num, i, count)
+    return count
+
+
+@kernel
+def split(table, q, taken, left, gap, num, i, count):
+    """The rest of `without`, from gap i on, where some has to be taken away."""
+    rest = gap[:, i:num].copy()
+    last = table.row[q] + table.count[q]
+    for j in range(num - i):
+        low, high = rest[0, j], rest[1, j]
+        k = first_after(table, q, low + taken)
+        while low <= high and count < MOST_GAPS:
+            if k >= last or table.begin[k] - left >= high:
+                gap[0, count] = low
+                gap[1, count] = high
+                count += 1
+                break
+            if table.begin[k] - left >= low:
+                gap[0, count] = low
+                gap[1, count] = table.begin[k] - left
+                count += 1
+            low = max(low, table.end[k] - taken)
+            k += 1
+    return count
+
+
+@kernel
+def holds(array, begin, end, q):
+    """Whether q is in a part of an array."""
+    for k in range(begin, end):  # noqa: SIM110  numba knows no any()
+        if array[k] == q:
+            return True
+    return False
+
+
+@kernel
+def latest_start(moves, table, scratch, state, ray, lanes):
+    """The last step at which a robot in this state may set out on a run: it is off its vertex before that is reserved."""
+    came_by, t, v = scratch.lane[state], scratch.arrived[state], moves.tail[ray]
+    latest = FOREVER
+    for i in range(moves.at_first[v + 1] - moves.at_first[v]):
+        q = moves.at[moves.at_first[v] + i]
+        begin = next_begin(table, q, t)
+        if begin < FOREVER:
+            latest = min(latest, begin - step_of_run(moves, ray, lanes, moves.off_m[moves.off_first[ray] + i]))
+    if came_by >= 0:  # what both the lane there and the next visit need stays the robot's in between
+        w = moves.head[ray]
+        t = scratch.left[state] + taken_at(moves, scratch.ray[state], scratch.lanes[state]) - GUARD
+        for k in range(moves.on_first[came_by], moves.on_first[came_by + 1]):
+            q = moves.on[k]
+            if holds(moves.on, moves.on_first[ray], moves.on_first[ray + 1], q) or holds(
+                moves.at, moves.at_first[w], moves.at_first[w + 1], q
+            ):
+                latest = min(latest, next_begin(table, q, t))
+    return latest
+
+
+@kernel
+def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest, weight, scratch):
+    """The earliest way to a goal, to stay, for a robot that stands at its start from step 0 on.
+
+    Parameters
+    ----------
+    start_heading
+        NaN where the robot is turned as it sets out.
+    at_rest, facing
+        See `steps_left`.
+    most
+        Entries to look at before the search is given up.
+    latest
+        Step after which it is of no use to be there.
+    weight
+        The way takes at most so many times the steps of the earliest one.
+
+    Returns
+    -------
+    code, state
+        FOUND and the last state, NO_WAY, FULL, or ENOUGH.
+    """
+    scratch.searches[0] += 1
+    until = safe_until(moves, table, start, 0)
+    if until <= 0:
+        return NO_WAY, 0
+    scratch.lane[0] = -1
+    scratch.arrived[0] = 0
+    scratch.until[0] = until
+    scratch.parent[0] = -1
+    if start == goal and until >= FOREVER:
+        return FOUND, 0
+    states, entries, count = 1, 0, 0
+    scratch.entry[0, 0] = 0
+    scratch.entry[0, 1] = -1
+    push(scratch.heap, 0, 0xFFFFFFFF)
+    entries = count = 1
+    mask = len(scratch.key) - 1
+    now = scratch.searches[0]
+    looked = 0
+    while count:
+        key = pop(scratch.heap, count)
+        count -= 1
+        e = 0xFFFFFFFF - (key & 0xFFFFFFFF)
+        state, ray = scratch.entry[e, 0], scratch.entry[e, 1]
+        lane, arrived = scratch.lane[state], scratch.arrived[state]
+        looked += 1
+        if (key >> 32) > latest:
+            break
+        if looked > most:
+            scratch.work[1] += looked
+            return ENOUGH, 0
+        if ray < 0:
+            if lane >= 0:
+                v = moves.head[lane]
+                h = key_place(scratch, state_key(lane, scratch.until[state]), now, mask)
+                if scratch.place[h] != state:
+                    continue  # reached earlier meanwhile
+                if v == goal and scratch.until[state] >= FOREVER:
+                    scratch.work[0] += states
+                    scratch.work[1] += looked
+                    return FOUND, state
+            else:
+                v = start
+            for out in range(moves.first[v], moves.first[v + 1]):
+                if facing[out] >= FAR or entries >= len(scratch.entry):
+                    continue
+                if lane >= 0:
+                    turn = moves.turn[moves.turn_first[lane] + out - moves.first[v]]
+                else:
+                    turn = steps_of_turn(moves.heading_rad[out] - start_heading, moves.turn_rad)
+                if arrived + turn > latest_start(moves, table, scratch, state, out, moves.length[out]):
+                    continue
+                bound = arrived + turn + facing[out]
+                scratch.entry[entries, 0] = state
+                scratch.entry[entries, 1] = out
+                scratch.entry[entries, 2] = 0
+                scratch.entry[entries, 3] = bound
+                scratch.entry[entries, 4] = arrived + turn
+                push(scratch.heap, count, (priority(arrived, turn + facing[out], weight) << 32) | (0xFFFFFFFF - entries))
+                entries += 1
+                count += 1
+            continue
+        if entries + 4 * moves.length[ray] + 64 >= len(scratch.entry) or states + 2 * moves.length[ray] + 64 >= len(scratch.lane):
+            return FULL, 0
+        states, entries, count = expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch)
+    scratch.work[0] += states
+    scratch.work[1] += looked
+    return NO_WAY, 0
+
+
+@kernel(inline="always")
+def priority(spent, left, weight):
+    """What a state is expanded by."""
+    return spent + np.int64(weight * left)
+
+
+@kernel(inline="always")
+def state_key(lane, until):
+    """A state as a number."""
+    return (lane << 31) | until
+
+
+@kernel
+def key_place(scratch, key, now, mask):
+    """Where a state is in the table of states, or would be."""
+    h = ((key >> 31) * 2654435761 + (key & 0x7FFFFFFF) * 40503) & mask
+    while scratch.stamp[h] == now and scratch.key[h] != key:
+        h = (h + 1) & mask
+    return h
+
+
+@kernel
+def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch):
+    """Add the states at the ends of those runs of a ray that could be the best by now, and an entry for the others."""
+    state, ray, only = scratch.entry[e, 0], scratch.entry[e, 1], scratch.entry[e, 2]
+    bound, ready = scratch.entry[e, 3], scratch.entry[e, 4]
+    arrived = scratch.arrived[state]
+    first_run = moves.run_first[moves.course[ray]]
+    last, following = 0, FAR
+    if only:
+        last = only
+    else:
+        lane = ray
+        for lanes in range(1, moves.length[ray] + 1):
+            if at_rest[lane] < FAR:
+                found = ready + moves.time[first_run + lanes - 1] + at_rest[lane]
+                if bound <= found <= bound + AT_ONCE:
+                    last = lanes
+                elif found > bound + AT_ONCE and found < following:
+                    following = found
+            lane = moves.onward[lane]
+    gap = scratch.gap
+    gap[0, 0] = ready
+    gap[1, 0] = latest_start(moves, table, scratch, state, ray, moves.length[ray])
+    num = 1 if gap[0, 0] <= gap[1, 0] else 0
+    pending, pending_m, waiting = scratch.pending, scratch.pending_m, 0
+    lane, before = ray, -1
+    taken, taken_before = -GUARD, -GUARD
+    begin_m = 0.0
+    for lanes in range(1, last + 1):
+        run = first_run + lanes - 1
+        end_m = moves.end_m[run]
+        if lanes > 1:
+            taken_before = taken
+            taken = moves.brake[run - 1] - GUARD
+            v = moves.tail[lane]  # what its vertex needs is left on this lane
+            for i in range(moves.at_first[v + 1] - moves.at_first[v]):
+                q = moves.at[moves.at_first[v] + i]
+                pending[0, waiting] = q
+                pending[1, waiting] = taken_before
+                if before >= 0 and holds(moves.on, moves.on_first[before], moves.on_first[before + 1], q):
+                    pending[1, waiting] = min(taken_before, taken_at(moves, ray, lanes - 2) - GUARD)
+                pending_m[waiting] = begin_m + moves.off_m[moves.off_first[lane] + i]
+                waiting += 1
+        for k in range(moves.on_first[lane], moves.on_first[lane + 1]):
+            pending[0, waiting] = moves.on[k]
+            pending[1, waiting] = taken
+            pending_m[waiting] = begin_m + moves.on_m[k]
+            waiting += 1
+        if waiting > MOST_PENDING - 256:
+            break
+        brake_m = moves.along_m[moves.along_first[moves.course[ray]] + moves.brake[run]]
+        kept = 0
+        for i in range(waiting):  # what is left before the robot could brake is left at that step by all longer runs too
+            if pending_m[i] <= brake_m:
+                if num:
+                    num = without(table, pending[0, i], pending[1, i], step_at(moves, ray, pending_m[i]), gap, num)
+            else:
+                pending[0, kept] = pending[0, i]
+                pending[1, kept] = pending[1, i]
+                pending_m[kept] = pending_m[i]
+                kept += 1
+        waiting = kept
+        if num == 0:
+            return states, entries, count
+        found = ready + moves.time[run] + at_rest[lane]
+        if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= bound + AT_ONCE)):
+            states, entries, count = arrive(
+                moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch
+            )
+        begin_m = end_m
+        before = lane
+        lane = moves.onward[lane]
+    if following < FAR:
+        scratch.entry[entries, 0] = state
+        scratch.entry[entries, 1] = ray
+        scratch.entry[entries, 2] = 0
+        scratch.entry[entries, 3] = following
+        scratch.entry[entries, 4] = ready
+        push(scratch.heap, count, (priority(arrived, following - arrived, weight) << 32) | (0xFFFFFFFF - entries))
+        entries += 1
+        count += 1
+    return states, entries, count
+
+
+@kernel
+def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch):
+    """Add the earliest state at the end of one run, and an entry for the later ones."""
+    run = moves.run_first[moves.course[ray]] + lanes - 1
+    time, v = moves.time[run], moves.head[lane]
+    latest = latest_start(moves, table, scratch, state, ray, lanes)
+    gap, pending, pending_m = scratch.gap, scratch.pending, scratch.pending_m
+    for i in range(num):
+        at = gap[0, i]
+        high = min(gap[1, i], latest)
+        while at <= high:
+            moved = False
+            for k in range(waiting):
+                q = pending[0, k]
+                j = first_after(table, q, at + pending[1, k])
+                if j < table.row[q] + table.count[q] and table.begin[j] < at + step_of_run(moves, ray, lanes, pending_m[k]):
+                    at = table.end[j] - pending[1, k]
+                    moved = True
+            until = FOREVER
+            for k in range(moves.at_first[v], moves.at_first[v + 1]):
+                q = moves.at[k]
+                j = first_after(table, q, at + taken)
+                if j < table.row[q] + table.count[q]:
+                    if table.begin[j] <= at + time:
+                        at = table.end[j] - taken
+                        moved = True
+                    else:
+                        until = min(until, table.begin[j])
+            if moved:
+                continue
+            if at > high:
+                break
+            there = at + time
+            key = state_key(lane, until)
+            h = key_place(scratch, key, now, mask)
+            if scratch.stamp[h] != now or there < scratch.arrived[scratch.place[h]]:
+                scratch.stamp[h] = now
+                scratch.key[h] = key
+                scratch.place[h] = states
+                scratch.lane[states] = lane
+                scratch.arrived[states] = there
+                scratch.until[states] = until
+                scratch.parent[states] = state
+                scratch.ray[states] = ray
+                scratch.lanes[states] = lanes
+                scratch.left[states] = at
+                scratch.entry[entries, 0] = states
+                scratch.entry[entries, 1] = -1
+                push(scratch.heap, count, (priority(there, at_rest[lane], weight) << 32) | (0xFFFFFFFF - entries))
+                states += 1
+                entries += 1
+                count += 1
+            if until < FOREVER:
+                scratch.entry[entries, 0] = state
+                scratch.entry[entries, 1] = ray
+                scratch.entry[entries, 2] = lanes
+                later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
+                scratch.entry[entries, 4] = later
+                scratch.entry[entries, 3] = later + time + at_rest[lane]
+                if later <= latest:
+                    push(scratch.heap, count, (priority(later + time, at_rest[lane], weight) << 32) | (0xFFFFFFFF - entries))
+                    entries += 1
+                    count += 1
+            return states, entries, count
+    return states, entries, count
+
+
+@kernel
+def needs_along(moves, start, runs, num_runs, resource, begin, end):
+    """What a robot holds on its way: resources, and from which step until when. Consecutive visits keep what both of them need.
+
+    Parameters
+    ----------
+    start
+        Vertex.
+    runs
+        [K, 3] first lane, number of lanes, step at which the robot sets out.
+    resource, begin, end
+        To be filled.
+
+    Returns
+    -------
+    num
+        Filled places, -1 where there is no room.
+    """
+    num = 0
+    visit = np.empty(len(resource), np.int64)
+    k = 0
+    for i in range(moves.at_first[start], moves.at_first[start + 1]):
+        if num >= len(resource):
+            return -1
+        resource[num], begin[num], end[num], visit[num] = moves.at[i], 0, FOREVER, 0
+        num += 1
+    held = 0  # where the last vertex's resources begin
+    for r in range(num_runs):
+        ray, lanes, left = runs[r, 0], runs[r, 1], runs[r, 2]
+        course, lane, begin_m = moves.course[ray], ray, 0.0
+        for n in range(1, lanes + 1):
+            k += 1
+            for i in range(moves.off_first[lane + 1] - moves.off_first[lane]):
+                end[held + i] = left + step_of_run(moves, ray, lanes, begin_m + moves.off_m[moves.off_first[lane] + i])
+            taken = left + taken_at(moves, ray, n) - GUARD
+            v = moves.head[lane]
+            size = moves.on_first[lane + 1] - moves.on_first[lane]
+            if num + size + moves.at_first[v + 1] - moves.at_first[v] > len(resource):
+                return -1
+            for i in range(moves.on_first[lane], moves.on_first[lane + 1]):
+                resource[num], begin[num], visit[num] = moves.on[i], max(taken, 0), k
+                end[num] = left + step_of_run(moves, ray, lanes, begin_m + moves.on_m[i])
+                num += 1
+            held = num
+            for i in range(moves.at_first[v], moves.at_first[v + 1]):
+                resource[num], begin[num], end[num], visit[num] = moves.at[i], max(taken, 0), FOREVER, k
+                num += 1
+            begin_m = moves.end_m[moves.run_first[course] + n - 1]
+            lane = moves.onward[lane]
+    order = np.argsort(resource[:num] * (k + 1) + visit[:num])
+    resource[:num], begin[:num], end[:num], visit[:num] = resource[order], begin[order], end[order], visit[order]
+    kept = 0
+    for i in range(1, num):
+        same = resource[i] == resource[kept]
+        if same and (begin[i] <= end[kept] or visit[i] <= visit[kept] + 1):
+            end[kept] = max(end[kept], end[i])
+            visit[kept] = visit[i]
+            continue
+        kept += 1
+        resource[kept], begin[kept], end[kept], visit[kept] = resource[i], begin[i], end[i], visit[i]
+    return kept + 1
+
+
+@kernel
+def runs_to(state, scratch, runs):
+    """The runs that led to a state, in order. Returns their number, or -1 where there is no room for them."""
+    num, at = 0, state
+    while scratch.parent[at] >= 0:
+        num += 1
+        at = scratch.parent[at]
+    if num > len(runs):
+        return -1
+    at = state
+    for k in range(num - 1, -1, -1):
+        runs[k, 0], runs[k, 1], runs[k, 2] = scratch.ray[at], scratch.lanes[at], scratch.left[at]
+        at = scratch.parent[at]
+    return num

@@ -1,0 +1,136 @@
+"""Kernels of the table of reservations: who holds each resource when, in steps, half-open, in order and without overlap."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+
+FOREVER = 1 << 30
+
+
+class Table(NamedTuple):
+    """Reservations of Q resources, in rows of N places that grow by moving to the end."""
+
+    row: np.ndarray  # [Q] int64, where each resource's reservations begin
+    count: np.ndarray  # [Q] int64
+    room: np.ndarray  # [Q] int64
+    begin: np.ndarray  # [N] int64
+    end: np.ndarray  # [N] int64
+    robot: np.ndarray  # [N] int64
+    used: np.ndarray  # [1] int64
+
+
+def empty_table(num_resources: int, places: int) -> Table:
+    """Nobody holds anything; room for so many reservations before `copied` is needed."""
+    index = np.zeros(num_resources, np.int64)
+    return Table(index, index.copy(), index.copy(), *(np.zeros(max(places, 16), np.int64) for _ in range(3)), np.zeros(1, np.int64))
+
+
+@kernel
+def clear(table):
+    """Nobody holds anything."""
+    table.row[:] = 0
+    table.count[:] = 0
+    table.room[:] = 0
+    table.used[0] = 0
+
+
+@kernel
+def copied(table, into):
+    """The same reservations in another table with more room."""
+    used = 0
+    for q in range(len(table.row)):
+        a, n = table.row[q], table.count[q]
+        into.row[q] = used
+        into.count[q] = n
+        into.room[q] = n
+        into.begin[used : used + n] = table.begin[a : a + n]
+        into.end[used : used + n] = table.end[a : a + n]
+        into.robot[used : used + n] = table.robot[a : a + n]
+        used += n
+    into.used[0] = used
+
+
+@kernel
+def first_after(table, q, t):
+    """The place of the first reservation of a resource that ends after step t; may be one beyond the last."""
+    a = table.row[q]
+    b = a + table.count[q]
+    end = table.end
+    while a < b:
+        m = (a + b) >> 1
+        if end[m] > t:
+            b = m
+        else:
+            a = m + 1
+    return a
+
+
+@kernel
+def next_begin(table, q, t):
+    """When the first reservation that ends after step t begins."""
+    k = first_after(table, q, t)
+    return table.begin[k] if k < table.row[q] + table.count[q] else FOREVER
+
+
+@kernel
+def reserve(table, resource, begin, end, num, robot):
+    """Add a robot's reservations. Returns whether there is room for them; if not, it has none afterwards."""
+    for i in range(num):
+        q = resource[i]
+        if table.count[q] == table.room[q]:
+            used, room = table.used[0], max(4, 2 * table.room[q])
+            if used + room > len(table.begin):
+                release(table, resource, i, robot)
+                return False
+            a, n = table.row[q], table.count[q]
+            table.begin[used : used + n] = table.begin[a : a + n]
+            table.end[used : used + n] = table.end[a : a + n]
+            table.robot[used : used + n] = table.robot[a : a + n]
+            table.row[q] = used
+            table.room[q] = room
+            table.used[0] = used + room
+        k = table.row[q] + table.count[q]
+        table.count[q] += 1
+        while k > table.row[q] and table.begin[k - 1] > begin[i]:
+            table.begin[k] = table.begin[k - 1]
+            table.end[k] = table.end[k - 1]
+            table.robot[k] = table.robot[k - 1]
+            k -= 1
+        table.begin[k] = begin[i]
+        table.end[k] = end[i]
+        table.robot[k] = robot
+    return True
+
+
+@kernel
+def release(table, resource, num, robot):
+    """Take a robot's reservations of these resources away."""
+    for i in range(num):
+        q = resource[i]
+        a = table.row[q]
+        kept = a
+        for k in range(a, a + table.count[q]):
+            if table.robot[k] != robot:
+                table.begin[kept] = table.begin[k]
+                table.end[kept] = table.end[k]
+                table.robot[kept] = table.robot[k]
+                kept += 1
+        table.count[q] = kept - a
+
+
+@kernel
+def holders(table, resource, begin, end, num, robot, found):
+    """Mark in `found` [R] the robots but this one whose reservations overlap with these. Returns the number of overlaps."""
+    overlaps = 0
+    for i in range(num):
+        q = resource[i]
+        k = first_after(table, q, begin[i])
+        last = table.row[q] + table.count[q]
+        while k < last and table.begin[k] < end[i]:
+            if table.robot[k] != robot:
+                found[table.robot[k]] = True
+                overlaps += 1
+            k += 1
+    return overlaps

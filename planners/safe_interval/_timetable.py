@@ -1,0 +1,238 @@
+"""Who drives when: the ways of robots found one by one, each around those that are there, taken out again, and made a Plan."""
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.traffic.resources import Resources, resources_of
+from planners.safe_interval import _search, _table
+from planners.safe_interval._moves import Moves, moves_of
+from planners.safe_interval._rays import ARRIVED_M
+
+WHOLE = 1 << 40  # more entries than any search has
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How one robot drives: its runs, and what it holds."""
+
+    runs: IntArray  # [K, 3] first lane, number of lanes, step at which it sets out
+    resource: IntArray  # [H]
+    begin: IntArray  # [H] steps, half-open
+    end: IntArray  # [H]
+    steps: int  # until it stands at its goal
+
+
+class Timetable:
+    """The ways of R robots around each other."""
+
+    def __init__(self, problem: Problem, dt: float) -> None:
+        graph, fleet = problem.graph, problem.fleet
+        self.problem, self.dt = problem, dt
+        self.resources = resources_of(graph, fleet.separation_m)
+        limits = np.stack([fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s], 1)
+        kinds, kind = np.unique(limits, axis=0, return_inverse=True)
+        self.kind = kind.reshape(-1)  # [R]
+        self.moves = [known_moves(graph, self.resources, tuple(row.tolist()), dt) for row in kinds]
+        num_robots, num_lanes = problem.num_robots, graph.num_lanes
+        self.at_rest = np.full((num_robots, num_lanes), _search.FAR, np.int32)
+        self.facing = np.full((num_robots, num_lanes), _search.FAR, np.int32)
+        self.alone = np.zeros(num_robots, np.int64)  # [R] steps without others, FAR: no way
+        self.way: list[Way | None] = [None] * num_robots
+        self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
+        self.scratch = _search.new_scratch(1 << 14)
+        self.work = 0  # entries that searches have looked at
+        self.exhausted = False  # whether the last search has looked at everything
+        self._protected_steps = 0
+        self._heap = np.zeros(64 * num_lanes + 64, np.int64)
+        self._lanes = np.zeros(num_lanes, np.int64)
+
+    @property
+    def num_robots(self) -> int:
+        return self.problem.num_robots
+
+    @property
+    def steps(self) -> IntArray:
+        """[R] until each robot stands at its goal, -1 where it has no way."""
+        return np.array([-1 if way is None else way.steps for way in self.way], np.int64)
+
+    @property
+    def steps_of_a_lane(self) -> int:
+        """From rest to rest on the longest one."""
+        return max((int(moves.time[moves.run_first[:-1]].max(initial=1)) for moves in self.moves), default=1)
+
+    @property
+    def delay(self) -> IntArray:
+        """[R] steps that each robot takes longer than alone."""
+        return self.steps - self.alone
+
+    def look_back(self, robot: int) -> None:
+        """Find out how far it is to a robot's goal from everywhere, without others."""
+        moves, start, goal = self.moves[self.kind[robot]], int(self.problem.start[robot]), int(self.problem.target[robot])
+        while not _search.steps_left(moves, goal, np.nan, self.at_rest[robot], self.facing[robot], self._lanes, self._heap):
+            self._heap = np.zeros(2 * len(self._heap), np.int64)
+        ahead = self.facing[robot, moves.first[start] : moves.first[start + 1]]
+        self.alone[robot] = 0 if start == goal else ahead.min(initial=_search.FAR)
+
+    def search(self, robot: int, most: int = WHOLE, latest: int = _table.FOREVER, weight: float = 1.0) -> Way | None:
+        """The earliest way of a robot that is not in the table; None where there is none, or it takes too long to find."""
+        self._expose(robot)
+        found = self._search(self.table, robot, most, latest, weight)
+        self._protect(robot)
+        return found
+
+    def ideal(self, robot: int) -> Way:
+        """The way of a robot without others."""
+        found = self._search(_table.empty_table(len(self.table.row), 0), robot, WHOLE, _table.FOREVER, 1.0)
+        assert found is not None
+        return found
+
+    def passing(self, resource: int) -> IntArray:
+        """The robots that hold a resource, in order."""
+        begin = int(self.table.row[resource])
+        robots: IntArray = self.table.robot[begin : begin + int(self.table.count[resource])]
+        return robots.copy()
+
+    def _search(self, table: _table.Table, robot: int, most: int, latest: int, weight: float) -> Way | None:
+        moves, problem = self.moves[self.kind[robot]], self.problem
+        start, goal = int(problem.start[robot]), int(problem.target[robot])
+        while True:
+            before = int(self.scratch.work[1])
+            code, state = _search.find(
+                moves, table, start, np.nan, goal, self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch
+            )
+            self.work += int(self.scratch.work[1]) - before
+            if code != _search.FULL:
+                break
+            self.scratch = _search.new_scratch(4 * len(self.scratch.lane))
+        self.exhausted = code == _search.NO_WAY
+        if code != _search.FOUND:
+            return None
+        return self._way(robot, state)
+
+    def _way(self, robot: int, state: int) -> Way:
+        moves, start = self.moves[self.kind[robot]], int(self.problem.start[robot])
+        room = 64
+        while True:
+            runs = np.empty((room, 3), np.int64)
+            num = _search.runs_to(state, self.scratch, runs)
+            if num >= 0:
+                break
+            room *= 4
+        runs = runs[:num].copy()
+        room = 4 * (int(runs[:, 1].sum()) + 8)
+        while True:
+            resource, begin, end = (np.empty(room, np.int64) for _ in range(3))
+            held = _search.needs_along(moves, start, runs, num, resource, begin, end)
+            if held >= 0:
+                break
+            room *= 2
+        return Way(runs, resource[:held].copy(), begin[:held].copy(), end[:held].copy(), int(self.scratch.arrived[state]))
+
+    def hinders(self, robot: int, way: Way) -> IntArray:
+        """The robots in the table that a way would get in conflict with."""
+        found = np.zeros(self.num_robots, np.bool_)
+        _table.holders(self.table, way.resource, way.begin, way.end, len(way.resource), robot, found)
+        return np.flatnonzero(found)
+
+    def add(self, robot: int, way: Way) -> None:
+        """Put a way into the table."""
+        self._expose(robot)
+        self._reserve(robot, (way.resource, way.begin, way.end))
+        self.way[robot] = way
+
+    def _expose(self, robot: int) -> None:
+        if self._protected_steps and self.way[robot] is None:
+            resource = self._start_of(robot)[0]
+            _table.release(self.table, resource, len(resource), robot)
+
+    def _reserve(self, robot: int, held: tuple[IntArray, IntArray, IntArray]) -> None:
+        while not _table.reserve(self.table, *held, len(held[0]), robot):
+            larger = _table.empty_table(len(self.table.row), 2 * len(self.table.begin))
+            _table.copied(self.table, larger)
+            self.table = larger
+
+    def remove(self, robot: int) -> Way | None:
+        """Take a robot's way out of the table."""
+        way = self.way[robot]
+        if way is not None:
+            _table.release(self.table, way.resource, len(way.resource), robot)
+            self.way[robot] = None
+            self._protect(robot)
+        return way
+
+    def clear(self, protected_steps: int = 0) -> None:
+        """Nobody has a way. The starts of robots without ways are nobody's for others for so many steps."""
+        _table.clear(self.table)
+        self.way = [None] * self.num_robots
+        self._protected_steps = protected_steps
+        for robot in range(self.num_robots):
+            self._protect(robot)
+
+    def _protect(self, robot: int) -> None:
+        if self._protected_steps:
+            self._reserve(robot, self._start_of(robot))
+
+    def _start_of(self, robot: int) -> tuple[IntArray, IntArray, IntArray]:
+        """What a robot holds at its start as long as it is protected."""
+        moves, start = self.moves[0], self.problem.start[robot]
+        resource = moves.at[moves.at_first[start] : moves.at_first[start + 1]]
+        return resource, np.zeros(len(resource), np.int64), np.full(len(resource), self._protected_steps)
+
+    def plan(self) -> Plan:
+        """The ways as timed visits; all robots have one."""
+        first, vertex, arrive, depart = [0], [], [], []
+        for robot, way in enumerate(self.way):
+            assert way is not None
+            v, a, d = self._visits(robot, way)
+            vertex.append(v)
+            arrive.append(a)
+            depart.append(d)
+            first.append(first[-1] + len(v))
+        none: list[FloatArray] = [np.zeros(0)]
+        return Plan(
+            first=frozen(np.array(first, np.int64)),
+            vertex=frozen(np.concatenate([np.zeros(0, np.int64), *vertex])),
+            arrive_s=frozen(np.concatenate(none + arrive)),
+            depart_s=frozen(np.concatenate(none + depart)),
+        )
+
+    def _visits(self, robot: int, way: Way) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Vertices with the times at which a robot arrives and sets out."""
+        moves, dt = self.moves[self.kind[robot]], self.dt
+        vertex, arrive, depart = [int(self.problem.start[robot])], [0.0], [np.inf]
+        for ray, lanes, left in way.runs.tolist():
+            course = int(moves.course[ray])
+            run = int(moves.run_first[course]) + np.arange(lanes)
+            brake, time, begin = int(moves.brake[run[-1]]), int(moves.time[run[-1]]), int(moves.along_first[course])
+            tail = int(moves.tail_first[run[-1]])
+            s = np.concatenate([moves.along_m[begin : begin + brake], moves.tail_m[tail : tail + time - brake + 1]])
+            at = moves.end_m[run] - ARRIVED_M
+            step = np.searchsorted(s, at)
+            t = (left + step - (s[step] - at) / (s[step] - s[step - 1])) * dt
+            depart[-1] = left * dt
+            lane = int(ray)
+            for _ in range(lanes):
+                vertex.append(int(moves.head[lane]))
+                lane = int(moves.onward[lane])
+            arrive += np.round(t, 9).tolist()
+            depart += np.round(t, 9).tolist()
+        depart[-1] = np.inf
+        return np.array(vertex, np.int64), np.array(arrive), np.round(np.array(depart), 9)
+
+
+_known: WeakKeyDictionary[PlanGraph, dict[tuple[float, ...], Moves]] = WeakKeyDictionary()
+
+
+def known_moves(graph: PlanGraph, resources: Resources, limits: tuple[float, ...], dt: float) -> Moves:
+    """The moves of a type of robots, laid out once for as long as the graph lives."""
+    kept = _known.setdefault(graph, {})
+    key = (resources.separation_m, dt, *limits)
+    if key not in kept:
+        top, accel, decel, turn_rate = limits
+        kept[key] = moves_of(graph, resources, (top, accel, decel, turn_rate), dt)
+    return kept[key]

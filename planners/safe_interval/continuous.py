@@ -1,0 +1,112 @@
+"""Planning in continuous time with the robots' real motion: prioritised planning over straight runs, then large neighbourhood search.
+
+A robot turns in place, drives a run of any number of lanes at full profile, and waits at rest; plans are times that the executor keeps
+to the step (policy `adg_timed`). Each robot takes the earliest way around those before it by safe interval planning, which is optimal
+among plans of such runs. Guarantee: drivable, not complete.
+
+Sources: Erdmann, Lozano-Pérez, "On multiple moving objects", Algorithmica 1987; Phillips, Likhachev, "SIPP", ICRA 2011; Yan, Li, "MASS",
+2024, for runs between stationary states; raising robots that fail after Bennewitz, Burgard, Thrun, 2002; Li et al., "Anytime multi-agent
+path finding via large neighborhood search", IJCAI 2021.
+"""
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import ClassVar
+
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import impossible, require_limit
+
+CHANCE = 12  # purpose of the stream of chance
+ORDERS = 16  # of the robots that are tried
+
+
+@dataclass(frozen=True)
+class Continuous:
+    """Prioritised planning with the robots' real motion, then large neighbourhood search.
+
+    Those with the shortest ways plan first; a robot that finds no way is raised above those that are in its way.
+    """
+
+    anytime: bool = False  # whether to spend the rest of the time limit on lower costs
+    neighbourhood: int = 6  # robots that are planned again at a time
+    polish: int = 4000  # entries per robot that searches may look at to improve the first solution; 0 for none
+    step_length_s: float = 0.1  # of the simulation that is to drive the plan
+
+    assigns: ClassVar[bool] = False
+    guarantee: ClassVar[str] = "drivable, not complete"
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds"})
+
+    def __post_init__(self) -> None:
+        if self.neighbourhood < 1 or self.polish < 0:
+            raise PlanError("continuous: expected a neighbourhood of 1 or more, and polish of 0 or more")
+        if not 0.001 <= self.step_length_s <= 1.0:
+            raise PlanError(f"continuous: step_length_s is {self.step_length_s}, expected 0.001 to 1")
+
+    def prepare(self) -> None:
+        """Compile or load the kernels."""
+        from planners._world import small_problem
+        from planners.safe_interval._first_ways import first_ways
+        from planners.safe_interval._improvement import Improvement
+        from planners.safe_interval._timetable import Timetable
+
+        timetable = Timetable(small_problem(), self.step_length_s)
+        for robot in range(timetable.num_robots):
+            timetable.look_back(robot)
+        while not first_ways(timetable, np.arange(2), 100, np.inf):
+            pass
+        Improvement(timetable, 2, np.random.default_rng(0)).until(np.inf, 500)
+        timetable.plan()
+
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """See `Planner`. GAVE_UP when all orders have been tried."""
+        from planners.safe_interval._first_ways import first_ways
+        from planners.safe_interval._improvement import Improvement
+        from planners.safe_interval._timetable import Timetable
+
+        require_limit(time_limit_s)
+        began = perf_counter()
+        deadline_s = began + time_limit_s
+        if refusal := impossible(problem):
+            return refusal
+        if not problem.num_robots:
+            return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=perf_counter() - began)
+        timetable = Timetable(problem, self.step_length_s)
+        for robot in range(problem.num_robots):
+            timetable.look_back(robot)
+            if perf_counter() > deadline_s:
+                return _without_plan(Status.TIMED_OUT, began, f"no plan within {time_limit_s:g} s")
+        rng = np.random.default_rng([problem.seed, CHANCE])
+        by_length = np.argsort(timetable.alone, kind="stable")
+        for k in range(ORDERS):
+            order = by_length if k % 2 == 0 else by_length[::-1] if k == 1 else rng.permutation(problem.num_robots)
+            if first_ways(timetable, order, (k + 1) * 2 * timetable.steps_of_a_lane, deadline_s):
+                break
+            if perf_counter() > deadline_s:
+                return _without_plan(Status.TIMED_OUT, began, f"no plan within {time_limit_s:g} s")
+        else:
+            return _without_plan(Status.GAVE_UP, began, f"none of {ORDERS} orders of the robots gave a plan")
+        stats = {
+            "first_solution_time_s": perf_counter() - began,
+            "first_solution_cost_s": float(timetable.steps.sum() * self.step_length_s),
+            "lower_bound_s": float(timetable.alone.sum() * self.step_length_s),
+        }
+        if self.polish or self.anytime:
+            improvement = Improvement(timetable, self.neighbourhood, rng)
+            improvement.until(deadline_s - 0.02, np.iinfo(np.int64).max if self.anytime else self.polish * problem.num_robots)
+            stats["neighbourhoods"] = float(improvement.tries)
+        least_s = np.maximum(timetable.alone - 1, 0).sum() * self.step_length_s  # arrivals are within a step
+        return PlanResult(
+            Status.SOLVED,
+            plan=timetable.plan(),
+            planning_time_s=perf_counter() - began,
+            lower_bound_steps=float(least_s / problem.step_s),
+            stats=stats | {"cost_s": float(timetable.steps.sum() * self.step_length_s), "entries": float(timetable.work)},
+        )
+
+
+def _without_plan(status: Status, began: float, message: str) -> PlanResult:
+    return PlanResult(status, planning_time_s=perf_counter() - began, message=message)

@@ -1,0 +1,160 @@
+"""Plans in continuous time: as short as slow truth, kept by robots in SUMO, and never too close whenever one looks."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+from worlds import BURGER, CART, cross, graph_of, line, random_grid, square_grid
+
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.plan import Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.policy import AdgTimed
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo.network import build_network
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.metrics.audit import audit
+from mrp_sumo.planning.registry import planner
+from mrp_sumo.search._motion import stepped_run, turn_steps
+from mrp_sumo.traffic.resources import resources_of
+from planners.safe_interval._moves import moves_of
+from planners.safe_interval._search import FAR, step_of_run, steps_left
+
+pytestmark = pytest.mark.kernel
+
+LIMITS = {"burger": (0.22, 2.5, 2.5, 2.84), "slow to brake": (2.0, 0.5, 0.5, 1.5), "slow to start": (1.0, 0.3, 0.7, 0.8)}
+
+
+def problem_of(graph, start, goal, robot=BURGER):
+    return Problem(graph, fleet_of(robot, len(start)), np.array(start), np.array(goal), np.arange(len(start)), 3.0)
+
+
+def planned(problem, name="continuous", **parameters):
+    chosen = planner(name, parameters)
+    chosen.prepare()
+    result = chosen.plan(problem, 60.0)
+    assert result.status is Status.SOLVED, result.message
+    return result.plan
+
+
+@pytest.mark.parametrize("limits", LIMITS.values(), ids=LIMITS)
+@pytest.mark.parametrize("cell_m", [0.4, 1.0, 3.3])
+def test_runs_take_the_steps_that_robots_take(limits, cell_m):
+    graph = line(7, cell_m)
+    moves = moves_of(graph, resources_of(graph, 0.3), limits, 0.1)
+    s = np.empty(4000)
+    for lanes in range(1, 7):
+        num = stepped_run(lanes * cell_m, limits[0], limits[1], limits[2], 0.1, s)
+        arrived = int(np.searchsorted(s[:num], lanes * cell_m - 0.001 - 1e-9)) + 1  # robots stop 1 mm short and have arrived 2 mm short
+        lane = graph.lane_between(0, 1)
+        assert moves.time[moves.run_first[moves.course[lane]] + lanes - 1] == arrived
+        for at_m in np.linspace(0.0513, lanes * cell_m - 0.00371, 9):
+            assert step_of_run(moves, lane, lanes, at_m) == np.searchsorted(s[:num], at_m + 0.001 - 1e-9) + 1
+
+
+@pytest.mark.parametrize("limits", LIMITS.values(), ids=LIMITS)
+def test_steps_left_are_the_least_over_all_sequences_of_runs_and_turns(limits):
+    graph = square_grid(4, 1.0)
+    moves = moves_of(graph, resources_of(graph, 0.5), limits, 0.1)
+    at_rest, facing, lanes_best = (np.zeros(graph.num_lanes, np.int64) for _ in range(3))
+    assert steps_left(moves, 5, np.nan, at_rest, facing, lanes_best, np.zeros(4000, np.int64))
+    expected = np.where(graph.head == 5, 0, FAR)
+    for _ in range(40):  # Bellman's equations, over and over
+        for lane in range(graph.num_lanes):
+            for ray in range(graph.first[graph.head[lane]], graph.first[graph.head[lane] + 1]):
+                bend = abs((moves.heading_rad[ray] - moves.heading_rad[lane] + np.pi) % (2 * np.pi) - np.pi)
+                turn, at = turn_steps(bend, limits[3], 0.1) if bend > 0.2 else 0, ray
+                for lanes in range(moves.length[ray]):
+                    steps = turn + moves.time[moves.run_first[moves.course[ray]] + lanes] + expected[at]
+                    expected[lane] = min(expected[lane], steps)
+                    at = moves.onward[at]
+    assert at_rest.tolist() == expected.tolist()
+
+
+def test_robot_waits_until_the_crossing_is_free_and_then_drives_through():
+    plan = planned(problem_of(cross(arm=4, cell_m=1.0), [4, 8], [12, 16], CART))
+    waits = plan.depart_s - plan.arrive_s
+    moved_on = np.isfinite(waits) & (np.arange(plan.num_visits) != plan.first[plan.robot])
+    assert (waits[moved_on] == 0).all()  # nobody stops on the way: the second one sets out later
+    assert plan.depart_s[plan.first[:-1]].min() == 0
+    assert plan.depart_s[plan.first[:-1]].max() > 0
+
+
+def test_robot_steps_aside_into_the_bay():
+    bay = graph_of([(0, 0), (1, 0), (2, 0), (3, 0), (2, 1)], [(0, 1), (1, 2), (2, 3), (2, 4)], 1.0)
+    plan = planned(problem_of(bay, [0, 3], [3, 0], CART))
+    assert 4 in plan.vertex
+
+
+def bodies_xy(problem, plan, dt=0.1):
+    """[T, R, 2] where robots are after each step that leave their stops as planned and drive to the next as the executor does."""
+    graph, steps = problem.graph, int(plan.end_s.max() / dt) + 3
+    at = np.empty((steps, plan.num_robots, 2))
+    for r in range(plan.num_robots):
+        a, b = plan.first[r], plan.first[r + 1]
+        limits = (problem.fleet.max_speed_mps[r], problem.fleet.accel_mps2[r], problem.fleet.decel_mps2[r])
+        stops = [k for k in range(a, b) if k in (a, b - 1) or plan.depart_s[k] > plan.arrive_s[k]]
+        xy = graph.xy[plan.vertex]
+        at[:, r] = xy[a]
+        for stop, following in pairwise(stops):
+            end_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy[stop : following + 1], axis=0).T))])
+            s = np.empty(4000)
+            num = stepped_run(end_m[-1], *limits, dt, s)
+            begin = round(plan.depart_s[stop] / dt)
+            along = np.interp(np.clip(s[:num], 0, end_m[-1]), end_m, np.arange(len(end_m)))
+            k = np.minimum(along.astype(int), len(end_m) - 2)
+            way = xy[stop + k] + (along - k)[:, None] * (xy[stop + k + 1] - xy[stop + k])
+            until = min(begin + 1 + num, steps)
+            at[begin + 1 : until, r] = way[: until - begin - 1]
+            at[until:, r] = xy[following]
+    return at
+
+
+def crowds():
+    """Small problems with traffic."""
+    for seed in range(12):
+        problem = random_grid(5, 5, seed, blocked=0.15)
+        yield pytest.param(replace(problem, fleet=fleet_of(CART, 5)), id=f"grid {seed}")
+    yield pytest.param(problem_of(cross(arm=3), [3, 6, 9], [6, 9, 3]), id="cross")
+    star = graph_of([(0, 0), (2, 0), (2, 0.5), (2, 1.1), (0, 2)], [(0, 1), (0, 2), (0, 3), (0, 4)], 1.0)  # lanes at acute angles
+    yield pytest.param(problem_of(star, [1, 3], [3, 4]), id="star")
+    beside = graph_of([(0, 0), (1, 0), (2, 0), (0, 0.25), (1, 0.25), (2, 0.25)], [(0, 1), (1, 2), (3, 4), (4, 5)], 1.0)
+    yield pytest.param(problem_of(beside, [0, 5], [1, 5]), id="beside each other")
+
+
+@pytest.mark.parametrize("problem", list(crowds()))
+def test_bodies_never_come_too_close(problem):
+    chosen = planner("continuous", {})
+    chosen.prepare()
+    result = chosen.plan(problem, 60.0)
+    if result.plan is None:
+        assert result.status in (Status.GAVE_UP, Status.INFEASIBLE)
+        return
+    at = bodies_xy(problem, result.plan)
+    assert min(pdist(frame).min() for frame in at) > problem.fleet.separation_m - 0.01
+
+
+def test_most_crowds_have_plans():
+    solved = [planner("continuous", {}).plan(case.values[0], 60.0).status is Status.SOLVED for case in crowds()]
+    assert sum(solved) >= 13
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_robots_in_sumo_are_where_they_are_planned_to_be(tmp_path, seed, monkeypatch):
+    monkeypatch.setattr(AdgTimed, "paced", False)
+    problem = random_grid(6, 6, seed, blocked=0.1)
+    problem = replace(problem, fleet=fleet_of(CART, 6))
+    plan = planned(problem)
+    network = build_network(problem.graph, tmp_path / "world.net.xml")
+    settings = ExecutionSettings(policy="adg_timed", time_limit_s=300.0)
+    driven = simulate(problem, plan, settings, network)
+    assert np.abs(driven.arrived_s - plan.arrive_s).max() <= 0.1 + 1e-6
+    assert audit(driven, problem.fleet)["num_overlaps"] == 0
+
+
+def test_bad_parameters_are_refused():
+    with pytest.raises(ScenarioError, match="step_length_s is 2"):
+        planner("continuous", {"step_length_s": 2.0})
