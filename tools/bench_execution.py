@@ -5,6 +5,8 @@
                                                            of 10,000 are within blocks of 20 x 20, and they drive to the end
     python tools/bench_execution.py --startup              from a plan to the first step, for every bundled map
     python tools/bench_execution.py --schedule             the order of 1,000 robots' passages
+    python tools/bench_execution.py --retime               the times of real motion for plans of 100 to 10,000 robots, and
+                                                           how far from them SUMO and the kinematic engine drive 100 and 300
     python tools/bench_execution.py --memory               200 runs in one process
     python tools/bench_execution.py --robots 300 --dt 0.2 --seconds 60
     python tools/bench_execution.py --json                 a line a case, for machines
@@ -33,6 +35,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import warm
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.motion_plan import lanes_along
+from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import MrpSumoError
@@ -214,6 +217,38 @@ def rows_of_schedules(options: argparse.Namespace) -> Iterator[Row]:
         }
 
 
+def rows_of_retiming(options: argparse.Namespace) -> Iterator[Row]:
+    """Plans in steps, given the times of real motion; small ones driven by both engines, all the way."""
+    cell_m = ROBOTS[options.robot][1]
+    with tempfile.TemporaryDirectory() as folder:
+        for num_robots in options.robots or (100, 300, 1000, 10_000):
+            free, within = (np.ones((200, 200), np.bool_), 20) if num_robots > 2000 else (warehouse(), None)
+            graph = grid_graph(free, cell_m, (0.0, 0.0), name="bench")
+            problem, plan, _ = planned(graph, num_robots, within, options)
+            spent, begun = [], time.process_time()
+            for _ in range(2):  # the second with the resources of the graph at hand
+                retimed = retime(problem, plan, ExecutionSettings(step_length_s=options.dt or 0.1))
+                spent.append(round(time.process_time() - begun, 2))
+                begun = time.process_time()
+            row = {
+                "case": "retime",
+                "robots": num_robots,
+                "in_steps_s": float(plan.end_s.max()),
+                "retimed_s": round(float(retimed.end_s.max()), 1),
+                "first_cpu_s": spent[0],
+                "again_cpu_s": spent[1],
+                "target": 1.0 if num_robots <= 1000 else 15.0,
+            }
+            for engine in ("sumo", "kinematic") if num_robots <= 300 else ():
+                limit_s = float(retimed.end_s.max()) + 60.0
+                settings = ExecutionSettings(engine=engine, time_limit_s=limit_s, step_length_s=options.dt or 0.1)
+                network = build_network(graph, Path(folder) / "bench.net.xml")
+                run = simulate(problem, retimed, settings, network)
+                row[f"{engine}_off_by_s"] = float(np.abs(run.arrived_s - retimed.arrive_s).max())
+                row[f"{engine}_robot_s_per_cpu_s"] = round(problem.num_robots * run.sim_time_s / run.cpu_time_s)
+            yield row
+
+
 def rows_of_memory(options: argparse.Namespace) -> Iterator[Row]:
     """Many runs in one process: map, plan, drive, audit."""
     robot, graph = ROBOTS["burger"][0], paper_grid(load_map(bundled_maps()["office"]).nav, 0.4)
@@ -245,7 +280,7 @@ def memory_mb(which: str) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     what = parser.add_mutually_exclusive_group()
-    for name in ("grid", "startup", "schedule", "memory"):
+    for name in ("grid", "startup", "schedule", "retime", "memory"):
         what.add_argument(f"--{name}", action="store_true")
     parser.add_argument("--robots", type=int, nargs="+")
     parser.add_argument("--robot", choices=ROBOTS, default="burger")
@@ -258,8 +293,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     warm.prepare()
-    chosen = (name for name in ("startup", "schedule", "memory") if getattr(options, name))
-    rows = {"startup": rows_of_starts, "schedule": rows_of_schedules, "memory": rows_of_memory}.get(next(chosen, ""), rows_of_drives)
+    other = {"startup": rows_of_starts, "schedule": rows_of_schedules, "retime": rows_of_retiming, "memory": rows_of_memory}
+    rows = next((made for name, made in other.items() if getattr(options, name)), rows_of_drives)
     header = False
     for row in rows(options):
         if options.json:

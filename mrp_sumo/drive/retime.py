@@ -15,7 +15,7 @@ from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.disturbances import NONE
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
-from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.policy import Adg, policy_of
 from mrp_sumo.drive.reroute import first_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import empty_log, empty_news
@@ -25,7 +25,7 @@ from mrp_sumo.errors import PlanError
 LONGEST = 20.0  # times the plan's makespan; who is not there by then never will be
 
 
-def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0, keep_departures: bool = False) -> Plan:
+def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0) -> Plan:
     """The plan in seconds of real motion.
 
     Parameters
@@ -35,11 +35,10 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     plan
         With an order that can be kept: who passes first at each vertex and zone.
     settings
-        Step length; and look-ahead where the policy keeps an order.
+        Step length; the policy, for plans that are in seconds already: under one that keeps the plan's clock, nobody leaves a
+        visit before the plan does. Plans in steps are driven as early as their order allows, and so is everything else.
     margin_s
         What a robot leaves is free this much later for the next. A plan with a margin is longer, and survives small delays.
-    keep_departures
-        Nobody leaves a visit before the plan does; for plans that are in seconds of real motion already.
 
     Returns
     -------
@@ -53,7 +52,10 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     PlanError
         When its order cannot be kept.
     """
-    policy = policy_of("adg_timed" if keep_departures else "adg", _look_ahead(settings))
+    in_steps = as_planned_in_steps(plan, problem.step_s)
+    policy = policy_of(settings.policy, settings.policy_parameters)
+    if in_steps is not None or not policy.keeps_order:
+        policy = Adg(policy.look_ahead)
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy, 0.0)
     controller, dt = Controller(ledger, policy, settings, paced=False), settings.step_length_s
@@ -70,10 +72,4 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     ids = np.concatenate([ledger.all_ids(r) for r in range(plan.num_robots)])
     depart_s = left_s[ids]
     depart_s[plan.first[1:] - 1] = np.inf
-    in_steps = as_planned_in_steps(plan, problem.step_s)
     return Plan(plan.first, plan.vertex, frozen(ledger.column("arrived_s")[ids]), frozen(depart_s), in_steps)
-
-
-def _look_ahead(settings: ExecutionSettings) -> dict[str, int]:
-    given = settings.policy_parameters.get("look_ahead")
-    return {} if given is None else {"look_ahead": int(given)}
