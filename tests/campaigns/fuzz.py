@@ -186,7 +186,7 @@ WORDS += (
     "execution={}",
     "map.graph=all",
 )
-UNSAFE = ("warmup", "batch", "list", "schema", "generate")  # take long, or write where they are told to
+UNSAFE = ("warmup", "batch", "list", "schema", "generate", "report")  # take long, or write where they are told to; a report of / is long
 
 
 class _TooLong(BaseException):
@@ -204,6 +204,7 @@ class Fuzz:
         self._material = Path(self._kept.name)
         self._weights = [reading.weight for reading in READINGS]
         os.environ["MPLBACKEND"] = "Agg"
+        os.environ["XDG_CONFIG_HOME"] = str(self._material / "configuration")  # `mrp-sumo trust` writes there
         maker = os.fork()  # the campaign's process itself starts no thread
         if maker == 0:
             code = 1
