@@ -143,7 +143,7 @@ def _grid(source: Text, grid: Any) -> tuple[PlanGraph, Cells]:
     if (
         not isinstance(size, list)
         or len(size) != 2
-        or not all(isinstance(n, int) and 0 < n < 100_000 for n in size)
+        or not all(type(n) is int and 0 < n < 100_000 for n in size)
         or math.prod(size) > MAX_CELLS
     ):
         raise source.fault(f"map.dimensions is {size!r:.40}, expected [width, height] of at most {MAX_CELLS:.0e} cells", "map")

@@ -112,3 +112,10 @@ def test_numbers_beyond_range_are_refused_in_a_line(write, text):
 def test_height_of_five_thousand_digits_is_refused(write):
     with pytest.raises(MrpSumoError, match="height is '9999"):
         read_instance(write("u.map", MAP.replace("height 2", "height " + "9" * 5000)), None, 1)
+
+
+def test_dimensions_that_are_no_numbers_are_refused(tmp_path):
+    path = tmp_path / "instance.yaml"
+    path.write_text("map:\n  dimensions: [4, true]\n  obstacles: []\nagents:\n- {name: a, start: [0, 0], goal: [3, 0]}\n")
+    with pytest.raises(MrpSumoError, match=r"map\.dimensions is"):
+        read_instance(path)
