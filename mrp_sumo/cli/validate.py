@@ -1,7 +1,8 @@
 """Check a plan against an instance or a scenario: starts, goals, lanes, times, vertex and edge conflicts.
 
 A plan without these is valid. With a scenario, which says how robots move, it is also said whether the plan is drivable: whether robots
-can be at their visits at its times, and none comes too close to another. A plan in steps of one length seldom is.
+can be at their visits at its times, and none comes too close to another. A plan in steps of one length seldom is; of a retimed one, the
+steps are judged to be valid, and the times to be drivable.
 
 Reads this program's JSON, libMultiRobotPlanning's YAML, EECBS's paths.txt, lacam's result.txt and SMART's paths. Exit
 code 0 for a valid plan, 1 for one with faults or conflicts (the first are printed), 2 for bad input.
@@ -13,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mrp_sumo.core.plan import Plan
     from mrp_sumo.core.problem import Problem
 
 
@@ -34,6 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Judge, print."""
     from mrp_sumo.cli.plan_choice import read, text_of
+    from mrp_sumo.core.plan import as_planned_in_steps
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.formats.peers import cells_of, goals_reached
     from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
@@ -53,13 +54,14 @@ def run(options: argparse.Namespace) -> int:
         cells = cells_of(problem.graph)
     plan = read(options.plan, problem, cells)
     goal_of = None if problem.is_assigned else goals_reached(problem, plan)
-    verdict = judge(problem, plan, goal_of, in_seconds=not _is_in_steps(plan, problem.step_s))
+    in_steps = as_planned_in_steps(plan, problem.step_s)
+    verdict = judge(problem, plan, goal_of, in_seconds=in_steps is None)
     judged = judge_in_seconds(problem, plan, step_length_s) if step_length_s and not verdict.faults else None
     hindrances = [*judged.faults, *(describe_meeting(m, problem) for m in judged.meetings)] if judged else []
     valid = verdict.valid and not (options.following and verdict.following)
     conflicts = [*verdict.conflicts, *(verdict.following if options.following else ())]
     lines = [*verdict.faults, *(describe(c, problem) for c in sorted(conflicts, key=lambda c: c.t_s))]
-    cost = float(plan.end_s.sum() / problem.step_s) if not verdict.faults else None
+    cost = float((in_steps or plan).end_s.sum() / problem.step_s) if not verdict.faults else None
     if options.json:
         summary = {
             "valid": valid,
@@ -92,11 +94,6 @@ def _print_some(lines: list[str], limit: int) -> None:
         print(line)
     if len(lines) > limit:
         print(f"... and {len(lines) - limit} more")
-
-
-def _is_in_steps(plan: "Plan", step_s: float) -> bool:
-    steps = plan.arrive_s / step_s
-    return bool((abs(steps - steps.round()) < 1e-6).all())
 
 
 def _num_robots(path: Path) -> int:

@@ -4,14 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import CART, cross, graph_of, line
+from campaigns.referee_in_seconds import RefereeInSeconds
+from worlds import CART, cross, graph_of, line, random_grid
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import frozen, nav_graph, plan_graph
 from mrp_sumo.core.motion import run_profile, time_s
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
+from mrp_sumo.drive.retime import retime
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.errors import PlanError
+from mrp_sumo.metrics.referee_in_seconds import Drivability, describe_meeting, judge_in_seconds
+from mrp_sumo.planning.registry import planner
 
 SEPARATION_M = 2 * CART.radius_m + CART.gap_m  # 0.82 m; 1 m/s, 1 m/s2 both ways, turns at 1 rad/s
 
@@ -178,3 +183,31 @@ def test_plan_of_nobody_is_drivable():
     empty = Plan(np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
     none = np.zeros(0, np.int64)
     assert judge_in_seconds(Problem(graph, fleet_of(CART, 0), none, none, none, 1.0), empty).drivable
+
+
+@pytest.mark.parametrize("name", ["cbs", "ecbs", "eecbs", "lacam", "lns2", "pibt", "prioritised"])
+def test_retimed_plans_of_all_planners_are_drivable(name):
+    judged_plans = 0
+    for seed in range(4):
+        problem = replace(random_grid(6, 6, seed), fleet=fleet_of(CART, 6))  # for whom there is no room to wait on a lane
+        plan = planner(name, {}).plan(problem, 5.0).plan
+        if plan is None:
+            continue
+        try:
+            plan = retime(problem, plan, ExecutionSettings())
+        except PlanError:  # robots that rotate in a ring
+            continue
+        assert judge_in_seconds(problem, plan) == Drivability((), ())
+        judged_plans += 1
+    assert judged_plans >= 2
+
+
+@pytest.mark.parametrize("number", range(24))
+def test_mutated_plans_are_judged_as_linear_programs_and_sampled_footprints_do(number, tmp_path):
+    assert RefereeInSeconds(1).trial(number, tmp_path).faults == ()
+
+
+@pytest.mark.campaign
+def test_ten_thousand_mutated_plans_are_judged_as_linear_programs_and_sampled_footprints_do(tmp_path):
+    campaign = RefereeInSeconds(2)
+    assert [trial for trial in (campaign.trial(number, tmp_path) for number in range(10_000)) if trial.faults] == []

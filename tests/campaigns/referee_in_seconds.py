@@ -1,0 +1,283 @@
+"""Mutated plans in seconds, judged by the referee in seconds, and by linear programs with sampled footprints.
+
+A plan of a planner of ours, retimed, is mutated: stays get longer or shorter, single visits earlier or later, runs slower or faster.
+Whether a robot can drive its runs is a linear program: speeds on a fine grid of time, bounded in value and change, such that every
+lane is as long as it is, but for the least error that does. The motion that is farthest along in sum is a second program, and is
+sampled: circles, and rectangles with shapely, another author's geometry. Verdicts within a small band around a bound are left alone:
+there the two differ by how finely they look.
+"""
+
+import json
+import random
+from functools import cache, lru_cache
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+import shapely
+from campaigns.driver import Trial
+from scipy.optimize import linprog
+
+from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.retime import retime
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.errors import PlanError
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.metrics.referee_in_seconds import CLOSE_M, Meeting, describe_meeting, judge_in_seconds
+from mrp_sumo.planning.registry import planner
+
+WORLDS = 400  # planned once; mutated many times
+STEP_S = 0.1
+GRID_S = 0.05  # of the linear programs
+SAMPLE_S = 0.02
+BAND_M, BAND_S = 0.02, 0.02  # of distances that nobody is blamed for, and as much again for each m/s
+ARRIVES_M = 0.003
+TYPES = (
+    RobotType("small", 0.3, 0.2, 0.8, 0.6, 0.9, 1.2, 0.05),
+    RobotType("heavy", 0.6, 0.6, 1.0, 0.5, 0.5, 1.5, 0.1),
+    RobotType("quick", 0.2, 0.2, 2.0, 2.0, 2.5, 3.0, 0.05),
+)
+
+Visits = list[tuple[int, float, float]]  # vertex, arrival and departure in s
+
+
+class RefereeInSeconds:
+    """One mutated plan a trial."""
+
+    size = None
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def trial(self, number: int, folder: Path) -> Trial:
+        chance = random.Random(f"{self._seed} {number}")
+        problem, given = world(chance.randrange(WORLDS))
+        ways = [list(way) for way in given]
+        for _ in range(chance.choice((0, 1, 1, 2, 3, 4))):
+            chance.choice(MUTATIONS)(ways, chance)
+        plan = plan_of(ways)
+        verdict = judge_in_seconds(problem, plan, STEP_S)
+        motions = [motion(problem, robot, tuple(way)) for robot, way in enumerate(ways)]
+        faults = [*wrong_times(problem, verdict.faults, motions), *wrong_distances(problem, verdict.meetings, motions)]
+        if faults:
+            (folder / "plan.json").write_text(json.dumps(ways, indent=1))
+        ended = "impossible times" if verdict.faults else "too close" if verdict.meetings else "drivable"
+        command = f"python tools/campaign.py referee_in_seconds --seed {self._seed}  # trial {number}; plan.json has the visits"
+        return Trial(problem.graph.name, ended, tuple(faults), command)
+
+
+@cache
+def world(which: int) -> tuple[Problem, tuple[tuple[tuple[int, float, float], ...], ...]]:
+    """A small grid with obstacles and a retimed plan; the next one where there is none."""
+    rng = np.random.default_rng([which, 83])
+    robot = TYPES[int(rng.integers(len(TYPES)))]
+    free = rng.random((int(rng.integers(3, 7)), int(rng.integers(3, 7)))) < 0.9
+    free[0, :2] = True
+    cell_m = float(fleet_of(robot, 1).separation_m * rng.uniform(1.02, 1.9))  # nobody can wait between two vertices
+    graph = grid_graph(free, cell_m, (0.0, 0.0), name=robot.name)
+    served = np.unique(graph.tail)
+    num = min(int(rng.integers(2, 9)), len(served))
+    start, goal = rng.permutation(served)[:num], rng.permutation(served)[:num]
+    problem = Problem(graph, fleet_of(robot, num), start, goal, np.arange(num), 3.0, seed=which)
+    plan = planner(str(rng.choice(["prioritised", "lacam"])), {}).plan(problem, 2.0).plan
+    try:
+        if plan is None:
+            raise PlanError("no plan")
+        plan = retime(problem, plan, ExecutionSettings(step_length_s=STEP_S))
+    except PlanError:
+        return world(which + WORLDS)
+    columns = list(zip(plan.vertex.tolist(), plan.arrive_s.tolist(), plan.depart_s.tolist()))
+    return problem, tuple(tuple(columns[a:b]) for a, b in pairwise(plan.first.tolist()))
+
+
+def plan_of(ways: list[Visits]) -> Plan:
+    first = np.cumsum([0, *map(len, ways)])
+    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for way in ways for visit in way)))
+    return Plan(first, vertex.astype(np.int64), arrive.astype(np.float64), depart.astype(np.float64))
+
+
+def later(way: Visits, k: int, by_s: float) -> None:
+    """Leave a visit later, and make all others after it later."""
+    v, arrive, depart = way[k]
+    way[k] = (v, arrive, max(arrive, depart + by_s))
+    by_s = way[k][2] - depart
+    way[k + 1 :] = [(v, a + by_s, d + by_s) for v, a, d in way[k + 1 :]]
+
+
+def _stays(way: Visits) -> list[int]:
+    return [k for k, (_, a, d) in enumerate(way[:-1]) if d > a or k == 0]
+
+
+def _longer(ways: list[Visits], chance: random.Random) -> None:
+    way = chance.choice(ways)
+    if stays := _stays(way):
+        later(way, chance.choice(stays), chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random())
+
+
+def _shorter(ways: list[Visits], chance: random.Random) -> None:
+    way = chance.choice(ways)
+    if stays := _stays(way):
+        later(way, chance.choice(stays), -chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random())
+
+
+def _one_visit(ways: list[Visits], chance: random.Random) -> None:
+    way = chance.choice(ways)
+    if len(way) > 1:
+        k, by_s = chance.randrange(1, len(way)), chance.choice((0.1, 0.3, 1.0)) * chance.uniform(-1, 1)
+        v, a, d = way[k]
+        way[k] = (v, a + by_s, max(d, a + by_s) if d > a else a + by_s)
+
+
+def _slower_from(ways: list[Visits], chance: random.Random) -> None:
+    """What comes after a visit takes longer, without a stay."""
+    way = chance.choice(ways)
+    if len(way) > 1:
+        k, by_s = chance.randrange(1, len(way)), chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random()
+        way[k:] = [(v, a + by_s, d + by_s) for v, a, d in way[k:]]
+
+
+def _other_pace(ways: list[Visits], chance: random.Random) -> None:
+    way, factor = chance.choice(ways), chance.uniform(0.93, 1.2)
+    way[:] = [(v, a * factor, d * factor) for v, a, d in way]
+
+
+MUTATIONS = (_longer, _longer, _shorter, _shorter, _one_visit, _slower_from, _slower_from, _other_pace)
+
+
+class Motion:
+    """How one robot drives, sampled; `error_m` is the least by which lanes have to be longer or shorter for it."""
+
+    def __init__(self, error_m: float, slack_m: float, t_s: np.ndarray, xy: np.ndarray, yaw: np.ndarray) -> None:
+        self.error_m, self.slack_m, self.t_s, self.xy, self.yaw = error_m, slack_m, t_s, xy, yaw
+
+
+@lru_cache(maxsize=4096)
+def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ...]) -> Motion:
+    """By linear programs, run by run."""
+    fleet, graph = problem.fleet, problem.graph
+    top, accel, decel = (float(x[robot]) for x in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2))
+    xy = graph.xy[[v for v, _, _ in way]]
+    along = np.diff(xy, axis=0)
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    bend = [0.0, *np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi).tolist(), 0.0]
+    turn_s = [b / float(fleet.turn_rate_rad_s[robot]) if b > 0.2 else 0.0 for b in bend]
+    leave = [max(d, a + t) for (_, a, d), t in zip(way, turn_s)]
+    stops = [k for k, ((_, a, d), t) in enumerate(zip(way, turn_s)) if k == 0 or d > a + 1e-6 or t > 0]
+    slack = ARRIVES_M + (min(accel * STEP_S, top) + min(decel * STEP_S, top)) * STEP_S / 8
+    at_rest = decel * STEP_S + np.sqrt(2 * decel * ARRIVES_M)
+    times, places, yaws = [0.0], [xy[0]], [heading[0] if len(heading) else 0.0]
+    worst = 0.0
+    for a, b in pairwise(stops):
+        begin = leave[a] - STEP_S / 2
+        passes = [way[k][1] for k in range(a + 1, b + 1)]
+        lengths = np.hypot(*along[a:b].T)
+        error, t, s = run(tuple(p - begin for p in passes), tuple(lengths.tolist()), top, accel, decel, at_rest, slack)
+        worst = max(worst, error)
+        if not np.isfinite(error):
+            break
+        turned = np.linspace(way[a][1], way[a][1] + turn_s[a], 12) if turn_s[a] else []
+        for share, moment in enumerate(turned):
+            swing = (heading[a] - heading[a - 1] + np.pi) % (2 * np.pi) - np.pi
+            times, places, yaws = [*times, float(moment)], [*places, xy[a]], [*yaws, heading[a - 1] + swing * share / 11]
+        lane = np.minimum(np.searchsorted(np.cumsum(lengths), s, side="right"), len(lengths) - 1)
+        on = s - np.append(0.0, np.cumsum(lengths))[lane]
+        times += (begin + t).tolist()
+        places += list(xy[a + lane] + (on / lengths[lane])[:, None] * along[a + lane])
+        yaws += heading[a + lane].tolist()
+    return Motion(worst, slack, np.array(times), np.array(places), np.array(yaws))
+
+
+@lru_cache(maxsize=65536)
+def run(
+    passes: tuple[float, ...], lengths: tuple[float, ...], top: float, accel: float, decel: float, at_rest: float, slack: float
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """(least error of a lane, moments, places) of a run from rest, with visits at these moments."""
+    nothing = np.zeros(0)
+    if min(np.diff(passes, prepend=0.0)) <= 0:
+        return np.inf, nothing, nothing
+    end = passes[-1]
+    n = int(np.ceil(end / GRID_S))
+    t = np.linspace(0.0, end, n + 1)
+    h = end / n
+    moments = np.array([0.0, *passes])
+    cell = np.minimum((moments / h).astype(int), n - 1)
+    since = moments - cell * h
+    # place at a moment: trapezoids of the cells before, and a part of the one it is in, as sums of speeds [n + 1]
+    weight = np.zeros((len(moments), n + 1))
+    for k, (i, x) in enumerate(zip(cell, since)):
+        weight[k, :i] += h / 2
+        weight[k, 1 : i + 1] += h / 2
+        weight[k, i] += x - x * x / (2 * h)
+        weight[k, i + 1] += x * x / (2 * h)
+    lanes = np.diff(weight, axis=0)
+    rows = np.arange(n)
+    change = np.zeros((n, n + 1))
+    change[rows, rows], change[rows, rows + 1] = -1.0, 1.0
+    none = np.zeros((n, 1))
+    less = np.block([[change, none], [-change, none], [lanes, -np.ones((len(lengths), 1))], [-lanes, -np.ones((len(lengths), 1))]])
+    bound = np.concatenate([np.full(n, accel * h), np.full(n, decel * h), lengths, [-x for x in lengths]])
+    bounds = [(0.0, 0.0), *[(0.0, top)] * (n - 1), (0.0, min(top, at_rest)), (0.0, None)]
+    found = linprog(np.append(np.zeros(n + 1), 1.0), A_ub=less, b_ub=bound, bounds=bounds)
+    if not found.success:
+        return np.inf, nothing, nothing
+    error = float(found.fun)
+    if error > slack:
+        return error, nothing, nothing
+    bounds[-1] = (0.0, error + 1e-5)
+    sums = np.concatenate([np.cumsum(np.ones(n + 1)[::-1])[::-1], [0.0]])  # of all places, about
+    found = linprog(-sums, A_ub=less, b_ub=bound, bounds=bounds)
+    if not found.success:
+        return np.inf, nothing, nothing
+    v = found.x[:-1]
+    driven = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2 * h))
+    at = weight @ v  # stretched so that every visit is where it shall be
+    return error, t, np.interp(driven, at, np.append(0.0, np.cumsum(lengths)))
+
+
+def wrong_times(problem: Problem, faults: tuple[str, ...], motions: list[Motion]) -> list[str]:
+    found = []
+    for name, motion in zip(problem.fleet.robot_name, motions):
+        said = [fault for fault in faults if fault.startswith(f"{name} ")]
+        if said and motion.error_m < motion.slack_m - 1e-3:
+            found.append(f"the referee says '{said[0]}', but lanes are wrong by {motion.error_m:.4f} m only")
+        if not said and motion.error_m > motion.slack_m + 1e-3:
+            found.append(
+                f"the referee has nothing against the times of {name}, but lanes would have to be {motion.error_m:.4f} m longer or shorter"
+            )
+    return found
+
+
+def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: list[Motion]) -> list[str]:
+    end = max((float(m.t_s[-1]) for m in motions), default=0.0) + 0.5
+    t = np.arange(0.0, end, SAMPLE_S)
+    xy = [np.stack([np.interp(t, m.t_s, m.xy[:, axis]) for axis in (0, 1)], 1) for m in motions]
+    yaw = [np.interp(t, m.t_s, np.unwrap(m.yaw)) for m in motions]
+    fleet, found = problem.fleet, []
+    apart = float(fleet.separation_m) - CLOSE_M
+    band = BAND_M + BAND_S * float(fleet.max_speed_mps.max())
+    said = {(m.robot, m.other): describe_meeting(m, problem) for m in reversed(meetings)}
+    for i, j in combinations(range(len(motions)), 2):
+        if max(motions[i].error_m - motions[i].slack_m, motions[j].error_m - motions[j].slack_m) > -1e-3:
+            continue  # who cannot drive his times is nowhere
+        distance = np.hypot(*(xy[i] - xy[j]).T)
+        least, k = float(distance.min()), int(distance.argmin())
+        if (i, j) in said and least > apart + band:
+            found.append(f"{said[i, j]}; sampled, they stay {least:.3f} m apart")
+        if (i, j) not in said and least < apart - band:
+            found.append(f"robots {i} and {j} come {least:.3f} m close at {t[k]:.2f} s, and the referee says nothing")
+        near = np.flatnonzero(distance < 2 * float(fleet.radius_m[0]))
+        if len(near) and (i, j) not in said:
+            shapes = [footprints(fleet, r, xy[r][near], yaw[r][near]) for r in (i, j)]
+            if shapely.intersects(*shapes).any():
+                found.append(f"the footprints of robots {i} and {j} overlap, and the referee says nothing")
+    return found
+
+
+def footprints(fleet: Fleet, robot: int, xy: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    corner = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (fleet.length_m[robot] / 2, fleet.width_m[robot] / 2)
+    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    x = xy[:, :1] + corner[:, 0] * cos - corner[:, 1] * sin
+    y = xy[:, 1:] + corner[:, 0] * sin + corner[:, 1] * cos
+    return shapely.polygons(np.stack([x, y], 2))
