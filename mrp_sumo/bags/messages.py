@@ -20,7 +20,7 @@ from mrp_sumo.bags.template import tiled
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.events import event_document
-from mrp_sumo.io.record import RunRecord
+from mrp_sumo.io.record import RunRecord, task_names_at
 
 EPOCH_NS = 1_700_000_000 * 10**9
 GENERATIONS = ("galactic", "jazzy", "kilted")
@@ -223,12 +223,13 @@ class Messages:
             mesh_use_embedded_materials=False,
         )
 
-    def path_requests(self, since: Mapping[int, int] | None = None) -> Iterator[bytes]:
+    def path_requests(self, since: Mapping[int, int] | None = None, at_ns: int = EPOCH_NS) -> Iterator[bytes]:
         """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is said twice.
 
-        With `since`, that of some robots only, from these visits along their ways on.
+        With `since`, that of some robots only, from these visits along their ways on, as they were sent at `at_ns`.
         """
         plan = self.plan
+        (tasks,) = task_names_at(self.record, np.array([(at_ns - EPOCH_NS) / 1e9]))
         for i in range(plan.num_robots if plan else 0) if since is None else since:
             assert plan is not None
             visits = slice(int(plan.first[i]) + (since[i] if since else 0), int(plan.first[i + 1]))
@@ -239,11 +240,10 @@ class Messages:
             row, t_s = np.repeat(np.arange(len(vertex)), 1 + waits), np.repeat(arrive, 1 + waits)
             t_s[np.flatnonzero(row[1:] == row[:-1]) + 1] = depart[waits]
             ns = EPOCH_NS + np.rint(t_s * 1e9).astype(np.int64)
-            yield self._path_request(i, ns, xy[row], yaw[row], vertex[row])
+            yield self._path_request(i, str(tasks[i]), ns, xy[row], yaw[row], vertex[row])
 
-    def _path_request(self, robot: int, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
+    def _path_request(self, robot: int, task: str, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
         """One request with K locations."""
-        task = self.record.graph.label(int(self.record.target[robot]))
         level = self.record.graph.level[vertex]
         kind = "rmf_fleet_msgs/PathRequest"
 

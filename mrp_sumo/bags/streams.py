@@ -12,7 +12,7 @@ from mrp_sumo.bags.template import Template
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.near import least_distance_m
-from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, RunRecord, goal_name, robot_states, task_names_at
 
 COLOURS = {MOVING: (0.18, 0.55, 0.95), WAITING: (0.95, 0.70, 0.10), BLOCKED: (0.90, 0.20, 0.15), AT_GOAL: (0.25, 0.70, 0.35)}
 RMF_MODES = {MOVING: 2, WAITING: 4, BLOCKED: 4, AT_GOAL: 0}  # RobotMode: MODE_MOVING, MODE_WAITING, MODE_IDLE
@@ -42,34 +42,34 @@ class Samples:
 
 
 class Stream:
-    """Messages over time from a template, which is rebuilt whenever robots appear, disappear or change level."""
+    """Messages over time from a template, which is rebuilt whenever robots appear, disappear, or change level or task."""
 
     def __init__(
         self,
         samples: Samples,
-        template: Callable[[IntArray, NDArray[np.int8]], Template],
+        template: Callable[[IntArray, NDArray[Any]], Template],
         fill: Callable[[Template, int, Any], None],
         *,
         nanosec: bool = True,
         only: int | None = None,
-        level: NDArray[np.int8] | None = None,
+        now: NDArray[Any] | None = None,  # [K, R, ...] what templates differ by
     ) -> None:
         self.samples = samples
         self._make, self._fill, self._nanosec, self._only = template, fill, nanosec, only
-        self._level = np.where(samples.there, 0, ABSENT).astype(np.int8) if level is None else level  # [K, R]
-        self._now = self._level[0]
+        self._all = np.where(samples.there, 0, ABSENT).astype(np.int8) if now is None else now
+        self._now = self._all[0]
         self._template: Template | None = None
         self._robots: Any = slice(None)
 
     def message(self, k: int) -> bytes | None:
         """The message at the k-th time; None for no message."""
-        there, level = self.samples.there[k], self._level[k]
+        there, now = self.samples.there[k], self._all[k]
         if self._only is not None and not there[self._only]:
             return None
-        if self._template is None or (self._only is None and not np.array_equal(level, self._now)):
+        if self._template is None or (self._only is None and not np.array_equal(now, self._now)):
             robots = np.flatnonzero(there)
-            self._now, self._robots = level, slice(None) if there.all() else robots
-            self._template = self._make(robots, level)
+            self._now, self._robots = now, slice(None) if there.all() else robots
+            self._template = self._make(robots, now)
         sec, nanosec = divmod(EPOCH_NS + int(self.samples.t_ns[k]), 10**9)
         self._template.set("<i4", sec)
         if self._nanosec:
@@ -131,10 +131,13 @@ def _fill_poses(samples: Samples) -> Callable[[Template, int, Any], None]:
 def fleet_states(m: Messages, samples: Samples) -> Stream:
     """/fleet_states, as Open-RMF publishes them."""
     mode = np.array([RMF_MODES[state] for state in range(len(STATE_NAMES))])
-    tasks = [m.record.graph.label(int(v)) for v in m.record.target]
+    names, task = np.unique(task_names_at(m.record, samples.t_ns / 1e9).astype(str), return_inverse=True)
+    level = _levels(m.record, samples)
+    level = np.where(samples.there, 0, ABSENT) if level is None else level
+    now = np.stack((level, task.reshape(level.shape)), 2)  # [K, R, 2] level and task of each robot
     more = ("",) if m.generation == "kilted" else ()  # performing_action
 
-    def template(robots: IntArray, level: NDArray[np.int8]) -> Template:
+    def template(robots: IntArray, now: NDArray[Any]) -> Template:
         def make(v: list[Any]) -> Any:
             rows = zip(robots, v[0::7], v[1::7], v[2::7], v[3::7], v[4::7], v[5::7], v[6::7])
             states = [
@@ -142,11 +145,11 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
                     "rmf_fleet_msgs/RobotState",
                     m.robots[r],
                     FLEET_NAME,
-                    tasks[r],
+                    str(names[now[r, 1]]),
                     number,
                     m.make("rmf_fleet_msgs/RobotMode", mode_now, 0, *more),
                     100.0,
-                    m.location(x, y, yaw, int(level[r]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
+                    m.location(x, y, yaw, int(now[r, 0]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
                     [],
                 )
                 for r, number, mode_now, sec, nanosec, x, y, yaw in rows
@@ -163,7 +166,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
         t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
         t.set("<f4", np.stack((samples.x[k, robots], samples.y[k, robots], samples.yaw[k, robots]), 1).ravel())
 
-    return Stream(samples, template, fill, nanosec=False, level=_levels(m.record, samples))
+    return Stream(samples, template, fill, nanosec=False, now=now)
 
 
 def cloud(m: Messages, samples: Samples) -> Stream:
@@ -276,7 +279,7 @@ def _levels(record: RunRecord, samples: Samples) -> NDArray[np.int8] | None:
 
 def _status(m: Messages, robot: int, state: int) -> bytes:
     """A DiagnosticStatus after its level, from a multiple of four on."""
-    values = (("state", STATE_NAMES[state]), ("goal", m.record.graph.label(int(m.record.target[robot]))))
+    values = (("state", STATE_NAMES[state]), ("goal", goal_name(m.record, robot)))
     texts = [m.robots[robot], STATE_NAMES[state], m.record.fleet.robot_name[robot]]
     out = b"".join(_padded(_string(text)) for text in texts) + len(values).to_bytes(4, "little")
     pairs = [_string(text) for pair in values for text in pair]

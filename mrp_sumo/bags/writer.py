@@ -218,7 +218,7 @@ def _write_replan(
 ) -> None:
     """The plan in force again: all of it as markers, and the requests of the robots that were sent other ways."""
     writer.write(markers, ns, messages.plan_markers(ns))
-    for raw in messages.path_requests(dict(zip(reply.robot.tolist(), reply.since.tolist()))):
+    for raw in messages.path_requests(dict(zip(reply.robot.tolist(), reply.since.tolist())), ns):
         writer.write(requests, ns, raw)
     for robot in reply.robot.tolist():
         if robot in paths:

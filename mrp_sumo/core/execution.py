@@ -8,7 +8,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.core.task import TaskLog
+from mrp_sumo.core.task import StopLog, TaskLog
 
 # what a robot's second can be spent on, the columns of `Execution.booked_s`
 BOOKINGS = ("moving", "turning", "planned_wait", "dependency_wait", "yielding", "blocked", "disturbed", "at_goal")
@@ -51,6 +51,16 @@ class Reply:
     arrived_s: FloatArray  # [N] as driven, NaN: never
 
 
+@dataclass(frozen=True)
+class PlannerCalls:
+    """How often the planner was asked for tasks while robots drove."""
+
+    asked: int = 0
+    late: int = 0  # took more wall time than its declared budget: nothing in the run depends on it
+    failed: int = 0  # no plan, or none that could be driven from where robots were
+    wall_time_s: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Execution:
     """Time-major trajectory of R robots over T samples, and what happened. NaN: not on the floor."""
@@ -61,7 +71,7 @@ class Execution:
     yaw_rad: FloatArray  # [T, R] counter-clockwise from +x
     speed_mps: FloatArray  # [T, R]
     arrived_s: FloatArray  # [N] when each visit of the plan was reached, NaN if never
-    goal_s: FloatArray  # [R] when each robot came to stand at its goal, NaN if never
+    goal_s: FloatArray  # [R] when each robot came to stand at its goal, NaN if never, and where tasks come
     outcome: Outcome
     policy: str  # the policy that was used
     sim_time_s: float  # simulated time at the end
@@ -74,6 +84,8 @@ class Execution:
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots
     replies: tuple[Reply, ...] = ()  # by time
     tasks: TaskLog | None = None  # of a run with a stream of tasks
+    stops: StopLog | None = None  # of the same
+    calls: PlannerCalls | None = None  # of the same
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
 
     @property

@@ -101,3 +101,19 @@ class TaskLog:
     def service_time_s(self) -> FloatArray:
         """[K] from release to done."""
         return frozen(self.done_s - self.released_s)
+
+
+@dataclass(frozen=True, eq=False)
+class StopLog:
+    """The S stops that were made in a run, by task and in the order in which each was made. Times in s."""
+
+    task: IntArray  # [S] number in the `TaskLog`
+    robot: IntArray  # [S]
+    station: tuple[str, ...]  # [S] names
+    vertex: IntArray  # [S] place of the station
+    since_s: FloatArray  # [S] the robot was given the task, or was done with the stop before
+    begin_s: FloatArray  # [S] of the service
+    end_s: FloatArray  # [S] of the service, which may be after the run
+    stood_s: FloatArray  # [S] for which it stood on the way there, for others or for what was closed
+    queued_s: FloatArray  # [S] for which it stood at a place to wait
+    due_s: FloatArray  # [S] of the task, inf: never

@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.execution import Event, Execution, Outcome, PlannerCalls
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
@@ -121,6 +121,7 @@ class Drive:
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self._asked: tuple[Request, float] | None = None  # what the planner is at work on, and when its answer is there
         self._reported: set[str] = set()  # why there was no plan
+        self.calls = PlannerCalls()
 
     def set_out(self) -> None:
         """Have the first plan in the ledger, in which all robots have their ways.
@@ -167,7 +168,7 @@ class Drive:
 
     def _close(self) -> None:
         """What is still going on ends with the run."""
-        self.tasks.update(self.now_s, self.ledger.visits)
+        self.tasks.update(self.now_s, self.ledger.visits, self.ledger.state.waits.booked_s)
         self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
 
@@ -218,7 +219,7 @@ class Drive:
     def _due(self) -> Iterable[Request]:
         """What the scenario's dispatcher asks, as late as a planner would answer it."""
         if self.settings.tasks:
-            self.tasks.update(self.now_s, self.ledger.visits)
+            self.tasks.update(self.now_s, self.ledger.visits, self.ledger.state.waits.booked_s)
         if self._asked is not None:
             request, ready_s = self._asked
             if self.now_s < ready_s - 1e-9:
@@ -234,11 +235,15 @@ class Drive:
         return ()
 
     def _answered(self, dispatcher: Dispatcher, request: Request, bodies: Engine) -> bool:
+        began = time.perf_counter()
         answer = self._answer(dispatcher, request)
+        took_s = time.perf_counter() - began
         done = answer is not None and self._append(answer, bodies)
         if isinstance(request, WorkRequest):
+            calls, late = self.calls, took_s > self.settings.planning_budget_s > 0
+            self.calls = PlannerCalls(calls.asked + 1, calls.late + late, calls.failed + (not done), calls.wall_time_s + took_s)
             if done:
-                self.tasks.accepted(request, self.now_s)
+                self.tasks.accepted(request, self.now_s, self.ledger.state.waits.booked_s)
             else:
                 self.tasks.failed(self.now_s)
         return done
@@ -297,7 +302,8 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
     believed = None
     if what.localisation_m or what.localisation_rad:
         believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
-    goal_s = np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan)
+    stays = ledger.state.home & (not settings.tasks)  # where tasks come, nobody has a goal of its own
+    goal_s = np.where(stays, ledger.state.waits.goal_s, np.nan)
     arrived_s = planned_arrivals(ledger)
     ends = plan.first[1:] - 1  # where a way was given up, robots still reach the ends
     arrived_s[ends] = np.where(np.isfinite(arrived_s[ends]), arrived_s[ends], goal_s)
@@ -318,9 +324,11 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         findings=tuple(drive.findings),
         booked_s=frozen(ledger.state.waits.booked_s),
         tasks=drive.tasks.log() if settings.tasks else None,
+        stops=drive.tasks.stops_made() if settings.tasks else None,
+        calls=drive.calls if settings.tasks else None,
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),
         sumo_xy_m=frozen(np.array(witness.xy_m)),
         replies=replies_of(ledger),
     )
-    return with_goals_within(driven, ledger.graph.xy, ledger.end_of_tasks, settings.goal_tolerance_m)
+    return driven if settings.tasks else with_goals_within(driven, ledger.graph.xy, ledger.end_of_tasks, settings.goal_tolerance_m)

@@ -11,15 +11,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray, frozen
+from mrp_sumo.core.execution import BOOKINGS
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
 from mrp_sumo.core.stream import TaskSource
-from mrp_sumo.core.task import NOBODY, Stop, Task, TaskLog
+from mrp_sumo.core.task import NOBODY, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 NONE = -1
+STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
+AT_GOAL = BOOKINGS.index("at_goal")
 TRY_AGAIN_S = 2.0  # after a request that had no answer
 
 
@@ -46,6 +49,8 @@ class Work:
         self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over
         self._since_s = np.zeros(num_robots)  # [R] before which the stop cannot have been made
         self._aim = np.full(num_robots, NONE)  # [R] vertex where it is to be made; -1: the robot is on its way to no stop
+        self._idle = np.zeros((num_robots, 2))  # [R, 2] s that each had stood on its way, and where it was sent, when it set out
+        self._stops: list[tuple[int, int, str, int, float, float, float, float, float, float]] = []  # rows of the `StopLog`
         self._robot: list[int] = []
         self._times: dict[str, list[float]] = {"released_s": [], "assigned_s": [], "opened_s": [], "done_s": []}
         self._waiting: list[int] = []  # tasks that nobody has, by urgency
@@ -72,10 +77,10 @@ class Work:
         """Whether no task is left, and none will come."""
         return not self._waiting and bool((self.current == NONE).all()) and not self.endless
 
-    def update(self, now_s: float, visits: Visits) -> None:
-        """Note what robots have done by now, and reveal tasks."""
+    def update(self, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
+        """Note what robots have done by now, and what their time was spent on (`core.execution.BOOKINGS`); reveal tasks."""
         for r in np.flatnonzero(self.current != NONE).tolist():
-            self._note(r, now_s, visits)
+            self._note(r, now_s, visits, booked_s[r])
         self._reveal(now_s)
         if now_s >= self._again_s:
             self.news, self._again_s = True, np.inf
@@ -113,10 +118,11 @@ class Work:
             nth=nth,
         )
 
-    def accepted(self, request: WorkRequest, now_s: float) -> None:
-        """Robots are on the ways that were asked for."""
+    def accepted(self, request: WorkRequest, now_s: float, booked_s: FloatArray) -> None:
+        """Robots are on the ways that were asked for; `booked_s` as for `update`."""
         for r, task in request.given.items():
             self.current[r], self.stop[r], self._since_s[r] = task, 0, request.now_s
+            self._idle[r] = _idle(booked_s[r])
             self._robot[task], self._times["assigned_s"][task] = r, request.now_s
             self._waiting.remove(task)
         for r, vertex, task, nth in zip(*(column.tolist() for column in (request.robot, request.stop, request.task, request.nth))):
@@ -133,10 +139,17 @@ class Work:
         times = {name: frozen(np.array(column, np.float64)) for name, column in self._times.items()}
         return TaskLog(tuple(task.name for task in self.tasks), frozen(np.array(self._robot, np.int64)), **times)
 
+    def stops_made(self) -> StopLog:
+        """The stops that were made, by task."""
+        rows = sorted(self._stops, key=lambda row: (row[0], row[4]))
+        task, robot, station, vertex, *times = zip(*rows) if rows else [()] * 10
+        numbers = [frozen(np.array(column, np.int64)) for column in (task, robot, vertex)]
+        return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
+
     def _next(self, robot: int) -> Stop:
         return self.tasks[int(self.current[robot])].stops[int(self.stop[robot])]
 
-    def _note(self, r: int, now_s: float, visits: Visits) -> None:
+    def _note(self, r: int, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
         """Arrivals, and services that are over."""
         last = visits.last[r]
         if not self.serving[r] and self._aim[r] != NONE and visits.reached[r] == last and visits.vertex[last] == self._aim[r]:
@@ -145,17 +158,28 @@ class Work:
             if np.isnan(opened_s[self.current[r]]):
                 opened_s[self.current[r]] = begins_s
             self.serving[r], self._until_s[r] = True, begins_s + self._next(r).service_s
+            self._note_stop(r, int(visits.vertex[last]), begins_s, now_s, booked_s)
         if not self.serving[r] or self._until_s[r] > now_s:
             return
         over_s, task = float(self._until_s[r]), int(self.current[r])
         self.serving[r], self._until_s[r], self._since_s[r], self._aim[r] = False, np.inf, over_s, NONE
         self.stop[r] += 1
+        self._idle[r] = _idle(booked_s)
         self.news = True
         if self.stop[r] == len(self.tasks[task].stops):
             self._times["done_s"][task] = over_s
             self.current[r] = NONE
             for source in self._sources:
                 source.done(task)
+
+    def _note_stop(self, r: int, vertex: int, begin_s: float, now_s: float, booked_s: FloatArray) -> None:
+        """A service has begun. What was booked since then, until now, is none of the way there."""
+        task, stop, since_s = self.tasks[int(self.current[r])], self._next(r), float(self._since_s[r])
+        stood_s, queued_s = (_idle(booked_s) - self._idle[r]).tolist()
+        queued_s = min(max(queued_s - (now_s - begin_s), 0.0), begin_s - since_s)
+        stood_s = min(stood_s, begin_s - since_s - queued_s)
+        station, end_s = stop.station.name if stop.station else "", float(self._until_s[r])
+        self._stops.append((task.id, r, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s))
 
     def _reveal(self, now_s: float) -> None:
         for source in self._sources:
@@ -219,6 +243,11 @@ class _Source:
 
     def done(self, number: int) -> None:
         self._known.discard(number)
+
+
+def _idle(booked_s: FloatArray) -> FloatArray:
+    """[2] of a robot's time: s stood on its way, and where it was sent."""
+    return np.array([booked_s[STANDS].sum(), booked_s[AT_GOAL]])
 
 
 def _outwards(problem: Problem, start: int) -> Iterator[int]:

@@ -30,6 +30,8 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         return {metric.name: told.get(metric.name) for metric in metrics}
     execution = run.execution if run.executed else None
     target = run.record.target if run.executed else plan.last_vertex
+    if not len(target):  # tasks came instead
+        target = plan.last_vertex
     problem = Problem(
         graph=run.graph,
         fleet=run.fleet,

@@ -101,6 +101,7 @@ def finish(
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
+    from mrp_sumo.metrics.tasks import overload
 
     report = progress or silent
     execution, note, details, broken = None, solution.result.message or solution.note, solution.result.details, ""
@@ -118,7 +119,8 @@ def finish(
     problem, choice = solution.problem, setup.scenario.execution
     walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls) if execution else None
-    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "")))
+    busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
+    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy)))
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     metrics = evaluate(

@@ -25,7 +25,7 @@ STEPS = ("arrive_step", "depart_step")
 FARTHEST = 1e15  # of times and numbers of vertices
 
 
-def write_plan(path: Path, problem: Problem, plan: Plan) -> None:
+def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = True) -> None:
     """Write a plan, one robot a line.
 
     Parameters
@@ -36,6 +36,8 @@ def write_plan(path: Path, problem: Problem, plan: Plan) -> None:
         The plan's, with its assignment.
     plan
         Times in s.
+    has_goals
+        Whether robots have goals of their own; where tasks come instead, `goal` is null.
     """
     graph, lines = problem.graph, []
     for r in range(plan.num_robots):
@@ -46,7 +48,7 @@ def write_plan(path: Path, problem: Problem, plan: Plan) -> None:
         document = {
             "name": problem.fleet.robot_name[r],
             "start": graph.label(int(problem.start[r])),
-            "goal": graph.label(int(problem.target[r])),
+            "goal": graph.label(int(problem.target[r])) if has_goals else None,
             "visits": [
                 {
                     "vertex": v,

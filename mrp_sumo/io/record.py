@@ -31,7 +31,7 @@ class RunRecord:
     seed: int
     fleet: Fleet
     graph: PlanGraph  # whose vertices the plan names
-    target: IntArray  # [R] goal vertex of each robot
+    target: IntArray  # [R] goal vertex of each robot; [0] where tasks come instead
     plan: Plan | None
     execution: Execution
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
@@ -48,13 +48,31 @@ def record_of(
         seed=scenario.seed,
         fleet=problem.fleet,
         graph=problem.graph,
-        target=problem.target,
+        target=problem.target if execution.tasks is None else problem.target[:0],
         plan=plan,
         execution=execution,
         nav=nav,
         costmap=costmap,
         constants=constants_of(scenario.model_dump(mode="json")),
     )
+
+
+def goal_name(record: RunRecord, robot: int) -> str:
+    """The name of a robot's goal, '' where it has none."""
+    return record.graph.label(int(record.target[robot])) if len(record.target) else ""
+
+
+def task_names_at(record: RunRecord, t_s: FloatArray) -> NDArray[np.object_]:
+    """[K, R] what robots do at some times: the names of their tasks, '' where they have none; those of their goals without tasks."""
+    tasks, num_robots = record.execution.tasks, record.fleet.num_robots
+    if tasks is None:
+        return np.tile(np.array([goal_name(record, r) for r in range(num_robots)], object), (len(t_s), 1))
+    found = np.full((len(t_s), num_robots), "", object)
+    for name, robot, assigned_s, done_s in zip(tasks.name, tasks.robot.tolist(), tasks.assigned_s, tasks.done_s):
+        if np.isfinite(assigned_s):
+            end = np.searchsorted(t_s, done_s) if np.isfinite(done_s) else len(t_s)
+            found[np.searchsorted(t_s, assigned_s) : end, robot] = name
+    return found
 
 
 def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:

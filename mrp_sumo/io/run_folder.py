@@ -127,7 +127,7 @@ def write_run(
         if outline is not None:
             write_outline(new / "building.json", outline)
         if result.plan is not None:
-            write_plan(new / "plan.json", problem, result.plan)
+            write_plan(new / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
         if execution is not None:
             _write_logs(new, scenario, problem, result, execution, nav, costmap, write_bag)
         document["files"] = _files(new)
@@ -166,7 +166,7 @@ def result_document(
             "metrics": metrics,
             "audit": audit,
             "plan": _answers(problem, result, verdict),
-            "robots": _robots(problem, execution),
+            "robots": _robots(problem, execution, has_goals=scenario.tasks is None),
             "findings": list(execution.findings) if execution else [],
         }
     )
@@ -222,7 +222,7 @@ def _write_logs(
 ) -> None:
     """Trajectory, visits, events and bag."""
     from mrp_sumo.io.replans import write_replans
-    from mrp_sumo.io.tasks_table import write_tasks
+    from mrp_sumo.io.tasks_table import write_stops, write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
     from mrp_sumo.io.visits import write_visits
 
@@ -236,6 +236,8 @@ def _write_logs(
         write_replans(folder / "replans.parquet", execution.replies, problem.graph, problem.fleet.robot_name)
     if execution.tasks is not None:
         write_tasks(folder / "tasks.parquet", execution.tasks, problem.fleet.robot_name)
+    if execution.tasks is not None and execution.stops is not None:
+        write_stops(folder / "stops.parquet", execution.stops, execution.tasks, problem.fleet.robot_name, problem.graph.label)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
         record = record_of(scenario, problem, result.plan, execution, nav, costmap)
@@ -261,11 +263,11 @@ def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> d
     }
 
 
-def _robots(problem: Problem, execution: Execution | None) -> list[dict[str, Any]]:
-    """Each robot's name, start, goal and when it came to stand there."""
+def _robots(problem: Problem, execution: Execution | None, has_goals: bool) -> list[dict[str, Any]]:
+    """Each robot's name, start, goal (None where tasks come instead) and when it came to stand there."""
     graph, goal_s = problem.graph, execution.goal_s.tolist() if execution else [None] * problem.num_robots
     ends = zip(problem.fleet.robot_name, problem.start.tolist(), problem.target.tolist(), goal_s)
-    return [{"name": name, "start": graph.label(a), "goal": graph.label(b), "goal_s": t} for name, a, b, t in ends]
+    return [{"name": name, "start": graph.label(a), "goal": graph.label(b) if has_goals else None, "goal_s": t} for name, a, b, t in ends]
 
 
 def _files(folder: Path) -> dict[str, dict[str, Any]]:

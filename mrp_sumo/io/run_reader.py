@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrp_sumo.core.execution import Execution, Outcome, Reply
+from mrp_sumo.core.execution import Execution, Outcome, PlannerCalls, Reply
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.core.task import TaskLog
+from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import read_json
 from mrp_sumo.formats.plan_json import read_plan
@@ -163,6 +163,8 @@ class RunFolder:
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
             replies=self._replies(),
             tasks=self._tasks(),
+            stops=self._stops(),
+            calls=self._calls(),
         )
 
     @property
@@ -224,6 +226,20 @@ class RunFolder:
 
         return read_tasks(self.folder / "tasks.parquet", self.fleet.robot_name)
 
+    def _stops(self) -> StopLog | None:
+        tasks = self._tasks()
+        if tasks is None or not self._has("stops.parquet"):
+            return None
+        from mrp_sumo.io.tasks_table import read_stops
+
+        return read_stops(self.folder / "stops.parquet", tasks, self.fleet.robot_name, self.graph.vertex_of_name)
+
+    def _calls(self) -> PlannerCalls | None:
+        metrics = self.metrics
+        if metrics.get("planner_calls") is None:
+            return None
+        return PlannerCalls(metrics["planner_calls"], metrics["planner_calls_late"], metrics["planner_calls_failed"])
+
     def _has(self, name: str) -> bool:
         """Whether a file is there; raises for one that the run wrote and that is lost."""
         there = (self.folder / name).is_file()
@@ -236,6 +252,8 @@ class RunFolder:
         graph = self.graph
         ends = self.plan.last_vertex.tolist() if self.plan is not None else [-1] * self.fleet.num_robots
         goals = [robot["goal"] for robot in self.result["robots"]]
+        if all(goal is None for goal in goals):  # tasks come instead
+            return frozen(np.zeros(0, np.int64))
         found = [v if v >= 0 and graph.label(v) == goal else graph.vertex_of_name[goal] for v, goal in zip(ends, goals)]
         return frozen(np.array(found, np.int64))
 

@@ -26,7 +26,9 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield "status", result["status"].replace("_", " "), result.get("note", "")
     yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
     yield "planner", scenario["planner"]["name"], NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
-    yield "planning time", seconds(m["planning_time_s"]), _given("assignment", seconds(m["assignment_time_s"]))
+    calls = count(m["planner_calls"], "answer") if m["planner_calls"] is not None else ""
+    failed = f"{m['planner_calls_failed']} failed" if m["planner_calls_failed"] else ""
+    yield "planning time", seconds(m["planning_time_s"]), _given("assignment", seconds(m["assignment_time_s"])), calls, failed
     yield "makespan", seconds(m["makespan_s"]), _count(m["makespan_steps"], "cells (paper's count)")
     yield (
         "cost",
@@ -43,7 +45,11 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             "run too short to tell the warm-up" if m["warm_up_s"] is None else f"after a warm-up of {seconds(m['warm_up_s'])}",
         )
     if result.get("policy"):
-        yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}"
+        if m["tasks_done"] is None:
+            yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}"
+        else:
+            yield "policy", result["policy"]
+            yield "simulated time", seconds(m["sim_time_s"])
         yield "execution time", seconds(m["execution_time_s"]), "timed out" if m["execution_timed_out"] else ""
         yield (
             "minimum distance",

@@ -2,9 +2,13 @@
 
 Columns: `task` (name), `robot` (null: nobody had it), `released_s`, `assigned_s`, `opened_s` (its first stop was reached), `done_s` (null:
 not yet), `state` (`revealed`, `assigned`, `open`, `done`).
+
+`stops.parquet` has the stops that were made, by task. Columns: `task`, `robot`, `station`, `vertex`, `since_s` (when the robot set out for
+it), `begin_s` and `end_s` of the service, `stood_s` and `queued_s` (s for which it stood on its way, and at a place to wait), `due_s` of
+the task (null: never).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +16,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import frozen
-from mrp_sumo.core.task import NOBODY, TaskLog
+from mrp_sumo.core.task import NOBODY, StopLog, TaskLog
 from mrp_sumo.io.arrow import dictionary, numbers, texts
 
 TIMES = ("released_s", "assigned_s", "opened_s", "done_s")
+STOP_TIMES = ("since_s", "begin_s", "end_s", "stood_s", "queued_s", "due_s")
 
 
 def write_tasks(path: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
@@ -38,3 +43,31 @@ def read_tasks(path: Path, robot_name: Sequence[str]) -> TaskLog:
     times = {name: frozen(np.array([np.nan if t is None else t for t in table[name].to_pylist()], np.float64)) for name in TIMES}
     robot = [NOBODY if name is None else number[name] for name in table["robot"].to_pylist()]
     return TaskLog(tuple(table["task"].to_pylist()), frozen(np.array(robot, np.int64)), **times)
+
+
+def write_stops(path: Path, stops: StopLog, tasks: TaskLog, robot_name: Sequence[str], vertex_name: Callable[[int], str]) -> None:
+    """Write the table of stops; vertices by name."""
+    table = {
+        "task": texts([tasks.name[k] for k in stops.task.tolist()]),
+        "robot": texts([robot_name[r] for r in stops.robot.tolist()]),
+        "station": texts(stops.station),
+        "vertex": texts([vertex_name(v) for v in stops.vertex.tolist()]),
+        **{name: numbers(column, np.isfinite(column)) for name in STOP_TIMES for column in [getattr(stops, name)]},
+    }
+    pq.write_table(pa.table(table), path, compression="zstd")
+
+
+def read_stops(path: Path, tasks: TaskLog, robot_name: Sequence[str], vertex_of_name: Mapping[str, int]) -> StopLog:
+    """The stops as they were written."""
+    table = pq.read_table(path)
+    columns = [
+        [names[name] for name in table[key].to_pylist()]
+        for key, names in (
+            ("task", {name: k for k, name in enumerate(tasks.name)}),
+            ("robot", {name: r for r, name in enumerate(robot_name)}),
+            ("vertex", vertex_of_name),
+        )
+    ]
+    task, robot, vertex = (frozen(np.array(column, np.int64)) for column in columns)
+    times = [frozen(np.array([np.inf if t is None else t for t in table[name].to_pylist()], np.float64)) for name in STOP_TIMES]
+    return StopLog(task, robot, tuple(table["station"].to_pylist()), vertex, *times)

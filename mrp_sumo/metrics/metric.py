@@ -46,6 +46,11 @@ class Evidence:
     def plan(self) -> Plan | None:
         return self.result.plan
 
+    @property
+    def has_tasks(self) -> bool:
+        """Whether work came while robots drove, so that there was no plan of all that they did, and no goal of each."""
+        return self.execution is not None and self.execution.tasks is not None
+
     def once(self, work: Callable[["Evidence"], T]) -> T:
         """What `work` finds in this evidence, worked out the first time: several metrics may share it."""
         if work not in self._found:
@@ -68,10 +73,11 @@ class Metric:
     function: Function
     of_machine: bool = False  # differs from run to run; all others are the same for the same scenario, seed and versions
     per_robot: bool = False  # a list with a number for each robot
+    one_goal: bool = False  # about a plan to one goal for each robot: none in runs with tasks
 
     def __call__(self, evidence: Evidence) -> Any:
         """The value; None where it does not exist."""
-        return self.function(evidence)
+        return None if self.one_goal and evidence.has_tasks else self.function(evidence)
 
     @property
     def label(self) -> str:
@@ -81,7 +87,13 @@ class Metric:
 
 
 def metric(
-    unit: str = "", sense: str = Sense.NONE, formula: str = "", *, of_machine: bool = False, per_robot: bool = False
+    unit: str = "",
+    sense: str = Sense.NONE,
+    formula: str = "",
+    *,
+    of_machine: bool = False,
+    per_robot: bool = False,
+    one_goal: bool = False,
 ) -> Callable[[Function], Metric]:
     """Make a function of the evidence the metric of its name.
 
@@ -97,10 +109,13 @@ def metric(
         Whether it depends on the machine's clocks.
     per_robot
         Whether it is a list with a number for each robot.
+    one_goal
+        Whether it says something only where every robot has one goal.
     """
 
     def made(function: Function) -> Metric:
-        return Metric(function.__name__, unit, Sense(sense), formula or first_line(function), function, of_machine, per_robot)
+        words = formula or first_line(function)
+        return Metric(function.__name__, unit, Sense(sense), words, function, of_machine, per_robot, one_goal)
 
     return made
 

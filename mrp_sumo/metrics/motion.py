@@ -11,13 +11,13 @@ def sim_time_s(run: Evidence) -> float | None:
     return None if run.execution is None else run.execution.sim_time_s
 
 
-@metric("s", "less", "time at which the last robot came to its goal to stay; null where not all did")
+@metric("s", "less", "time at which the last robot came to its goal to stay; null where not all did", one_goal=True)
 def driven_makespan_s(run: Evidence) -> float | None:
     goal_s = run.once(_goal_times)
     return None if goal_s is None else float(goal_s.max())
 
 
-@metric("s", "less", "sum over robots of the time at which each came to its goal to stay; null where not all did")
+@metric("s", "less", "sum over robots of the time at which each came to its goal to stay; null where not all did", one_goal=True)
 def driven_flowtime_s(run: Evidence) -> float | None:
     goal_s = run.once(_goal_times)
     return None if goal_s is None else float(goal_s.sum())

@@ -182,13 +182,13 @@ def plan_success(run: Evidence) -> bool:
     return run.plan is not None
 
 
-@metric("cells", "less", "longest list")
+@metric("cells", "less", "longest list", one_goal=True)
 def makespan_steps(run: Evidence) -> float | None:
     steps = run.once(steps_to_goal)
     return None if steps is None else count_of(steps.max() + 1)
 
 
-@metric("cells", "less", "sum of the lists' lengths")
+@metric("cells", "less", "sum of the lists' lengths", one_goal=True)
 def cost_steps(run: Evidence) -> float | None:
     steps = run.once(steps_to_goal)
     return None if steps is None else count_of(steps.sum() + len(steps))
@@ -199,24 +199,25 @@ def cost_steps(run: Evidence) -> float | None:
     "less",
     "`makespan_steps` after MRP-Bench's smoothing: waypoint i + 1 is dropped where i + 2 lies as many cells across as along; "
     "drops double waits, too. Grids only",
+    one_goal=True,
 )
 def makespan_smoothed_steps(run: Evidence) -> int | None:
     counts = run.once(_smoothed)
     return counts[0] if counts else None
 
 
-@metric("cells", "less", "`cost_steps` after the same smoothing. Grids only")
+@metric("cells", "less", "`cost_steps` after the same smoothing. Grids only", one_goal=True)
 def cost_smoothed_steps(run: Evidence) -> int | None:
     counts = run.once(_smoothed)
     return counts[1] if counts else None
 
 
-@metric("", "more", "robots that ever had `dg < tol` (`goalsReached`)")
+@metric("", "more", "robots that ever had `dg < tol` (`goalsReached`)", one_goal=True)
 def goals_reached(run: Evidence) -> int | None:
     return run.once(_analysed).get("goalsReached")
 
 
-@metric(YES_NO, "more", "`goals_reached == n` (`allGoalReached`)")
+@metric(YES_NO, "more", "`goals_reached == n` (`allGoalReached`)", one_goal=True)
 def all_goals_reached(run: Evidence) -> bool | None:
     return run.once(_analysed).get("allGoalReached")
 
@@ -227,12 +228,13 @@ def all_goals_reached(run: Evidence) -> bool | None:
     "τ of the message in which the last robot has `dg < tol` for the first time, minus τ of the first message with any robot at "
     "`ds > tol`; the execution's time limit when not all arrive; `null` when all arrive and none ever leaves its start "
     "(`totalTimeForScheduleExecution`)",
+    one_goal=True,
 )
 def execution_time_s(run: Evidence) -> float | None:
     return run.once(_analysed).get("totalTimeForScheduleExecution")
 
 
-@metric(YES_NO, "less", "not all arrived (`executionTimeoutReached`)")
+@metric(YES_NO, "less", "not all arrived (`executionTimeoutReached`)", one_goal=True)
 def execution_timed_out(run: Evidence) -> bool | None:
     return run.once(_analysed).get("executionTimeoutReached")
 
@@ -252,7 +254,7 @@ def min_distance_delta_m(run: Evidence) -> float | None:
     return _distance(run, "Delta")
 
 
-@metric("s", "less", "sum of `time_blocked_s` (`timeBlockedTotal`)")
+@metric("s", "less", "sum of `time_blocked_s` (`timeBlockedTotal`)", one_goal=True)
 def time_blocked_total_s(run: Evidence) -> float | None:
     return run.once(_analysed).get("timeBlockedTotal")
 
@@ -264,13 +266,14 @@ def time_blocked_total_s(run: Evidence) -> float | None:
     "blocked when, over the last 10 that count, `dg` changed by at most `cell`. 0 for a robot without a message that counts "
     "(`timeBlockedPerAgent`)",
     per_robot=True,
+    one_goal=True,
 )
 def time_blocked_s(run: Evidence) -> list[float] | None:
     found = run.once(_analysed)
     return [found["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if found else None
 
 
-@metric(YES_NO, "less", "some robot never had a message that counts, or never appeared (`invalidRun`)")
+@metric(YES_NO, "less", "some robot never had a message that counts, or never appeared (`invalidRun`)", one_goal=True)
 def run_invalid(run: Evidence) -> bool | None:
     return run.once(_analysed).get("invalidRun")
 

@@ -58,6 +58,21 @@ METRICS: tuple[Metric, ...] = (
     tasks.service_time_mean_s,
     tasks.service_time_p95_s,
     tasks.warm_up_s,
+    tasks.service_time_p50_s,
+    tasks.service_time_max_s,
+    tasks.cycle_assignment_s,
+    tasks.cycle_empty_travel_s,
+    tasks.cycle_loaded_travel_s,
+    tasks.cycle_standing_s,
+    tasks.cycle_queue_s,
+    tasks.cycle_serving_s,
+    tasks.on_time_share,
+    tasks.station_utilisation_mean,
+    tasks.station_utilisation_max,
+    tasks.robot_busy_share,
+    tasks.planner_calls,
+    tasks.planner_calls_late,
+    tasks.planner_calls_failed,
 )
 BY_NAME = {metric.name: metric for metric in METRICS}
 MACHINE_DEPENDENT = tuple(metric.name for metric in METRICS if metric.of_machine)

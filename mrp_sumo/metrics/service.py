@@ -11,24 +11,29 @@ def num_robots(run: Evidence) -> int:
     return run.problem.num_robots
 
 
-@metric("", "more", "robots that stand at their goals at the end: arrived there, or at rest within `tol`; stricter than `goals_reached`")
+@metric(
+    "",
+    "more",
+    "robots that stand at their goals at the end: arrived there, or at rest within `tol`; stricter than `goals_reached`",
+    one_goal=True,
+)
 def robots_at_goal(run: Evidence) -> int | None:
     return None if run.execution is None else int(np.isfinite(run.execution.goal_s).sum())
 
 
-@metric("s", "less", "mean over all visits reached, starts left out, of time reached minus time planned; negative: early")
+@metric("s", "less", "mean over all visits reached, starts left out, of time reached minus time planned; negative: early", one_goal=True)
 def lateness_mean_s(run: Evidence) -> float | None:
     late = run.once(_lateness)
     return float(late.mean()) if len(late) else None
 
 
-@metric("s", "less", "95th percentile of the same")
+@metric("s", "less", "95th percentile of the same", one_goal=True)
 def lateness_p95_s(run: Evidence) -> float | None:
     late = run.once(_lateness)
     return float(np.quantile(late, 0.95)) if len(late) else None
 
 
-@metric("s", "less", "maximum of the same")
+@metric("s", "less", "maximum of the same", one_goal=True)
 def lateness_max_s(run: Evidence) -> float | None:
     late = run.once(_lateness)
     return float(late.max()) if len(late) else None

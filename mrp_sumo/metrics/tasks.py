@@ -4,10 +4,12 @@ The warm-up is left out of throughput and service times. It is found by MSER-5 o
 were done: White, "An effective truncation heuristic for bias reduction in simulation output", Simulation 69(6), 1997.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.core.task import TaskLog
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.metrics.metric import Evidence, metric
 
 BATCH = 5
@@ -50,6 +52,80 @@ def service_time_p95_s(run: Evidence) -> float | None:
     return float(np.quantile(times, 0.95)) if len(times) else None
 
 
+@metric("s", "less", "median of the same")
+def service_time_p50_s(run: Evidence) -> float | None:
+    times = run.once(_service_times)
+    return float(np.quantile(times, 0.5)) if len(times) else None
+
+
+@metric("s", "less", "maximum of the same")
+def service_time_max_s(run: Evidence) -> float | None:
+    times = run.once(_service_times)
+    return float(times.max()) if len(times) else None
+
+
+@metric("s", "less", "mean time that these tasks waited for a robot; this and the next five add up to `service_time_mean_s`")
+def cycle_assignment_s(run: Evidence) -> float | None:
+    return run.once(_cycle).get("assignment")
+
+
+@metric("s", "less", "mean time for which robots drove to the first stops of these tasks, standing left out")
+def cycle_empty_travel_s(run: Evidence) -> float | None:
+    return run.once(_cycle).get("empty")
+
+
+@metric("s", "less", "mean time for which they drove to the stops after that, standing left out")
+def cycle_loaded_travel_s(run: Evidence) -> float | None:
+    return run.once(_cycle).get("loaded")
+
+
+@metric("s", "less", "mean time for which they stood on the way: for others, as planned or not, and for what was closed")
+def cycle_standing_s(run: Evidence) -> float | None:
+    return run.once(_cycle).get("standing")
+
+
+@metric("s", "less", "mean time for which they stood at places to wait, or near a station that was full")
+def cycle_queue_s(run: Evidence) -> float | None:
+    return run.once(_cycle).get("queue")
+
+
+@metric("s", "none", "mean time for which they were served")
+def cycle_serving_s(run: Evidence) -> float | None:
+    return run.once(_cycle).get("serving")
+
+
+@metric("", "more", "share of these tasks that were done when they were due; null where none has a due time")
+def on_time_share(run: Evidence) -> float | None:
+    tasks, stops, done = _tasks(run), _stops(run), run.once(_steadily_done)
+    if tasks is None or stops is None:
+        return None
+    due_s = np.full(len(tasks.name), np.inf)
+    due_s[stops.task] = stops.due_s
+    due = done[np.isfinite(due_s[done])]
+    return float((tasks.done_s[due] <= due_s[due]).mean()) if len(due) else None
+
+
+@metric("", "none", "share of the time after the warm-up for which the busiest place of a station served a robot")
+def station_utilisation_max(run: Evidence) -> float | None:
+    shares = run.once(_utilisation)
+    return float(shares.max()) if len(shares) else None
+
+
+@metric("", "none", "mean of the same over all places where a stop was made")
+def station_utilisation_mean(run: Evidence) -> float | None:
+    shares = run.once(_utilisation)
+    return float(shares.mean()) if len(shares) else None
+
+
+@metric("", "none", "share of the fleet's time for which robots had a task")
+def robot_busy_share(run: Evidence) -> float | None:
+    tasks, execution = _tasks(run), run.execution
+    if tasks is None or execution is None or not execution.sim_time_s:
+        return None
+    end_s = np.where(np.isnan(tasks.done_s), execution.sim_time_s, tasks.done_s)
+    return float(np.nansum(end_s - tasks.assigned_s) / (execution.sim_time_s * run.problem.num_robots))
+
+
 @metric("s", "none", "when the warm-up ends, by MSER-5 on service times; null where the run is too short to tell")
 def warm_up_s(run: Evidence) -> float | None:
     tasks = _tasks(run)
@@ -71,16 +147,86 @@ def steady_from(tasks: TaskLog) -> float | None:
     return float(tasks.done_s[done[cut * BATCH - 1]]) if cut else 0.0
 
 
+@metric("", "none", "answers that the planner was asked for while robots drove")
+def planner_calls(run: Evidence) -> int | None:
+    return run.execution.calls.asked if run.execution and run.execution.calls else None
+
+
+@metric(
+    "", "less", "of these, answers that took more wall time than `tasks.planning_budget_s`; they were driven all the same", of_machine=True
+)
+def planner_calls_late(run: Evidence) -> int | None:
+    return run.execution.calls.late if run.execution and run.execution.calls else None
+
+
+@metric("", "less", "of these, requests without a plan, or with one that could not be driven; robots kept what they had")
+def planner_calls_failed(run: Evidence) -> int | None:
+    return run.execution.calls.failed if run.execution and run.execution.calls else None
+
+
+def overload(tasks: TaskLog, end_s: float, num_robots: int) -> str:
+    """A line for people where tasks come faster than they are done, '' elsewhere.
+
+    The mean number of tasks that wait for a robot grows from each of the last three quarters of the run to the next, by half in all.
+    """
+    edges = np.linspace(0.0, end_s, 5)
+    given_s = np.where(np.isnan(tasks.assigned_s), np.inf, tasks.assigned_s)
+    waited = [np.clip(np.minimum(given_s, b) - np.maximum(tasks.released_s, a), 0, None).sum() for a, b in pairwise(edges)]
+    second, third, last = (float(total) * 4 / end_s for total in waited[1:])
+    num_open = int(np.isnan(tasks.done_s).sum())
+    if second < third < last and last >= max(1.5 * second, 1.0) and num_open > num_robots:
+        return f"orders wait longer and longer: {num_open} open at the end"
+    return ""
+
+
 def _warm_up(run: Evidence) -> float | None:
     """What is left out: nothing where the run is too short to tell."""
     tasks = _tasks(run)
     return None if tasks is None else steady_from(tasks) or 0.0
 
 
+def _stops(run: Evidence) -> StopLog | None:
+    return None if run.execution is None else run.execution.stops
+
+
+def _steadily_done(run: Evidence) -> IntArray:
+    """[K] tasks done after the warm-up."""
+    tasks, warm_s = _tasks(run), run.once(_warm_up)
+    return np.zeros(0, np.int64) if tasks is None or warm_s is None else np.flatnonzero(tasks.done_s > warm_s)
+
+
+def _cycle(run: Evidence) -> dict[str, float]:
+    """Mean parts of the time from release to done of the tasks done after the warm-up; they add up to its mean."""
+    tasks, stops, done = _tasks(run), _stops(run), run.once(_steadily_done)
+    if tasks is None or stops is None or not len(done):
+        return {}
+    rows = np.isin(stops.task, done)
+    first = rows & np.concatenate([[True], stops.task[1:] != stops.task[:-1]])
+    drove_s = stops.begin_s - stops.since_s - stops.stood_s - stops.queued_s
+    totals = {
+        "assignment": (tasks.assigned_s - tasks.released_s)[done].sum(),
+        "empty": drove_s[first].sum(),
+        "loaded": drove_s[rows & ~first].sum(),
+        "standing": stops.stood_s[rows].sum(),
+        "queue": stops.queued_s[rows].sum(),
+        "serving": (stops.end_s - stops.begin_s)[rows].sum(),
+    }
+    return {name: float(total) / len(done) for name, total in totals.items()}
+
+
+def _utilisation(run: Evidence) -> FloatArray:
+    """[P] of the places where stops were made, the share of the time after the warm-up for which each served a robot."""
+    stops, warm_s = _stops(run), run.once(_warm_up)
+    if stops is None or run.execution is None or warm_s is None or run.execution.sim_time_s <= warm_s:
+        return np.zeros(0)
+    end_s = run.execution.sim_time_s
+    served_s = np.clip(np.minimum(stops.end_s, end_s) - np.maximum(stops.begin_s, warm_s), 0, None)
+    _, place = np.unique(stops.vertex, return_inverse=True)
+    shares: FloatArray = np.bincount(place, served_s) / (end_s - warm_s)
+    return shares
+
+
 def _service_times(run: Evidence) -> FloatArray:
     """[K] of the tasks done after the warm-up."""
-    tasks, warm_s = _tasks(run), run.once(_warm_up)
-    if tasks is None or warm_s is None:
-        return np.zeros(0)
-    times: FloatArray = tasks.service_time_s[tasks.done_s > warm_s]
-    return times
+    tasks = _tasks(run)
+    return np.zeros(0) if tasks is None else tasks.service_time_s[run.once(_steadily_done)]

@@ -21,7 +21,7 @@ from mrp_sumo.core.execution import positions_at
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.events import event_document
-from mrp_sumo.io.record import STATE_NAMES, RunRecord, robot_states
+from mrp_sumo.io.record import STATE_NAMES, RunRecord, goal_name, robot_states
 
 GEOJSON_PERIOD_S = 1.0
 NO_ROS1_TYPE = ("/rosout",)  # rcl_interfaces/Log
@@ -105,7 +105,7 @@ def write_geojson(path: Path, record: RunRecord) -> None:
         points, times = np.column_stack((x[keep, r], y[keep, r])).tolist(), t_s[keep].tolist()
         if len(points) == 1:  # a line has two ends
             points, times = points * 2, times * 2
-        goal = record.graph.label(int(record.target[r]))
+        goal = goal_name(record, r)
         features.append(_feature("LineString", points, {"layer": "trajectory", "robot": name, "goal": goal, "times_s": times}))
     for event in execution.events:
         properties = event_document(event, record.fleet, record.graph)

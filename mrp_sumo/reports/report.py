@@ -20,6 +20,7 @@ from mrp_sumo import __version__
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.run_folder import put_in_place
+from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports import paper
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.charts.run_charts import replay_of, run_charts, tag_of
@@ -134,6 +135,8 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
     robots: list[list[Cell]] = [
         [str(r["name"]), str(r["start"]), str(r["goal"]), r["goal_s"]] for r in run.result.get("robots", ()) if isinstance(r, dict)
     ]
+    if run.metrics.get("tasks_done") is not None:  # nobody has a goal of its own
+        robots = []
     tables = _there(
         Table(
             "metrics",
@@ -145,6 +148,7 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
         Table("robots", "Robots", ("robot", "start", "goal", "at its goal s"), robots, folded=len(robots) > 30, digits={"at its goal s": 1})
         if robots
         else None,
+        _tasks_table(run),
     )
     note = str(run.result.get("note", ""))
     page_of = replay_of(run)
@@ -155,6 +159,18 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
         note = f"{note} The run was not driven ({run.result['status'].replace('_', ' ')}), so there is nothing to draw.".strip()
     title = study.name
     return title, [Section("run", "The run", note, charts), Section("numbers", "Numbers", parts=tables)]
+
+
+def _tasks_table(run: RunFolder) -> Table | None:
+    """What became of the tasks of a run, by release."""
+    if not run.executed or (tasks := run.execution.tasks) is None:
+        return None
+    names, columns = run.fleet.robot_name, (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.done_s)
+    times = [[None if np.isnan(t) else float(t) for t in column] for column in columns]
+    robots = ["" if r < 0 else names[r] for r in tasks.robot.tolist()]
+    rows: list[list[Cell]] = [list(row) for row in zip(tasks.name, robots, *times, tasks.state)]
+    head = ("task", "robot", "released s", "assigned s", "opened s", "done s", "state")
+    return Table("tasks", "Tasks", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 
 def _link_table(name: str, title: str, target: str) -> Table:
@@ -199,8 +215,11 @@ def _run_tiles(study: Study) -> list[Tile]:
         ("blocked, all robots", "blocked_s", 1, "s"),
         ("time blocked (MRP-Bench)", "time_blocked_total_s", 1, "s"),
         ("least clearance", "min_clearance_m", 100, "cm"),
+        ("tasks done an hour", "throughput_per_h", 1, ""),
+        ("mean service time", "service_time_mean_s", 1, "s"),
+        ("service time, 95 % below", "service_time_p95_s", 1, "s"),
     ):
-        if not pd.isna(row[column]):
+        if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))
     return tiles
 

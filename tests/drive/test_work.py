@@ -99,3 +99,29 @@ def test_a_robot_at_work_is_not_sent_away_by_recovery(tmp_path):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("open", num_open=4), service_s=6.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=100.0, on_deadlock="resolve", policy="open_loop")
     assert run.tasks.state.count("done") >= 3
+
+
+def test_the_parts_of_a_cycle_add_up_to_it(tmp_path):
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=500), service_s=4.0, count=8)
+    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, planning_budget_s=1.0)
+    tasks, stops = run.tasks, run.stops
+    assert set(tasks.state) == {"done"} and stops.task.tolist() == [k for k in range(8) for _ in range(2)]
+    assert (stops.stood_s >= 0).all() and (stops.queued_s >= 0).all()
+    assert (stops.stood_s + stops.queued_s <= stops.begin_s - stops.since_s + 1e-9).all()
+    for k in range(8):
+        mine = stops.task == k
+        assert stops.since_s[mine][0] == tasks.assigned_s[k] and stops.begin_s[mine][0] == tasks.opened_s[k]
+        spent_s = (stops.end_s - stops.since_s)[mine].sum()
+        assert tasks.assigned_s[k] - tasks.released_s[k] + spent_s == pytest.approx(tasks.service_time_s[k], abs=1e-9)
+
+
+def test_a_robot_that_waits_for_a_place_is_booked_as_queueing(tmp_path):
+    pack = Station("pack", (4,), (3,))
+    run = work(tmp_path, line(6), [0, 2], orders([(pack,)], count=2, service_s=30.0))
+    queued_s = sorted(run.stops.queued_s.tolist())
+    assert queued_s[0] == 0 and 15.0 < queued_s[1] < 30.0
+
+
+def test_nobody_has_a_goal_of_its_own_where_tasks_come(tmp_path):
+    run = work(tmp_path, line(5), [0], orders([(2, 4)], count=1))
+    assert np.isnan(run.goal_s).all() and run.calls.asked >= 2 and run.calls.failed == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.task import TaskLog
-from mrp_sumo.metrics.tasks import steady_from
+from mrp_sumo.metrics.tasks import overload, steady_from
 
 
 def log_of(service_s):
@@ -28,3 +28,21 @@ def test_times_that_grow_to_the_end_are_never_steady():
 
 def test_a_few_tasks_tell_nothing():
     assert steady_from(log_of(np.full(19, 3.0))) is None
+
+
+def waiting(released_s, assigned_s):
+    """Tasks that wait for a robot, or have one; none is done."""
+    none = np.full(len(released_s), np.nan)
+    return TaskLog(tuple(map(str, range(len(none)))), np.zeros(len(none), np.int64), released_s, assigned_s, none, none)
+
+
+def test_a_stream_that_is_faster_than_the_fleet_is_reported():
+    released_s = np.arange(0.0, 400.0, 10.0)
+    one_in_four = np.where(np.arange(40) % 4 == 0, released_s, np.nan)
+    assert overload(waiting(released_s, one_in_four), 400.0, 5) == "orders wait longer and longer: 40 open at the end"
+    assert overload(waiting(released_s, released_s), 400.0, 5) == ""  # all have robots at once
+
+
+def test_a_queue_that_does_not_grow_is_no_overload():
+    released_s = np.arange(0.0, 400.0, 10.0)
+    assert overload(waiting(released_s, released_s + 60.0), 400.0, 5) == ""
