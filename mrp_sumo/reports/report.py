@@ -163,7 +163,7 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
 
 def _tasks_table(run: RunFolder) -> Table | None:
     """What became of the tasks of a run, by release."""
-    if not run.executed or (tasks := run.execution.tasks) is None:
+    if run.metrics.get("tasks_done") is None or (tasks := run.record.execution.tasks) is None:
         return None
     names, columns = run.fleet.robot_name, (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.done_s)
     times = [[None if np.isnan(t) else float(t) for t in column] for column in columns]
