@@ -17,6 +17,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import goals_clash
 from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.traffic.clashes import clashes_of
 from planners._compass import extend_all
 from planners.configuration._pibt_instance import PibtInstance, PibtScratch
 
@@ -47,7 +48,7 @@ def is_large(problem: Problem) -> bool:
 def tiled(problem: Problem) -> tuple[Problem, IntArray]:
     """The problem with vertices renumbered tile by tile, so that those near each other share lines of the processor's cache.
 
-    Names and options are not renumbered: the graph is good for planning only. Also [V] the old number of each vertex.
+    Names are not renumbered: the graph is good for planning only. Also [V] the old number of each vertex.
     """
     graph = problem.graph
     unit = float(np.median(graph.length_m)) if graph.num_lanes else 1.0
@@ -60,7 +61,17 @@ def tiled(problem: Problem) -> tuple[Problem, IntArray]:
     place = np.empty(graph.num_lanes, np.int64)
     place[lanes] = np.arange(graph.num_lanes)
     reverse = np.where(graph.reverse >= 0, place[graph.reverse], -1)[lanes]
-    renumbered = replace(graph, xy=frozen(graph.xy[original]), tail=frozen(tail[lanes]), head=frozen(head[lanes]), reverse=frozen(reverse))
+    renumbered = replace(
+        graph,
+        xy=frozen(graph.xy[original]),
+        level=frozen(graph.level[original]),
+        vertex_options=tuple(graph.vertex_options[v] for v in original.tolist()),
+        tail=frozen(tail[lanes]),
+        head=frozen(head[lanes]),
+        length_m=frozen(graph.length_m[lanes]),
+        reverse=frozen(reverse),
+        lane_options=tuple(graph.lane_options[lane] for lane in lanes.tolist()),
+    )
     return replace(problem, graph=renumbered, start=number[problem.start], goal=number[problem.goal]), original
 
 
@@ -80,7 +91,7 @@ def build_world(
     following, rotations
         See PibtInstance.
     """
-    graph, target = problem.graph, np.array(problem.target)
+    graph, target, clashes = problem.graph, np.array(problem.target), clashes_of(problem)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
     two_way = bool((graph.reverse >= 0).all())
     steps = np.full(num_robots, -1, np.int64)
@@ -107,6 +118,7 @@ def build_world(
     world = PibtInstance(
         first=graph.first,
         head=graph.head,
+        tail=graph.tail,
         goal=target,
         table=table,
         packed=packed,
@@ -119,7 +131,9 @@ def build_world(
         guided=False,
         guide=np.zeros((1, 1), np.int32),
         following=following,
-        rotations=rotations,
+        rotations=rotations and clashes.rotations,
+        near=clashes.any,
+        clashes=clashes,
     )
     return world, steps
 
@@ -150,6 +164,8 @@ def build_scratch(world: PibtInstance) -> PibtScratch:
     return PibtScratch(
         now=np.full(num_vertices, -1, np.int64),
         next=np.full(num_vertices, -1, np.int64),
+        wished=np.full(num_vertices if world.near else 1, -1, np.int64),
+        wish=np.full(num_robots, -1, np.int64),
         stack=np.zeros(num_robots + 1, np.int64),
         choice=np.zeros(num_robots, np.int64),
         candidate=np.zeros((num_robots, width), np.int64),

@@ -25,6 +25,7 @@ class Problem:
     goal_of: IntArray  # [R] which goal a robot has, -1 for none yet; no goal twice
     step_s: float  # planned time for a lane
     seed: int = 0
+    drivable: bool = False  # whether robots will keep the plan's order: no rotations, and nobody too close (`traffic.clashes`)
 
     def __post_init__(self) -> None:
         names, num_vertices = self.fleet.robot_name, self.graph.num_vertices

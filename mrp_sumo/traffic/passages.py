@@ -35,7 +35,7 @@ class Needs:
 class Schedule:
     """The order of passages at Q resources, E passages in all, resource by resource, each in its order.
 
-    A passage is a longest run of consecutive visits of one robot that need one resource.
+    A passage is a longest run of consecutive visits of one robot that need one resource, without a wait where it does not.
     """
 
     first: IntArray  # [Q + 1] CSR: passages of resource q are first[q]:first[q + 1], in order
@@ -61,7 +61,8 @@ def order_of(plan: Plan, needs: Needs) -> Schedule:
     by_resource = np.lexsort((visit, resource))
     q, k = resource[by_resource], visit[by_resource]
     opens = np.ones(len(q), np.bool_)  # a need that continues no passage
-    opens[1:] = (q[1:] != q[:-1]) | (k[1:] != k[:-1] + 1) | (robot[k[1:]] != robot[k[:-1]])
+    outside = needs.on_lane[by_resource[:-1]] & (plan.depart_s[k[:-1]] > plan.arrive_s[k[:-1]])  # it waits beside the resource
+    opens[1:] = (q[1:] != q[:-1]) | (k[1:] != k[:-1] + 1) | (robot[k[1:]] != robot[k[:-1]]) | outside
     passage = np.cumsum(opens) - 1
     begin = np.flatnonzero(opens)
     end = np.append(begin[1:], len(q)) - 1 if len(q) else begin

@@ -5,11 +5,14 @@ path finding", AIJ 2022, algorithm 1; the paper's names are in brackets. `pibt.S
 Python. Here the recursion is a stack, since a compiled recursive function cannot be stored.
 
 Where rings may not move at once, a move that would close one is refused when it is proposed. Where following is
-refused, a robot still pushes whoever stands on the vertex that it wants, but waits until that robot has gone.
+refused, a robot still pushes whoever stands on the vertex that it wants, but waits until that robot has gone. It does so too
+where somebody stands too close to its move (a clash): it waits, those who push it wait, and meanwhile nobody else comes near.
 """
 
 from mrp_sumo.search._kernel import kernel
 from planners.configuration._pibt_candidates import sort_candidates
+
+NOBODY, CHOSEN = -1, -2  # who is too close
 
 
 @kernel
@@ -55,6 +58,9 @@ def step(world, scratch, here, to, order, hindrance, rng):
         reserved[here[i]] = -1
         if to[i] >= 0:
             reserved[to[i]] = -1
+        if world.near and scratch.wish[i] >= 0:
+            _wish(world, scratch, scratch.wish[i], -1)
+            scratch.wish[i] = -1
     return valid
 
 
@@ -77,6 +83,21 @@ def _pibt(world, scratch, here, to, root, hindrance, rng):
                 choice[stack[depth]] += 1
             continue
         v = scratch.candidate[i, choice[i]]
+        if world.near:
+            k = _too_close(world, scratch, here, to, i, v)
+            if k >= 0:
+                if not _wait_all(scratch, here, to, depth):
+                    choice[i] += 1
+                    continue
+                if scratch.wish[i] >= 0:
+                    _wish(world, scratch, scratch.wish[i], -1)
+                scratch.wish[i] = move_of(world, here[i], v)
+                _wish(world, scratch, scratch.wish[i], i)
+                reserved[here[k]] = i  # k may not stay
+                depth += 1
+                stack[depth] = k
+                sort_candidates(world, scratch, here, to, k, hindrance, rng)
+                continue
         reserved[v] = i
         to[i] = v
         k = now[v]  # (a_k) who stands there
@@ -100,6 +121,8 @@ def _pull_partner(world, scratch, here, to, i):
     p = scratch.partner[i]
     if p < 0 or to[p] >= 0 or scratch.choice[i] > 0 or world.following:
         return
+    if world.near and _too_close(world, scratch, here, to, p, here[i]) != NOBODY:
+        return
     if not _refused(world, scratch, here, to, p, here[i]):
         scratch.next[here[i]] = p
         to[p] = here[i]
@@ -114,13 +137,23 @@ def _impose(world, scratch, here, to):
             continue
         if _refused(world, scratch, here, to, i, u) or (world.following and scratch.now[u] >= 0 and u != here[i]):
             return False
+        if world.near and _too_close(world, scratch, here, to, i, u) >= 0:
+            return False
         scratch.next[u] = i
     return True
 
 
 @kernel
 def _refused(world, scratch, here, to, i, u):
-    """Whether i may not go to u, given who has chosen already: taken, a swap, following or a ring."""
+    """Whether i may not go to u, given who has chosen already: taken, a swap, following, a ring or a clash."""
+    if _taken(world, scratch, here, to, i, u):
+        return True
+    return world.near and u != here[i] and _too_close(world, scratch, here, to, i, u) == CHOSEN
+
+
+@kernel
+def _taken(world, scratch, here, to, i, u):
+    """`_refused` by the rules of MAPF."""
     if scratch.next[u] >= 0 and scratch.next[u] != i:
         return True
     j = scratch.now[u]
@@ -139,6 +172,67 @@ def _refused(world, scratch, here, to, i, u):
             return True
         j = scratch.now[to[j]]
     return False
+
+
+@kernel
+def _too_close(world, scratch, here, to, i, u):
+    """Who keeps i from going to u by being too close: NOBODY, robots that have CHOSEN, or else one that can be pushed away.
+
+    Robots stay where they are without asking: whoever chose before kept away from them.
+    """
+    if u == here[i]:
+        return NOBODY
+    clashes, now, reserved = world.clashes, scratch.now, scratch.next
+    move = move_of(world, here[i], u)
+    if scratch.wished[u] >= 0 and scratch.wished[u] != i and scratch.wished[here[i]] < 0:
+        return CHOSEN  # somebody with a higher priority waits until nobody is there
+    standing = NOBODY
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        w = clashes.vertex[k]
+        j = now[w]
+        if j >= 0 and j != i:
+            if to[j] >= 0:
+                return CHOSEN
+            standing = j
+        if reserved[w] >= 0 and reserved[w] != i:
+            return CHOSEN
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        j = now[world.tail[lane]]
+        if j >= 0 and j != i and to[j] == world.head[lane]:
+            return CHOSEN
+    return standing
+
+
+@kernel
+def move_of(world, u, v):
+    """The number of the move from u to v in `Clashes`."""
+    for lane in range(world.first[u], world.first[u + 1]):
+        if world.head[lane] == v:
+            return lane
+    return len(world.head) + u
+
+
+@kernel
+def _wish(world, scratch, move, robot):
+    """Let nobody come near a move for which a robot waits; -1 lifts that."""
+    clashes = world.clashes
+    scratch.wished[world.head[move]] = robot
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        scratch.wished[clashes.vertex[k]] = robot
+
+
+@kernel
+def _wait_all(scratch, here, to, depth):
+    """Let all on the stack stay for this step; False where somebody else is to come where the first of them stands."""
+    first = scratch.stack[0]
+    if scratch.next[here[first]] >= 0 and scratch.next[here[first]] != first:
+        return False
+    for d in range(depth + 1):
+        robot = scratch.stack[d]
+        scratch.next[here[robot]] = robot
+        to[robot] = here[robot]
+    return True
 
 
 @kernel

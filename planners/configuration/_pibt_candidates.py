@@ -1,13 +1,16 @@
 """Kernels that sort the vertices where a robot of PIBT may go next.
 
 Nearest to the goal first. Ties are broken by hindrance, how many neighbours a robot would hinder there (Okumura,
-"Engineering LaCAM*", AAMAS 2024), then by chance. A robot that makes way for a swap takes them in the opposite order.
+"Engineering LaCAM*", AAMAS 2024), then by chance. A robot that makes way for a swap takes them in the opposite order. Where
+somebody waits until nobody is near, robots go last.
 """
 
 from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN, extend, read_code
 from planners.configuration._pibt_instance import nearer, prefers
 from planners.configuration._pibt_swap import swap_partner
+
+IN_THE_WAY = 1e12  # beyond any other key
 
 
 @kernel
@@ -27,6 +30,8 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
         key = rng.random() + (world.guide[i, u] if world.guided else 64.0 * nearer(world, i, u, v))
         if hindrance and num > 2:
             key += _num_hindered(world, scratch, i, u)
+        if world.near and scratch.wished[u] >= 0 and scratch.wished[u] != i:
+            key += IN_THE_WAY
         p = k
         while p > 0 and scratch.key[p - 1] > key:
             scratch.key[p] = scratch.key[p - 1]

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN, read_code
 
@@ -13,6 +14,7 @@ class PibtInstance(NamedTuple):
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
+    tail: np.ndarray  # [L] int64
     goal: np.ndarray  # [R] int64
     table: np.ndarray  # [R, V] steps to the robot's goal, or [1, 1] when packed
     packed: bool  # distances are looked up in `code` instead: only which way is nearer is known
@@ -26,13 +28,17 @@ class PibtInstance(NamedTuple):
     guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
+    near: bool  # there are clashes
+    clashes: Clashes  # which moves robots cannot make in one step because they would come too close
 
 
 class PibtScratch(NamedTuple):
-    """Room for a step. `now` and `next` are -1 everywhere between calls."""
+    """Room for a step. `now`, `next` and `wished` are -1 everywhere between calls."""
 
     now: np.ndarray  # [V] robot on each vertex
     next: np.ndarray  # [V] robot that has reserved it
+    wished: np.ndarray  # [V] robot that waits until nobody is there; [1] where there are no clashes
+    wish: np.ndarray  # [R] the lane for which each robot waits, -1: none
     stack: np.ndarray  # [R] robots that inherited priority
     choice: np.ndarray  # [R] position in the robot's candidates
     candidate: np.ndarray  # [R, D + 1] vertices from the most preferred down; D the largest out-degree

@@ -1,0 +1,93 @@
+"""Which moves clash on a graph: the executor's zones and mutex groups, as planners in steps need them.
+
+A plan without clashes and rotations can be driven in its order. In each step a robot holds what its visits need: the
+places of its move. No two robots hold places of one zone or group in one step, so that where passages of a zone follow
+each other, the second robot arrives at least a step after the first has left: waiting leads strictly forward in time. Only
+a robot that enters a vertex in the step in which another leaves it waits for an arrival at the same time, and
+those waits form a circle only where robots rotate. So the schedule of the plan (`traffic.schedule`) has no cycle.
+"""
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from mrp_sumo.core.clashes import Clashes, no_clashes
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.traffic.resources import Resources, resources_of
+
+_known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
+
+
+def clashes_of(problem: Problem) -> Clashes:
+    """The clashes that a plan for this problem must avoid: none unless it has to be drivable in its order.
+
+    Those of a graph are computed once.
+    """
+    graph = problem.graph
+    if not problem.drivable:
+        return no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
+    known = _known.setdefault(graph, {})
+    separation_m = problem.fleet.separation_m
+    if separation_m not in known:
+        known[separation_m] = _clashes(graph, separation_m)
+    return known[separation_m]
+
+
+def _clashes(graph: PlanGraph, separation_m: float) -> Clashes:
+    grouped = any(options.get("mutex") for options in (*graph.vertex_options, *graph.lane_options))
+    if graph.kind == "grid" and separation_m <= graph.cell_m + 1e-9 and not grouped:
+        return no_clashes(graph.num_vertices, graph.num_lanes, rotations=False)
+    return _of_moves(graph, resources_of(graph, separation_m))
+
+
+def _of_moves(graph: NavGraph, resources: Resources) -> Clashes:
+    """What each move excludes, from the pairs of places that exclude each other."""
+    num_vertices, num_lanes = graph.num_vertices, graph.num_lanes
+    num_places, num_moves = num_vertices + len(resources.ends), num_lanes + num_vertices
+    one, other = _exclusive_places(resources, num_vertices)
+    lanes = np.arange(num_lanes)
+    move = np.concatenate([lanes, lanes, lanes, num_lanes + np.arange(num_vertices)])
+    place = np.concatenate([graph.tail, graph.head, num_vertices + resources.track, np.arange(num_vertices)])
+    near, far = _joined(move, place, one, other, num_places)
+    pairs = np.unique(near * num_places + far)
+    move, place = pairs // num_places, pairs % num_places
+    at_vertex = place < num_vertices
+    vertex_first, vertex = _csr(move[at_vertex], place[at_vertex], num_moves)
+    by_track = np.argsort(resources.track, kind="stable")
+    on, lane = _joined(move[~at_vertex], place[~at_vertex] - num_vertices, resources.track[by_track], by_track, len(resources.ends))
+    known = move[at_vertex] * num_vertices + place[at_vertex]  # ascending
+    kept = ~(_contains(known, on * num_vertices + graph.tail[lane]) | _contains(known, on * num_vertices + graph.head[lane]))
+    lane_first, lane = _csr(on[kept], lane[kept], num_moves)
+    return Clashes(vertex_first, vertex, lane_first, lane, bool(len(vertex) or len(lane)), False)
+
+
+def _exclusive_places(resources: Resources, num_vertices: int) -> tuple[IntArray, IntArray]:
+    """Pairs of places, both ways round and by the first, that two robots must not hold at once; a vertex in a group also with itself."""
+    num_zones = len(resources.zone)
+    place = np.repeat(np.arange(len(resources.zones_first) - 1), np.diff(resources.zones_first))
+    order = np.argsort(resources.zones_of, kind="stable")
+    one, other = _joined(place, resources.zones_of, resources.zones_of[order], place[order], num_zones + len(resources.group_name))
+    resource = np.repeat(resources.zones_of, np.bincount(resources.zones_of)[resources.zones_of]) if len(place) else place
+    kept = (one != other) | (resource >= num_zones) & (one < num_vertices)
+    one, other = one[kept], other[kept]
+    order = np.lexsort((other, one))
+    return one[order], other[order]
+
+
+def _joined(left: IntArray, key: IntArray, other_key: IntArray, right: IntArray, num_keys: int) -> tuple[IntArray, IntArray]:
+    """Pairs of `left` and `right` with one key; `other_key`, of `right`, is ascending."""
+    first = np.searchsorted(other_key, np.arange(num_keys + 1))
+    count = np.diff(first)[key]
+    begin = np.cumsum(count) - count
+    return np.repeat(left, count), right[np.arange(int(count.sum())) - np.repeat(begin - first[key], count)]
+
+
+def _csr(row: IntArray, value: IntArray, num_rows: int) -> tuple[IntArray, IntArray]:
+    order = np.lexsort((value, row))
+    return frozen(np.searchsorted(row[order], np.arange(num_rows + 1)).astype(np.int64)), frozen(value[order])
+
+
+def _contains(sorted_keys: IntArray, wanted: IntArray) -> BoolArray:
+    at = np.minimum(np.searchsorted(sorted_keys, wanted), max(len(sorted_keys) - 1, 0))
+    return sorted_keys[at] == wanted if len(sorted_keys) else np.zeros(len(wanted), np.bool_)
