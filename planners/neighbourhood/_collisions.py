@@ -3,7 +3,7 @@
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._traffic import closes_ring, holds, lane_between
+from planners.neighbourhood._traffic import closes_ring, holds, lane_between, move_of
 
 
 @kernel
@@ -44,7 +44,30 @@ def collide(task, traffic, hood, robot):
             ahead = traffic.who[v, t - 1]
             if rings and ahead >= 0 and ahead != robot and not hood.hit[robot, ahead] and closes_ring(traffic, before, v, t):
                 new += _hit(hood, robot, ahead)
+        if task.clashes.any and t > 0:
+            new += _hit_near(task, traffic, hood, robot, before, v, t)
         before = v
+    return new
+
+
+@kernel
+def _hit_near(task, traffic, hood, robot, u, v, t):
+    """Enter the pairs of a robot that goes from u to v, or waits, and all others that come too close in that step."""
+    clashes, new = task.clashes, 0
+    move = move_of(task.first, task.head, u, v)
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        w = clashes.vertex[k]
+        for step in range(t - 1, t + 1):
+            if traffic.num_on[w, step] > 0:
+                new += _hit_holders(traffic, hood, robot, w, step)
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        if traffic.num_along[lane, t] > 0:
+            for other in range(len(traffic.at)):
+                if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == task.head[lane] and not hood.hit[robot, other]:
+                    w = np.int64(traffic.at[other, t - 1])
+                    if w != task.head[lane] and lane_between(task.first, task.head, w, task.head[lane]) == lane:
+                        new += _hit(hood, robot, other)
     return new
 
 

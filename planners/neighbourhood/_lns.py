@@ -78,7 +78,7 @@ def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
                 if end < 0:
                     break
                 gain -= end - least
-                add_path(task.first, task.head, traffic, robot)
+                add_path(task, traffic, robot)
                 planned += 1
             if planned < num:
                 gain = 0
@@ -99,7 +99,7 @@ def plan_all(task, traffic, labels, order, begin, end):
         )  # fmt: skip
         if arrival < 0:
             return False
-        add_path(task.first, task.head, traffic, robot)
+        add_path(task, traffic, robot)
     return True
 
 
@@ -134,7 +134,7 @@ def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
                 )  # fmt: skip
                 if end < 0:
                     break
-                add_path(task.first, task.head, traffic, robot)
+                add_path(task, traffic, robot)
                 new += collide(task, traffic, hood, robot)
                 planned += 1
                 if new > old:
@@ -162,7 +162,7 @@ def _take_out(task, traffic, hood, num, rng):
         robot = hood.robot[k]
         hood.saved[k] = traffic.at[robot]
         hood.saved_end[k] = traffic.end[robot]
-        remove_path(task.first, task.head, traffic, robot)
+        remove_path(task, traffic, robot)
         traffic.end[robot] = -1  # its row of `at` is out of date until it is planned
 
 
@@ -170,10 +170,10 @@ def _take_out(task, traffic, hood, num, rng):
 def _put_back(task, traffic, hood, num, planned):
     """Undo: the first `planned` robots have new paths in the traffic, the others none."""
     for k in range(planned):
-        remove_path(task.first, task.head, traffic, hood.robot[k])
+        remove_path(task, traffic, hood.robot[k])
         traffic.end[hood.robot[k]] = -1
     for k in range(num):
         robot = hood.robot[k]
         traffic.at[robot] = hood.saved[k]
         traffic.end[robot] = hood.saved_end[k]
-        add_path(task.first, task.head, traffic, robot)
+        add_path(task, traffic, robot)

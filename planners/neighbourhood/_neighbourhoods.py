@@ -116,7 +116,7 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
                 continue
             moved = True
             if (traffic.busy[u, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
-                num = _choose_on(traffic, hood, num, size, u, t + 1)
+                num = _choose_about(task, traffic, hood, num, size, u, t + 1)
             if num < size and at < b and task.reverse[at] >= 0:
                 back = task.reverse[at]
                 if (traffic.along[back, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
@@ -142,6 +142,21 @@ def _choose_on(traffic, hood, num, size, v, t):
 
 
 @kernel
+def _choose_about(task, traffic, hood, num, size, v, t):
+    """Choose the robots that hold a vertex at a step, or stand too close to it."""
+    num = _choose_on(traffic, hood, num, size, v, t)
+    clashes = task.clashes
+    if clashes.any:
+        move = len(task.head) + v
+        for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+            num = _choose_on(traffic, hood, num, size, clashes.vertex[k], t)
+        for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+            if num < size and traffic.num_along[clashes.lane[k], t] > 0:
+                num = _choose_on(traffic, hood, num, size, task.head[clashes.lane[k]], t)
+    return num
+
+
+@kernel
 def around_place(task, traffic, hood, size, rng):
     """Robots that are about a place at about one time: around a random robot's position at a random step."""
     num_robots = len(traffic.at)
@@ -156,7 +171,7 @@ def around_place(task, traffic, hood, size, rng):
         begin += 1
         for d in range(-3, 4):
             if 0 <= t + d < traffic.at.shape[1] and (traffic.busy[v, (t + d) >> 5] >> ((t + d) & 31)) & 1:
-                num = _choose_on(traffic, hood, num, size, v, t + d)
+                num = _choose_about(task, traffic, hood, num, size, v, t + d)
         a, b = task.first[v], task.first[v + 1]
         shift = np.int64(rng.random() * (b - a)) if b > a else np.int64(0)
         for k in range(b - a):

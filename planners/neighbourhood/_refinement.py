@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.traffic.clashes import clashes_of
 from planners._world import SLICE_S
 from planners.neighbourhood import _lns
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
@@ -19,7 +20,7 @@ MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
 def task_of(problem: Problem, table: np.ndarray) -> Task:
     """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
     graph = problem.graph
-    return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table)
+    return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table, clashes_of(problem))
 
 
 def room_to_repair(
@@ -34,7 +35,8 @@ def room_to_repair(
 
 def room_bytes(task: Task, horizon: int) -> int:
     """Memory for traffic and searches over so many steps."""
-    return horizon * (24 * len(task.first) + 2 * len(task.head) + 4 * len(task.goal))
+    clashes = horizon * (2 * len(task.first) + 3 * len(task.head)) if task.clashes.any else 0
+    return horizon * (24 * len(task.first) + 2 * len(task.head) + 4 * len(task.goal)) + clashes
 
 
 def polishing_labels(a_robot: int, num_robots: int) -> int:

@@ -2,8 +2,8 @@
 
 Source: SIPPS of Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2: fast repairing for multi-agent path finding via
 large neighborhood search", AAAI 2022 (section 4), after Phillips and Likhachev, "SIPP", ICRA 2011. A vertex's
-time falls into runs in which it is free or somebody is on it. A path is rated by the runs of others it enters
-and the swaps and rings it makes, then by its length; or, when crossing is forbidden, by its length alone.
+time falls into runs in which it is free or somebody is on it, or too close. A path is rated by the runs of others it enters
+and the swaps, clashes and rings it makes, then by its length; or, when crossing is forbidden, by its length alone.
 """
 
 from typing import NamedTuple
@@ -32,9 +32,13 @@ class Labels(NamedTuple):
 
 
 @kernel
-def _first_crossing(traffic, along, rings, back, v, u, t, until):
-    """The first arrival at u from v, not before `t`, that swaps with nobody and closes no ring; beyond `until`: none."""
-    while t <= until and ((back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1) or (rings and closes_ring(traffic, v, u, t))):
+def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until):
+    """The first arrival at u from v, not before `t`, that swaps with nobody, clashes with nobody and closes no ring; beyond `until`: none."""
+    while t <= until and (
+        (back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1)
+        or (near and (barred[lane, t >> 5] >> (t & 31)) & 1)
+        or (rings and closes_ring(traffic, v, u, t))
+    ):
         t += 1
     return t
 
@@ -79,7 +83,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
 
     Of labels of one length the last is the first to be expanded, which goes straight on.
     """
-    busy, along, following = traffic.busy, traffic.along, traffic.following
+    busy, along, following, barred, near = traffic.busy, traffic.along, traffic.following, traffic.barred, len(traffic.num_near) > 1
     vertex, lows, highs, parent, link, queue, seen = (
         labels.vertex, labels.low, labels.high, labels.parent, labels.link, labels.queue, labels.pushed,
     )  # fmt: skip
@@ -121,7 +125,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
                 occupied, end = run_end(busy[u], t)
                 if not occupied:
                     until = min(end, last)
-                    t = _first_crossing(traffic, along, rings, back, v, u, t, until)
+                    t = _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until)
                     mark = seen[u, end]
                     if t <= until and (mark < stamp or mark - stamp > t):
                         if num_labels >= room:
@@ -137,7 +141,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
 @kernel
 def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
     """`plan_one` where others may be crossed."""
-    busy, along, following = traffic.busy, traffic.along, traffic.following
+    busy, along, following, barred, near = traffic.busy, traffic.along, traffic.following, traffic.barred, len(traffic.num_near) > 1
     horizon = traffic.at.shape[1]
     rings = not traffic.rotations and not following
     labels.stamp[0] += 1
@@ -193,7 +197,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
                 occupied, end = run_end(busy[u], t)
                 arrive, price = t, cost + (1 if occupied else 0)
                 until = min(end, last)
-                arrive = _first_crossing(traffic, along, rings, back, v, u, arrive, until)
+                arrive = _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, arrive, until)
                 if arrive > until:
                     arrive, price = t, price + 1
                 if num_labels >= room or num_heap >= room:

@@ -2,12 +2,15 @@
 
 Where following is refused, a robot holds the vertex it leaves in the step of its move too: any two robots that come too
 near then hold one vertex at one step, and swaps and rings need no rules of their own.
+
+Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._kernel import kernel
 
 WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
@@ -25,6 +28,7 @@ class Task(NamedTuple):
     start: np.ndarray  # [R] int64
     goal: np.ndarray  # [R] int64
     steps: np.ndarray  # [R, V] int32 to each robot's goal
+    clashes: Clashes
 
 
 class Traffic(NamedTuple):
@@ -34,9 +38,12 @@ class Traffic(NamedTuple):
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
     num_on: np.ndarray  # [V, T] uint8 robots that hold a vertex
     who: np.ndarray  # [V, T] int32 one of them, -1 where there is none
-    busy: np.ndarray  # [V, W] int64 bits: somebody holds it
+    busy: np.ndarray  # [V, W] int64 bits: somebody holds or bars it
+    num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
     num_along: np.ndarray  # [L, T] uint8 robots that arrive by a lane at a step
     along: np.ndarray  # [L, W] int64 bits: somebody does
+    num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
+    barred: np.ndarray  # [L, W] int64 bits: some do; [1, 1] without clashes
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
 
@@ -68,8 +75,9 @@ def lane_between(first, head, u, v):
 
 
 @kernel
-def add_path(first, head, traffic, robot):
+def add_path(task, traffic, robot):
     """Enter the robot's row of `at` in the rest of the traffic."""
+    first, head = task.first, task.head
     at, num_on, who, busy, following = traffic.at[robot], traffic.num_on, traffic.who, traffic.busy, traffic.following
     before = np.int64(-1)
     for t in range(len(at)):
@@ -87,11 +95,61 @@ def add_path(first, head, traffic, robot):
                 who[before, t] = robot
                 busy[before, t >> 5] |= bit
         before = v
+    if task.clashes.any:
+        _bar(task, traffic, robot)
 
 
 @kernel
-def remove_path(first, head, traffic, robot):
+def _bar(task, traffic, robot):
+    """Bar what is too close to the robot's moves."""
+    clashes, at, num_near, busy, num_barred, barred = (
+        task.clashes, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    )  # fmt: skip
+    for t in range(1, len(at)):
+        move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
+        for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+            v = clashes.vertex[k]
+            for step in range(t - 1, t + 1):
+                num_near[v, step] += 1
+                busy[v, step >> 5] |= np.int64(1) << (step & 31)
+        for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+            num_barred[clashes.lane[k], t] += 1
+            barred[clashes.lane[k], t >> 5] |= np.int64(1) << (t & 31)
+
+
+@kernel
+def _unbar(task, traffic, robot):
+    """Take back what `_bar` did."""
+    clashes, at, num_on, num_near, busy, num_barred, barred = (
+        task.clashes, traffic.at[robot], traffic.num_on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    )  # fmt: skip
+    for t in range(1, len(at)):
+        move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
+        for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+            v = clashes.vertex[k]
+            for step in range(t - 1, t + 1):
+                num_near[v, step] -= 1
+                if num_near[v, step] == 0 and num_on[v, step] == 0:
+                    busy[v, step >> 5] &= ~(np.int64(1) << (step & 31))
+        for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+            lane = clashes.lane[k]
+            num_barred[lane, t] -= 1
+            if num_barred[lane, t] == 0:
+                barred[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
+
+
+@kernel
+def move_of(first, head, u, v):
+    """The number of the move from u to v in `Clashes`."""
+    return len(head) + u if u == v else lane_between(first, head, u, v)
+
+
+@kernel
+def remove_path(task, traffic, robot):
     """Take the robot's path out of the traffic; its row of `at` stays."""
+    first, head = task.first, task.head
+    if task.clashes.any:
+        _unbar(task, traffic, robot)
     at, following = traffic.at[robot], traffic.following
     before = np.int64(-1)
     for t in range(len(at)):
@@ -112,7 +170,8 @@ def _let_go(traffic, robot, v, t):
     """The robot holds v no longer at t."""
     traffic.num_on[v, t] -= 1
     if traffic.num_on[v, t] == 0:
-        traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
+        if len(traffic.num_near) == 1 or traffic.num_near[v, t] == 0:
+            traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
         traffic.who[v, t] = -1
     elif traffic.who[v, t] == robot:
         for other in range(len(traffic.at)):
@@ -150,22 +209,26 @@ def closes_ring(traffic, v, u, t):
 def enter_all(task, traffic):
     """Put all paths of `at` into the empty traffic."""
     for robot in range(len(task.goal)):
-        add_path(task.first, task.head, traffic, robot)
+        add_path(task, traffic, robot)
 
 
 def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool) -> Traffic:
     """Traffic without paths over `horizon` steps, a multiple of WORD."""
     num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
+    near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
     return Traffic(
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
         num_on=np.zeros((num_vertices, horizon), np.uint8),
         who=np.full((num_vertices, horizon), -1, np.int32),
         busy=np.zeros((num_vertices, horizon // WORD), np.int64),
+        num_near=np.zeros((near[0], near[2]), np.uint16),
         num_along=np.zeros((num_lanes, horizon), np.uint8),
         along=np.zeros((num_lanes, horizon // WORD), np.int64),
+        num_barred=np.zeros((near[1], near[2]), np.uint16),
+        barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.int64),
         following=following,
-        rotations=rotations,
+        rotations=rotations and task.clashes.rotations,
     )
 
 
