@@ -39,7 +39,7 @@ def least_cost(problem, *, following=False):
                     best[after] = cost
                     heappush(queue, (cost, after))
         for there in product(*([at[r]] if stopped[r] else moves[at[r]] for r in range(count))):
-            if len(set(there)) < count or _collide(at, there, following) or rules and not rules.allow(at, there):
+            if len(set(there)) < count or _collide(at, there, following) or (rules and not rules.allow(at, there)):
                 continue
             after = (there, stopped)
             new = cost + count - sum(stopped)
@@ -130,7 +130,7 @@ def crowded_problem(seed, most_robots=3, num_vertices=7):
     rng = np.random.default_rng([seed, 78])
     xy = rng.uniform(0, 1.7, (num_vertices, 2))
     length = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
-    pairs = [(i, j) for i in range(num_vertices) for j in range(i) if 0.5 <= length[i, j] and rng.random() < 0.45]
+    pairs = [(i, j) for i in range(num_vertices) for j in range(i) if length[i, j] >= 0.5 and rng.random() < 0.45]
     lanes = [lane for a, b in pairs for lane in (((a, b), (b, a)) if rng.random() < 0.9 else ((a, b),))]
     nav = nav_graph(name="crowded", xy=xy, lanes=lanes)
     grouped = [{"mutex": "narrow"} if rng.random() < 0.15 else {} for _ in range(nav.num_lanes + num_vertices)]

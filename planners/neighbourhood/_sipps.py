@@ -33,7 +33,7 @@ class Labels(NamedTuple):
 
 @kernel
 def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until):
-    """The first arrival at u from v, not before `t`, that swaps with nobody, clashes with nobody and closes no ring; beyond `until`: none."""
+    """The first arrival at u from v, not before `t`, that swaps and clashes with nobody and closes no ring; beyond `until`: none."""
     while t <= until and (
         (back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1)
         or (near and (barred[lane, t >> 5] >> (t & 31)) & 1)
