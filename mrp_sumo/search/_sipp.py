@@ -1,8 +1,8 @@
 """Kernels of safe interval path planning: a path in time among robots whose paths are fixed.
 
 Source: Phillips, Likhachev, "SIPP: safe interval path planning for dynamic environments", ICRA 2011, in whole
-steps. A vertex's time is cut into intervals in which nobody stands on it; of two arrivals in one interval the
-earlier is as good as the later, so the search has a state an interval, not a state a step.
+steps. A vertex's time is cut into intervals in which nobody stands on it, nor makes a move that clashes with waiting there; of
+two arrivals in one interval the earlier is as good as the later, so the search has a state an interval, not a state a step.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,11 @@ class Intervals(NamedTuple):
     after: np.ndarray  # [N] int64, next interval of the vertex, -1 at the end
     vertex: np.ndarray  # [N] int64
     leaver: np.ndarray  # [N] int64, where the robot that freed the vertex went as the interval began, -1 for none
-    count: np.ndarray  # [1] int64, intervals in use
+    barred_first: np.ndarray  # [L] int64, the last entry of a lane in `barred`, -1 for none
+    barred: np.ndarray  # [B, 3] int64, arrivals from and to which nobody may drive along a lane, and its entry before, -1 for none
+    left_first: np.ndarray  # [V] int64, the last entry of a vertex in `left`, -1 for none
+    left: np.ndarray  # [D, 3] int64, when a robot arrived elsewhere, and where; the vertex's entry before, -1 for none
+    count: np.ndarray  # [3] int64, intervals, entries of `barred` and of `left` in use
 
 
 class SippScratch(NamedTuple):
@@ -37,7 +41,7 @@ class SippScratch(NamedTuple):
     searches: np.ndarray  # [1] int64
 
 
-def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, SippScratch]:
+def new_intervals(num_vertices: int, num_lanes: int, capacity: int) -> tuple[Intervals, SippScratch]:
     """Intervals of a graph without robots after `reset`, and scratch, with room for `capacity` intervals."""
     capacity = max(capacity, num_vertices)
     intervals = Intervals(
@@ -45,7 +49,11 @@ def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, SippScra
         np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),
-        np.zeros(1, np.int64),
+        np.zeros(num_lanes, np.int64),
+        np.zeros((capacity, 3), np.int64),
+        np.zeros(num_vertices, np.int64),
+        np.zeros((capacity, 3), np.int64),
+        np.zeros(3, np.int64),
     )
     scratch = SippScratch(
         np.zeros(capacity, np.int64),
@@ -57,6 +65,19 @@ def new_intervals(num_vertices: int, capacity: int) -> tuple[Intervals, SippScra
     return intervals, scratch
 
 
+def with_double_room(intervals: Intervals, scratch: SippScratch) -> tuple[Intervals, SippScratch]:
+    """The same, with the same intervals in use, and room for twice as many."""
+    grow = ("span", "after", "vertex", "leaver", "barred", "left")
+    return (
+        intervals._replace(**{name: _twice(getattr(intervals, name)) for name in grow}),
+        SippScratch(*(_twice(array) for array in scratch[:-1]), scratch.searches),
+    )
+
+
+def _twice(array: np.ndarray) -> np.ndarray:
+    return np.concatenate([array, np.zeros_like(array)])
+
+
 @kernel
 def reset(num_vertices, intervals):
     """Free every vertex for ever."""
@@ -66,7 +87,9 @@ def reset(num_vertices, intervals):
         intervals.after[v] = -1
         intervals.vertex[v] = v
         intervals.leaver[v] = -1
-    intervals.count[0] = num_vertices
+    intervals.barred_first[:] = -1
+    intervals.left_first[:] = -1
+    intervals.count[0], intervals.count[1], intervals.count[2] = num_vertices, 0, 0
 
 
 @kernel
@@ -89,21 +112,116 @@ def _occupy(intervals, v, begin, end, went_to):
 
 
 @kernel
-def reserve(intervals, path, length):
-    """Take the vertices of a path away, the last one for ever; False when there is no room."""
-    if intervals.count[0] + length > len(intervals.after):
+def _block(intervals, v, begin, end):
+    """Take steps begin..end of v away as far as they are free."""
+    k = v
+    while k >= 0:
+        first, last = intervals.span[k, 0], intervals.span[k, 1]
+        if first <= min(last, end) and last >= begin:
+            if first < begin:
+                intervals.span[k, 1] = begin - 1
+                if last > end:
+                    new = intervals.count[0]
+                    intervals.count[0] += 1
+                    intervals.span[new, 0], intervals.span[new, 1] = end + 1, last
+                    intervals.after[new] = intervals.after[k]
+                    intervals.vertex[new], intervals.leaver[new] = v, -1
+                    intervals.after[k] = new
+            elif last > end:
+                intervals.span[k, 0], intervals.leaver[k] = end + 1, -1
+            else:
+                intervals.span[k, 1] = first - 1
+        k = intervals.after[k]
+
+
+@kernel
+def reserve(first, head, clashes, intervals, path, length):
+    """Take the vertices of a path away, the last one for ever, and what clashes with its moves; False when there is no room."""
+    vertices, lanes, moves = length, 0, 0
+    for t in range(1, length + 1):
+        move = _move(first, head, path[t - 1], path[min(t, length - 1)])
+        vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
+        lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
+        moves += move < len(head)
+    count = intervals.count
+    if (
+        count[0] + vertices > len(intervals.after)
+        or count[1] + lanes > len(intervals.barred)
+        or (not clashes.rotations and count[2] + moves > len(intervals.left))
+    ):
         return False
     begin = 0
     for t in range(1, length):
         if path[t] != path[t - 1]:
             _occupy(intervals, path[t - 1], begin, t - 1, path[t])
             begin = t
+            if not clashes.rotations:
+                new = count[2]
+                count[2] += 1
+                intervals.left[new, 0], intervals.left[new, 1], intervals.left[new, 2] = t, path[t], intervals.left_first[path[t - 1]]
+                intervals.left_first[path[t - 1]] = new
     _occupy(intervals, path[length - 1], begin, FOREVER, -1)
+    if clashes.any:
+        t = 1
+        while t <= length:
+            move, end = _move(first, head, path[t - 1], path[min(t, length - 1)]), t
+            if t == length:
+                end = FOREVER
+            while end < length - 1 and move >= len(head) and path[end + 1] == path[end]:
+                end += 1  # a wait
+            for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+                _block(intervals, clashes.vertex[k], t - 1, end)
+            for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+                new = count[1]
+                count[1] += 1
+                intervals.barred[new, 0], intervals.barred[new, 1] = t, end
+                intervals.barred[new, 2] = intervals.barred_first[clashes.lane[k]]
+                intervals.barred_first[clashes.lane[k]] = new
+            t = end + 1
     return True
 
 
 @kernel
-def find_path(first, head, distance, start, goal, following, intervals, scratch, path):
+def _move(first, head, u, v):
+    """The number of the move from u to v in `Clashes`."""
+    if u == v:
+        return len(head) + u
+    for lane in range(first[u], first[u + 1]):
+        if head[lane] == v:
+            return lane
+    return np.int64(-1)
+
+
+@kernel
+def _not_barred(intervals, lane, step, latest):
+    """The first arrival by a lane from a step on that nobody bars; beyond `latest`: none."""
+    again = True
+    while again and step <= latest:
+        again = False
+        k = intervals.barred_first[lane]
+        while k >= 0:
+            if intervals.barred[k, 0] <= step <= intervals.barred[k, 1]:
+                step = intervals.barred[k, 1] + 1
+                again = True
+            k = intervals.barred[k, 2]
+    return step
+
+
+@kernel
+def _closes_ring(intervals, u, v, step):
+    """Whether a move from u that arrives on v completes a ring of robots that move at once."""
+    while v != u:
+        k = intervals.left_first[v]
+        while k >= 0 and intervals.left[k, 0] != step:
+            k = intervals.left[k, 2]
+        if k < 0:
+            return False
+        v = intervals.left[k, 1]
+    return True
+
+
+@kernel
+def find_path(first, head, distance, start, goal, following, clashes, intervals, scratch, path):
     """The earliest way to the goal, to stay.
 
     Parameters
@@ -116,6 +234,8 @@ def find_path(first, head, distance, start, goal, following, intervals, scratch,
         Vertices.
     following
         Whether a vertex must be free for a step before it is entered.
+    clashes
+        Of the moves of the graph.
     intervals, scratch
         Where others are not.
     path
@@ -165,6 +285,10 @@ def find_path(first, head, distance, start, goal, following, intervals, scratch,
                     latest = min(last, until)
                 elif arrive == begin and begin > 0 and intervals.leaver[b] == u:
                     latest = -1  # a swap: u is taken from this step on
+                if clashes.any:
+                    arrive = _not_barred(intervals, lane, arrive, latest)
+                if not clashes.rotations and begin == arrive == last + 1 and arrive <= latest and _closes_ring(intervals, u, v, arrive):
+                    latest = -1
                 if arrive <= latest and (scratch.stamp[b] != now or arrive < scratch.arrival[b]):
                     if count >= len(heap):
                         return FULL, 0

@@ -1,13 +1,13 @@
 """The paths planned so far, and the earliest path of one robot more around them (SIPP)."""
 
-from typing import Any
-
 import numpy as np
 
+from mrp_sumo.core.clashes import no_clashes
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.search._sipp import FOUND, FULL, Intervals, SippScratch, find_path, new_intervals, reserve, reset
+from mrp_sumo.search._sipp import FOUND, FULL, find_path, new_intervals, reserve, reset, with_double_room
 from mrp_sumo.search.distance import distances
+from mrp_sumo.traffic.clashes import clashes_of
 
 
 class Reservations:
@@ -18,10 +18,10 @@ class Reservations:
         tables = distances(problem.graph)
         self._first, self._head, self._table = tables.first, tables.head, tables.to_all(problem.target)
         self._start, self._goal, self._following = problem.start, problem.target, following
-        self._num_vertices = problem.graph.num_vertices
+        self._num_vertices, self._clashes = problem.graph.num_vertices, clashes_of(problem)
         self.least = self._table[np.arange(problem.num_robots), problem.start]  # [R] steps of each robot's shortest path
         room = 4 * (self._num_vertices + int(self.least.sum()) + 64)
-        self._intervals, self._scratch = new_intervals(self._num_vertices, room)
+        self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room)
         self._path = np.empty(2 * self._num_vertices + int(self.least.max(initial=0)) + 64, np.int64)
 
     def clear(self) -> None:
@@ -33,9 +33,9 @@ class Reservations:
         while True:
             code, length = find_path(
                 self._first, self._head, self._table[robot], self._start[robot], self._goal[robot], self._following,
-                self._intervals, self._scratch, self._path,
+                self._clashes, self._intervals, self._scratch, self._path,
             )  # fmt: skip
-            if code == FOUND and reserve(self._intervals, self._path, length):
+            if code == FOUND and reserve(self._first, self._head, self._clashes, self._intervals, self._path, length):
                 return self._path[:length].copy()
             if code not in (FOUND, FULL):
                 return None
@@ -43,20 +43,16 @@ class Reservations:
 
     def _grow(self) -> None:
         """Twice the room, with the same intervals in use."""
-        self._intervals = Intervals._make(_longer(a) if len(a) > 1 else a for a in self._intervals)
-        self._scratch = SippScratch._make(_longer(a) if len(a) > 1 else a for a in self._scratch)
-        self._path = _longer(self._path)
-
-
-def _longer(array: Any) -> Any:
-    return np.concatenate([array, np.zeros_like(array)])
+        self._intervals, self._scratch = with_double_room(self._intervals, self._scratch)
+        self._path = np.empty(2 * len(self._path), np.int64)
 
 
 def prepare(*, following: bool) -> None:
     """Compile or load the kernels."""
-    intervals, scratch = new_intervals(2, 16)
+    intervals, scratch = new_intervals(2, 1, 16)
+    clashes = no_clashes(2, 1, rotations=True)
     reset(2, intervals)
     path = np.zeros(8, np.int64)
     lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
-    find_path(*lanes, distance, np.int64(0), np.int64(1), following, intervals, scratch, path)
-    reserve(intervals, path, 2)
+    find_path(*lanes, distance, np.int64(0), np.int64(1), following, clashes, intervals, scratch, path)
+    reserve(*lanes, clashes, intervals, path, 2)
