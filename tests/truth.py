@@ -1,6 +1,7 @@
 """Slow truth: the least sum of costs by searching all joint states, and small random questions to ask."""
 
 from dataclasses import replace
+from functools import cache
 from heapq import heappop, heappush
 from itertools import product
 
@@ -93,6 +94,7 @@ class Rules:
     def __init__(self, problem):
         graph = problem.graph
         self.graph, self.found = graph, resources_of(graph, problem.fleet.separation_m)
+        self.clash = cache(self._clash)
 
     def held(self, u, v):
         """(resource, place) of the zones and groups that a robot holds while it goes from u to v, or waits."""
@@ -100,7 +102,7 @@ class Rules:
         places = {u, v} | ({self.graph.num_vertices + int(found.track[self.graph.lane_between(u, v)])} if u != v else set())
         return {(int(q), p) for p in places for q in found.zones_of[found.zones_first[p] : found.zones_first[p + 1]]}
 
-    def clash(self, one, other):
+    def _clash(self, one, other):
         """Whether two moves (u, v) need places of one zone, or one group."""
         zones = len(self.found.zone)
         return any(q == r and (a != b or q >= zones) for q, a in self.held(*one) for r, b in self.held(*other))

@@ -1,5 +1,5 @@
-"""Answers that all planners share: goals out of reach, goals held twice and robots that cannot pass each other, before the
-search; memory that runs out, during it.
+"""Answers that all planners share: goals out of reach, goals held twice or too close and robots that cannot pass each other,
+before the search; memory that runs out, during it.
 
 Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
 """
@@ -8,12 +8,14 @@ from time import perf_counter
 
 import numpy as np
 
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from mrp_sumo.search.solvable import order_broken
+from mrp_sumo.traffic.clashes import clashes_of
 
 
 def impossible(problem: Problem) -> PlanResult | None:
@@ -47,7 +49,7 @@ def order_clash(problem: Problem) -> PlanResult | None:
 
 
 def goals_clash(problem: Problem) -> PlanResult | None:
-    """INFEASIBLE where two robots have to end at one vertex, whoever is assigned what; None otherwise."""
+    """INFEASIBLE where two robots have to end at one vertex, whoever is assigned what, or too close; None otherwise."""
     label, name = problem.graph.label, problem.fleet.robot_name
     if not problem.is_assigned:
         values, count = np.unique(problem.goal, return_counts=True)
@@ -57,10 +59,30 @@ def goals_clash(problem: Problem) -> PlanResult | None:
         return PlanResult(Status.INFEASIBLE, message=f"goals {a} and {b} are both '{label(int(problem.goal[a]))}'")
     values, count = np.unique(problem.target, return_counts=True)
     if not (count > 1).any():
-        return None
+        return _crowded(problem, problem.start, "start") or _crowded(problem, problem.target, "have to end")
     vertex = int(values[count > 1][0])
     a, b = np.flatnonzero(problem.target == vertex)[:2]
     return PlanResult(Status.INFEASIBLE, message=f"{name[a]} and {name[b]} both have to end at '{label(vertex)}'")
+
+
+def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None:
+    """INFEASIBLE where two robots that have to be drivable stand too close to each other at these vertices [R]; None otherwise."""
+    clashes = clashes_of(problem)
+    waiting = problem.graph.num_lanes + vertex
+    robot_at = np.full(problem.graph.num_vertices, -1)
+    robot_at[vertex] = np.arange(problem.num_robots)
+    for robot, (begin, end) in enumerate(zip(clashes.vertex_first[waiting], clashes.vertex_first[waiting + 1])):
+        others = robot_at[clashes.vertex[begin:end]]
+        others = others[(others >= 0) & (others != robot)]
+        if len(others):
+            pair = sorted((robot, int(others[0])))
+            names = " and ".join(problem.fleet.robot_name[r] for r in pair)
+            places = " and ".join(f"'{problem.graph.label(int(vertex[r]))}'" for r in pair)
+            apart_m = float(np.hypot(*(problem.graph.xy[vertex[pair[0]]] - problem.graph.xy[vertex[pair[1]]])))
+            near = apart_m < problem.fleet.separation_m
+            why = f"{apart_m:.3f} m apart, where they need {problem.fleet.separation_m:.3f} m" if near else "in one mutex group"
+            return PlanResult(Status.INFEASIBLE, message=f"{names} {what} at {places}, {why}")
+    return None
 
 
 def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:

@@ -6,6 +6,7 @@ choose between conflicts, its priority and the constraints to split on: rows A0.
 
 import numpy as np
 
+from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import steps_known, visitor
 from mrp_sumo.search._records import COST, PATH0, place
@@ -16,6 +17,8 @@ MEET = 0  # both are at AT at STEP
 SWAP = 1  # ONE comes from TAIL to AT at STEP, OTHER the other way
 TARGET = 2  # ONE stays at AT, its goal, when OTHER is there at STEP
 FOLLOW = 3  # ONE is at AT at STEP, OTHER is there one step later
+CLASH = 4  # the moves that lead to STEP clash
+CLASH_AT_TARGET = 5  # ONE stays at AT, its goal, when OTHER makes a move that clashes with it, which leads to STEP
 UNKNOWN = -1  # a priority not yet looked at
 
 
@@ -39,19 +42,19 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
         if old[k, ONE] != robot and old[k, OTHER] != robot:
             found[kept] = old[k]
             kept += 1
-    count = _find(store, occupancy, robot, record, instance.following, found, kept)
+    count = _find(instance, store, occupancy, robot, record, found, kept)
     if count > len(found):
         longer = np.empty((count, WIDTH), np.int32)
         longer[:kept] = found[:kept]
         found = longer
-        _find(store, occupancy, robot, record, instance.following, found, kept)
+        count = _find(instance, store, occupancy, robot, record, found, kept)
     return found[:count]
 
 
 @kernel(allocates=False)
-def _find(store, occupancy, robot, record, following, found, count):
+def _find(instance, store, occupancy, robot, record, found, count):
     """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
-    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+    path0, cost, following, near = store.meta[record, PATH0], store.meta[record, COST], instance.following, instance.clashes.any
     latest = np.int64(0)
     for r in range(len(occupancy.record)):
         if occupancy.record[r] >= 0:
@@ -65,6 +68,8 @@ def _find(store, occupancy, robot, record, following, found, count):
             count = _left_too_late(store, occupancy, robot, u, v, t, found, count)
         elif u != v:
             count = _swaps(store, occupancy, robot, u, v, t, found, count)
+        if near and t > 0:
+            count = _clashes(instance, store, occupancy, robot, cost, u, v, t, found, count)
         u = v
     return count
 
@@ -130,6 +135,49 @@ def _left_too_late(store, occupancy, robot, u, v, t, found, count):
     if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
         count = _add(found, count, robot, parked, FOLLOW, -1, u, t - 1)
     return count
+
+
+@kernel(allocates=False)
+def _clashes(instance, store, occupancy, robot, cost, u, v, t, found, count):
+    """Others whose moves to step t clash with the robot's from u to v."""
+    clashes, num_robots, before = instance.clashes, len(occupancy.record), count
+    move = move_of(instance.first, instance.head, u, v)
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        w = clashes.vertex[k]
+        for step in range(t - 1, t + 1):
+            if step < steps_known(occupancy):
+                visit = visitor(occupancy, w, step, 0)
+                while visit:
+                    count = _add_clash(store, occupancy, robot, visit - step * num_robots - 1, cost, t, v, found, before, count)
+                    visit = visitor(occupancy, w, step, visit)
+        if occupancy.since[w] <= t:
+            count = _add_clash(store, occupancy, robot, np.int64(occupancy.parked[w]), cost, t, v, found, before, count)
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        if t - 1 < steps_known(occupancy):
+            visit = visitor(occupancy, instance.tail[lane], t - 1, 0)
+            while visit:
+                other = visit - (t - 1) * num_robots - 1
+                if place(store, occupancy.record[other], t) == instance.head[lane]:
+                    count = _add_clash(store, occupancy, robot, other, cost, t, v, found, before, count)
+                visit = visitor(occupancy, instance.tail[lane], t - 1, visit)
+    return count
+
+
+@kernel(allocates=False)
+def _add_clash(store, occupancy, robot, other, cost, t, v, found, before, count):
+    """Write the clash of two robots at a step unless it has been, since there were `before` conflicts."""
+    for k in range(before, min(count, len(found))):
+        if found[k, ONE] + found[k, OTHER] == robot + other and (found[k, ONE] == other or found[k, OTHER] == other):
+            return count
+    if count > len(found):  # they are only counted, and again when there is room
+        return count + 1
+    record = occupancy.record[other]
+    if cost < t:
+        return _add(found, count, robot, other, CLASH_AT_TARGET, -1, v, t)
+    if store.meta[record, COST] < t:
+        return _add(found, count, other, robot, CLASH_AT_TARGET, -1, place(store, record, t), t)
+    return _add(found, count, min(robot, other), max(robot, other), CLASH, -1, v, t)
 
 
 @kernel(allocates=False)

@@ -52,6 +52,20 @@ def num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following):
 
 
 @kernel(allocates=False)
+def num_too_close(instance, occupancy, words, move, step):
+    """How many places that clash with a move to `step` are taken by others, about: one robot may count more than once."""
+    clashes = instance.clashes
+    num = np.int64(0)
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        v = clashes.vertex[k]
+        num += is_taken(occupancy, words, v, step) or is_taken(occupancy, words, v, step - 1)
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        num += is_taken(occupancy, words, instance.tail[lane], step - 1) and is_taken(occupancy, words, instance.head[lane], step)
+    return num
+
+
+@kernel(allocates=False)
 def _others_there(occupancy, visit, step):
     """How many robots but the first are at a vertex at a step."""
     after, num_robots = occupancy.after, len(occupancy.record)

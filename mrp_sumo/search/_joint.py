@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from mrp_sumo.search._clashing import move_of, too_close
 from mrp_sumo.search._kernel import kernel
 
 
 @kernel
-def can_reach(first, head, start, goal, following):
+def can_reach(first, head, start, goal, following, clashes):
     """Whether robots can go from their starts to their goals without a conflict.
 
     Parameters
@@ -17,6 +18,8 @@ def can_reach(first, head, start, goal, following):
         [R] vertices; V ** R must be a number small enough to hold that many flags.
     following
         Whether following conflicts are forbidden too.
+    clashes
+        Of the graph.
     """
     num_vertices, num_robots = len(first) - 1, len(start)
     size = np.int64(1)
@@ -59,12 +62,16 @@ def can_reach(first, head, start, goal, following):
                     clear = False
                 if following and ((v == at[s] and there[s] != v) or (there[s] == u and v != u)):
                     clear = False
+                if clashes.any and too_close(clashes, move_of(first, head, u, v), move_of(first, head, at[s], there[s]), at[s], there[s]):
+                    clear = False
             if not clear:
                 continue
             there[r] = v
             if r + 1 < num_robots:
                 r += 1
                 move[r] = -1
+                continue
+            if not clashes.rotations and _rotate(at, there):
                 continue
             new = np.int64(0)
             for s in range(num_robots):
@@ -73,4 +80,24 @@ def can_reach(first, head, start, goal, following):
                 seen[new] = True
                 queue[count] = new
                 count += 1
+    return False
+
+
+@kernel
+def _rotate(at, there):
+    """Whether some robots each go to where the next one was, in a ring."""
+    for start in range(len(at)):
+        r = start
+        for _ in range(len(at)):
+            if there[r] == at[r]:
+                break
+            ahead = -1
+            for s in range(len(at)):
+                if at[s] == there[r]:
+                    ahead = s
+            r = ahead
+            if r < 0 or r == start:
+                break
+        if r == start and there[start] != at[start]:
+            return True
     return False

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._kernel import kernel
 
 FOREVER = 1 << 30
@@ -35,6 +36,8 @@ class Instance(NamedTuple):
     column: np.ndarray  # [V] int64 cell coordinates on a 4-connected grid; empty on other graphs
     line: np.ndarray  # [V] int64
     following: bool  # whether following conflicts count
+    tail: np.ndarray  # [L] int64
+    clashes: Clashes
 
 
 class Store(NamedTuple):

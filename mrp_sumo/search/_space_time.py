@@ -26,7 +26,7 @@ from mrp_sumo.search._constraints import (
     is_forbidden,
     load,
 )
-from mrp_sumo.search._disturbance import count_visits_from, is_taken, num_disturbed
+from mrp_sumo.search._disturbance import count_visits_from, is_taken, num_disturbed, num_too_close
 from mrp_sumo.search._earliest import earliest_arrival
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import uninstall
@@ -111,7 +111,7 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
         OK and the last state, from which `BEFORE` leads back.
     """
     start, goal, distance = instance.start[robot], instance.goal[robot], instance.distance[instance.row[robot]]
-    first, head, following = instance.first, instance.head, instance.following
+    first, head, following, near = instance.first, instance.head, instance.following, instance.clashes.any
     state, top, visited, later = scratch.state, scratch.top, scratch.visited, scratch.later
     stamp, last_must, earliest = scratch.number[STAMP], scratch.limit[LAST_MUST], scratch.limit[EARLIEST]
     words = len(occupancy.busy) // len(occupancy.since)
@@ -169,6 +169,8 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
             if delay > window.latest - shortest or is_forbidden(scratch, stamp, last_must, u, v, step):
                 continue
             disturbs_there = disturbs + num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following)
+            if near:
+                disturbs_there += num_too_close(instance, occupancy, words, lane if lane < lanes_end else len(head) + u, step)
             cell = (v << window.shift) + delay
             if _is_no_better(state, np.int64(visited[cell]), num_states, v, step, disturbs_there):
                 continue

@@ -6,6 +6,7 @@ FOCS 1984); few robots on a small graph are searched outright. Says nothing abou
 
 import numpy as np
 
+from mrp_sumo.core.clashes import Clashes, no_clashes
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import UNREACHABLE, distances
@@ -62,19 +63,28 @@ def _along(problem: Problem, vertices: IntArray) -> tuple[dict[int, int], bool]:
     return place, ring
 
 
-def unsolvable(problem: Problem, following: bool = False) -> bool:
+def unsolvable(problem: Problem, clashes: Clashes, following: bool = False) -> bool:
     """Whether a search of all joint states, where it is small, finds no way. False for large problems.
 
     Parameters
     ----------
     problem
         With goals for all robots, or robots that stay.
+    clashes
+        Of the graph.
     following
         Whether following conflicts are forbidden too.
     """
     from mrp_sumo.search._joint import can_reach
 
     graph, target = problem.graph, problem.target
+    if clashes.any:  # robots of different components may come too close
+        degree = float(np.diff(graph.first).mean()) + 1
+        num_states = problem.num_robots * np.log(graph.num_vertices)
+        if num_states > np.log(MOST_STATES) or num_states + problem.num_robots * np.log(degree) > np.log(MOST_MOVES):
+            return False
+        return not can_reach(graph.first, graph.head, np.array(problem.start), np.array(target), following, clashes)
+    alone = no_clashes(0, 0, rotations=clashes.rotations)
     for component in np.unique(graph.component[problem.start]):
         vertices = np.flatnonzero(graph.component == component)
         robots = np.flatnonzero(graph.component[problem.start] == component)
@@ -88,7 +98,7 @@ def unsolvable(problem: Problem, following: bool = False) -> bool:
         tail, head = number[graph.tail[inside]], number[graph.head[inside]]
         first = np.searchsorted(tail, np.arange(len(vertices) + 1)).astype(np.int64)
         if (number[target[robots]] < 0).any() or not can_reach(
-            first, head.astype(np.int64), number[problem.start[robots]], number[target[robots]], following
+            first, head.astype(np.int64), number[problem.start[robots]], number[target[robots]], following, alone
         ):
             return True
     return False

@@ -139,7 +139,7 @@ class LowerBound:
         while self._open:
             f, _, _, node = self._open[0]
             self.lower = max(self.lower, f)
-            if not len(node.conflicts):
+            if not len(node.conflicts) and not self._tree.ring(node):
                 return
             heappop(self._open)
             if not node.looked_at:

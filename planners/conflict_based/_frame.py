@@ -142,7 +142,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
                 break
             if isinstance(node, list):
                 paths = node
-            elif not len(node.conflicts) and node.cost <= w * order.lower + 1e-9:
+            elif not len(node.conflicts) and node.cost <= w * order.lower + 1e-9 and not node.tree.ring(node):
                 paths, goal_of = node.tree.paths(node), node.tree.problem.goal_of
             else:
                 expanded += 1

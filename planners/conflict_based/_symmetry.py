@@ -12,7 +12,26 @@ entered the rectangle where the reasoning needs it to.
 
 import numpy as np
 
-from mrp_sumo.search._conflicts import A0, A1, AT, B0, B1, FOLLOW, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, TAIL, TARGET, UNKNOWN
+from mrp_sumo.search._clashing import move_of, too_close
+from mrp_sumo.search._conflicts import (
+    A0,
+    A1,
+    AT,
+    B0,
+    B1,
+    CLASH,
+    CLASH_AT_TARGET,
+    KIND,
+    MEET,
+    ONE,
+    OTHER,
+    PRIORITY,
+    STEP,
+    SWAP,
+    TAIL,
+    TARGET,
+    UNKNOWN,
+)
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._earliest import earliest_arrival
@@ -88,7 +107,13 @@ def _split(instance, store, scratch, one, other, row, symmetries):
     if begin + 4 > len(store.rows):
         return STORE_FULL
     sort = PLAIN
-    if kind == TARGET:
+    if kind in (CLASH, CLASH_AT_TARGET):
+        sort = AT_TARGET if kind == CLASH_AT_TARGET else PLAIN
+        middle = _split_clash(instance, store, one, other, row)
+        if middle < 0:
+            store.used[ROWS] = begin
+            return STORE_FULL
+    elif kind == TARGET:
         sort = AT_TARGET
         add_row(store, MIN_COST, at, -1, step + 1, step + 1)
         middle = store.used[ROWS]
@@ -107,7 +132,7 @@ def _split(instance, store, scratch, one, other, row, symmetries):
         add_row(store, RANGE, at, -1, step + 1, step + 1)
     row[A0], row[A1], row[B0], row[B1] = begin, middle, middle, store.used[ROWS]
     rank = _rank(instance, store, scratch, one, other, row)
-    if symmetries and kind != TARGET and kind != FOLLOW:
+    if symmetries and kind in (MEET, SWAP):
         corridor = np.empty(4, np.int64)
         if _corridor_of(instance, store, one, other, row, corridor):
             code = _split_corridor(instance, store, scratch, one, other, row, corridor)
@@ -128,6 +153,60 @@ def _split(instance, store, scratch, one, other, row, symmetries):
                 return code
     row[PRIORITY] = 4 * rank + sort
     return OK
+
+
+@kernel
+def _split_clash(instance, store, one, other, row):
+    """Rows that keep two robots from making moves that clash; the row at which those of OTHER begin, -1 where there is no room.
+
+    One robot is kept from a place, the other from all that clashes with it: a multi-constraint of Li, Surynek, Felner, Ma, Kumar,
+    Koenig, "Multi-agent path finding for large agents", AAAI 2019. Of two robots in a plan one keeps its side, since
+    everything on the one side clashes with everything on the other.
+    """
+    clashes, first, head, step = instance.clashes, instance.first, instance.head, np.int64(row[STEP])
+    if row[KIND] == CLASH_AT_TARGET:
+        fits = add_row(store, MIN_COST, row[AT], -1, step + 1, step + 1)
+        middle = store.used[ROWS]
+        return middle if fits and _bar(instance, store, len(head) + row[AT], step - 1, FOREVER, step, FOREVER) else np.int64(-1)
+    moves = np.empty((2, 3), np.int64)
+    for side in range(2):
+        record = one if side == 0 else other
+        u, v = place(store, record, step - 1), place(store, record, step)
+        moves[side, 0], moves[side, 1], moves[side, 2] = u, v, move_of(first, head, u, v)
+    for side in range(2):  # who is kept from a place
+        mine, theirs = moves[side], moves[1 - side]
+        for end in range(1, -1, -1):
+            v, t = mine[end], step - 1 + end
+            if too_close(clashes, len(head) + v, theirs[2], theirs[0], theirs[1]):
+                return _two_sides(instance, store, side, RANGE, v, -1, t, len(head) + v, max(t - 1, 0), t + 1, t, t + 1)
+    return _two_sides(instance, store, 0, EDGE, moves[0, 1], moves[0, 0], step, moves[0, 2], step - 1, step, step, step)
+
+
+@kernel
+def _two_sides(instance, store, side, kind, v, u, t, move, begin, end, arrive, until):
+    """Keep the robot of a side from v at t, the other from what clashes with `move`; where OTHER's rows begin, -1 without room."""
+    if side == 0:
+        fits = add_row(store, kind, v, u, t, t)
+        middle = store.used[ROWS]
+        fits = fits and _bar(instance, store, move, begin, end, arrive, until)
+    else:
+        fits = _bar(instance, store, move, begin, end, arrive, until)
+        middle = store.used[ROWS]
+        fits = fits and add_row(store, kind, v, u, t, t)
+    return middle if fits else np.int64(-1)
+
+
+@kernel
+def _bar(instance, store, move, begin, end, arrive, until):
+    """Keep a robot from what clashes with a move: vertices from step `begin` to `end`, lanes for arrivals from `arrive` to `until`."""
+    clashes = instance.clashes
+    fits = True
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        fits = fits and add_row(store, RANGE, clashes.vertex[k], -1, begin, end)
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        fits = fits and add_row(store, EDGE, instance.head[lane], instance.tail[lane], arrive, until)
+    return fits
 
 
 @kernel

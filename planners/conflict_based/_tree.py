@@ -21,6 +21,7 @@ from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, P
 from mrp_sumo.search._constraints import EXPANSIONS
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
+from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._buffers import Buffers
 from planners.conflict_based._nodes import branch, same_path
 from planners.conflict_based._pairs import cover, pair_weight
@@ -84,6 +85,7 @@ class Node:
     h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
     looked_at: bool = False  # h is the node's own, not its parent's
     depth: int = 0
+    ring: list[tuple[int, int, int, int]] | None = None  # see `Tree.ring`; None: not looked for yet
 
     @property
     def f(self) -> int:
@@ -111,6 +113,8 @@ class Tree:
             column,
             line,
             following,
+            problem.graph.tail,
+            clashes_of(problem),
         )
         self.limits = limits
         self.symmetries = symmetries
@@ -186,7 +190,7 @@ class Tree:
         Parameters
         ----------
         node
-            With conflicts. It may get other paths.
+            With conflicts, or a ring. It may get other paths.
         w, lower
             The factor and the tree's lower bound; without, a bypass may not cost more than the node.
         bypass, disjoint
@@ -197,9 +201,11 @@ class Tree:
         children
             None at all for a problem that turns out to have no solution: that is looked for when many splits have not helped.
         """
+        if not len(node.conflicts):
+            return self._split_ring(node, w)
         self._num_split += 1
         if self._num_split == SPLITS_BEFORE_DOUBT:
-            self._unsolvable = unsolvable(self.problem, bool(self.instance.following))
+            self._unsolvable = unsolvable(self.problem, self.instance.clashes, bool(self.instance.following))
         if self._unsolvable:
             return []
         while True:
@@ -212,6 +218,21 @@ class Tree:
             self.adopt(node, min(better, key=lambda c: len(c.conflicts)))
             if not len(node.conflicts):
                 return [node]
+
+    def ring(self, node: Node) -> list[tuple[int, int, int, int]]:
+        """Robots of a node without conflicts that rotate where they must not, each with its move: from, to, and the step it leads to."""
+        if node.ring is None:
+            node.ring = [] if self.instance.clashes.rotations else first_ring(self.paths(node))
+        return node.ring
+
+    def _split_ring(self, node: Node, w: float) -> list[Node]:
+        """A child for each robot of a ring, in which that one does not go along: one of them does not in any plan."""
+        children = []
+        for robot, tail, head, step in self.ring(node):
+            child = self._branch(node, robot, *self._rows([(st.EDGE, head, tail, step, step)]), w)
+            if child is not None:
+                children.append(child)
+        return children
 
     def adopt(self, node: Node, child: Node) -> None:
         """Bypass: give the node its child's paths, without the child's constraints."""
@@ -375,6 +396,32 @@ class Tree:
             left = self.limits.deadline - perf_counter()
             return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
+
+
+def first_ring(paths: list[IntArray]) -> list[tuple[int, int, int, int]]:
+    """The first robots that rotate, as in `Tree.ring`; none: [].
+
+    Parameters
+    ----------
+    paths
+        [R] vertices of each robot by step; without conflicts.
+    """
+    last = max(map(len, paths), default=0) - 1
+    at = np.array([np.concatenate([path, np.full(last + 1 - len(path), path[-1])]) for path in paths]).reshape(len(paths), -1)
+    for step in range(1, last + 1):
+        here, there = at[:, step - 1], at[:, step]
+        moving = np.flatnonzero(here != there)
+        behind = dict(zip(here[moving].tolist(), moving.tolist()))  # who leaves a vertex
+        onward = {robot: behind[v] for robot, v in zip(moving.tolist(), there[moving].tolist()) if v in behind}
+        while ended := [robot for robot, other in onward.items() if other not in onward]:
+            for robot in ended:
+                del onward[robot]
+        if onward:
+            ring = [min(onward)]
+            while (other := onward[ring[-1]]) != ring[0]:
+                ring.append(other)
+            return [(robot, int(here[robot]), int(there[robot]), step) for robot in ring]
+    return []
 
 
 def _cells(graph: PlanGraph) -> tuple[IntArray, IntArray]:

@@ -24,7 +24,7 @@ def warm(planner: Planner) -> None:
     children = tree.split(root, chosen)
     tree.split(root, chosen, disjoint=True)
     tree.adopt(root, children[0])
-    unsolvable(problem)
+    unsolvable(problem, tree.instance.clashes)
 
 
 def _swap_at_a_bay() -> Problem:
