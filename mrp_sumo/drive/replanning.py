@@ -164,10 +164,8 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any]) -> Pla
     from mrp_sumo.planning.registry import planner as make
 
     try:
-        problem = one_shot(request)
+        problem = replace(one_shot(request), drivable=True)  # it is driven in its order where that can be kept
         method = make(planner, parameters)
-        if hasattr(method, "rotations"):  # no order can keep them
-            method = make(planner, {**parameters, "rotations": False})
         method.prepare()
         result = method.plan(problem, PLANNING_LIMIT_S)
     except MrpSumoError as error:

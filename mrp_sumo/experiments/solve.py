@@ -11,7 +11,8 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import Plan, PlanResult, Status, as_planned_in_steps, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import ExecutionError, PlanError, PlugInError, ScenarioError
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError, PlugInError, ScenarioError
 from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.io.scenario import ScenarioFile
@@ -136,7 +137,7 @@ def solve(setup: SetUp, *, execute: bool = False, progress: StageReport | None =
 
 
 def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
-    scenario, problem = setup.scenario, setup.problem
+    scenario, problem = setup.scenario, replace(setup.problem, drivable=_keeps_order(setup))
     began = time.perf_counter()
     try:
         with compiling(report, execute=execute):
@@ -193,6 +194,14 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
     except (ExecutionError, PlanError) as error:
         return replace(solution, note=f"the plan is in steps of one length still: {error}")
     return replace(solution, result=replace(solution.result, plan=plan, retime_time_s=time.perf_counter() - began))
+
+
+def _keeps_order(setup: SetUp) -> bool:
+    """Whether robots will keep the plan's order. A policy that cannot be made is reported when it has to drive."""
+    try:
+        return policy_of(setup.settings.policy, setup.settings.policy_parameters).keeps_order
+    except MrpSumoError:
+        return False
 
 
 def _assignment(setup: SetUp) -> IntArray:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
@@ -139,7 +140,7 @@ def reserve(first, head, clashes, intervals, path, length):
     """Take the vertices of a path away, the last one for ever, and what clashes with its moves; False when there is no room."""
     vertices, lanes, moves = length, 0, 0
     for t in range(1, length + 1):
-        move = _move(first, head, path[t - 1], path[min(t, length - 1)])
+        move = move_of(first, head, path[t - 1], path[min(t, length - 1)])
         vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
         lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
         moves += move < len(head)
@@ -164,7 +165,7 @@ def reserve(first, head, clashes, intervals, path, length):
     if clashes.any:
         t = 1
         while t <= length:
-            move, end = _move(first, head, path[t - 1], path[min(t, length - 1)]), t
+            move, end = move_of(first, head, path[t - 1], path[min(t, length - 1)]), t
             if t == length:
                 end = FOREVER
             while end < length - 1 and move >= len(head) and path[end + 1] == path[end]:
@@ -179,17 +180,6 @@ def reserve(first, head, clashes, intervals, path, length):
                 intervals.barred_first[clashes.lane[k]] = new
             t = end + 1
     return True
-
-
-@kernel
-def _move(first, head, u, v):
-    """The number of the move from u to v in `Clashes`."""
-    if u == v:
-        return len(head) + u
-    for lane in range(first[u], first[u + 1]):
-        if head[lane] == v:
-            return lane
-    return np.int64(-1)
 
 
 @kernel

@@ -9,6 +9,7 @@ refused, a robot still pushes whoever stands on the vertex that it wants, but wa
 where somebody stands too close to its move (a clash): it waits, those who push it wait, and meanwhile nobody else comes near.
 """
 
+from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners.configuration._pibt_candidates import sort_candidates
 
@@ -91,7 +92,7 @@ def _pibt(world, scratch, here, to, root, hindrance, rng):
                     continue
                 if scratch.wish[i] >= 0:
                     _wish(world, scratch, scratch.wish[i], -1)
-                scratch.wish[i] = move_of(world, here[i], v)
+                scratch.wish[i] = move_of(world.first, world.head, here[i], v)
                 _wish(world, scratch, scratch.wish[i], i)
                 reserved[here[k]] = i  # k may not stay
                 depth += 1
@@ -183,7 +184,7 @@ def _too_close(world, scratch, here, to, i, u):
     if u == here[i]:
         return NOBODY
     clashes, now, reserved = world.clashes, scratch.now, scratch.next
-    move = move_of(world, here[i], u)
+    move = move_of(world.first, world.head, here[i], u)
     if scratch.wished[u] >= 0 and scratch.wished[u] != i and scratch.wished[here[i]] < 0:
         return CHOSEN  # somebody with a higher priority waits until nobody is there
     standing = NOBODY
@@ -202,15 +203,6 @@ def _too_close(world, scratch, here, to, i, u):
         if j >= 0 and j != i and to[j] == world.head[lane]:
             return CHOSEN
     return standing
-
-
-@kernel
-def move_of(world, u, v):
-    """The number of the move from u to v in `Clashes`."""
-    for lane in range(world.first[u], world.first[u + 1]):
-        if world.head[lane] == v:
-            return lane
-    return len(world.head) + u
 
 
 @kernel

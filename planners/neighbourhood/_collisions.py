@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._traffic import closes_ring, holds, lane_between, move_of
+from planners.neighbourhood._traffic import closes_ring, holds, lane_between
 
 
 @kernel

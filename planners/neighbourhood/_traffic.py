@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.clashes import Clashes
+from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 
 WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
@@ -136,12 +137,6 @@ def _unbar(task, traffic, robot):
             num_barred[lane, t] -= 1
             if num_barred[lane, t] == 0:
                 barred[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
-
-
-@kernel
-def move_of(first, head, u, v):
-    """The number of the move from u to v in `Clashes`."""
-    return len(head) + u if u == v else lane_between(first, head, u, v)
 
 
 @kernel
