@@ -85,11 +85,11 @@ def draw(graph: PlanGraph, num_robots: int, seed: int, within: int | None) -> tu
 
 
 def planned(graph: PlanGraph, num_robots: int, within: int | None, options: argparse.Namespace) -> tuple[Problem, Plan, float]:
-    """A problem, a plan without rotations, whose order can be kept, and how long the planner took."""
+    """A problem, a plan whose order can be kept, and how long the planner took."""
     robot, _, step_s = ROBOTS[options.robot]
     start, goal = draw(graph, num_robots, options.seed, within)
-    problem = Problem(graph, fleet_of(robot, num_robots), start, goal, np.arange(num_robots), step_s)
-    method = planner(options.planner or ("pibt" if num_robots > 2000 else "lacam"), {"rotations": False})
+    problem = Problem(graph, fleet_of(robot, num_robots), start, goal, np.arange(num_robots), step_s, drivable=True)
+    method = planner(options.planner or ("pibt" if num_robots > 2000 else "lacam"), {})
     method.prepare()
     begun = time.perf_counter()
     plan = method.plan(problem, 120.0).plan

@@ -21,6 +21,7 @@ from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.outside import Outside, failed
 from mrp_sumo.search import distance
+from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.referee import Verdict, judge
 
 if TYPE_CHECKING:
@@ -142,6 +143,7 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     try:
         with compiling(report, execute=execute):
             distance.prepare()
+            clashes_of(problem)  # what the map's zones come to is known before planning begins, as its graph is
             with located(setup.file, "planner", "parameters"):
                 setup.planner.prepare()
         assigns = setup.planner.assigns

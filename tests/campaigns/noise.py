@@ -254,9 +254,10 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
         give_way=give_way,
     )
     row |= {"kind": graph.kind, "robots": num, "robot": robot.name, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
-    problem = Problem(graph, fleet, start, goal, np.arange(num), graph.cell_m / robot.max_speed_mps + 1.0, seed=number)
+    step_s = graph.cell_m / robot.max_speed_mps + 1.0
+    problem = Problem(graph, fleet, start, goal, np.arange(num), step_s, seed=number, drivable=needs_sound_plan(policy))
     why = ""
-    for name, method in methods(rng, needs_sound_plan(policy)):
+    for name, method in methods(rng):
         if again_with not in ("", name):
             continue
         plan = method(problem, 60.0 if again_with else 2.0)
@@ -271,13 +272,12 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     return row | {"ended": "refused" if why else "no plan", "why": why}
 
 
-def methods(rng: np.random.Generator, ordered: bool) -> list[tuple[str, Callable[[Problem, float], Plan | None]]]:
+def methods(rng: np.random.Generator) -> list[tuple[str, Callable[[Problem, float], Plan | None]]]:
     """Planners in the order in which they are tried; the next when there is no plan, or its order cannot be kept."""
 
     def of(name: str) -> Callable[[Problem, float], Plan | None]:
         def plan(problem: Problem, limit_s: float) -> Plan | None:
-            parameters = {"rotations": False} if ordered and name == "lacam" else {}
-            return planner(name, parameters).plan(problem, limit_s).plan
+            return planner(name, {}).plan(problem, limit_s).plan
 
         return plan
 
