@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._heap import pop, push
@@ -42,7 +43,7 @@ class SippScratch(NamedTuple):
     searches: np.ndarray  # [1] int64
 
 
-def new_intervals(num_vertices: int, num_lanes: int, capacity: int) -> tuple[Intervals, SippScratch]:
+def new_intervals(num_vertices: int, num_lanes: int, capacity: int, clashes: Clashes) -> tuple[Intervals, SippScratch]:
     """Intervals of a graph without robots after `reset`, and scratch, with room for `capacity` intervals."""
     capacity = max(capacity, num_vertices)
     intervals = Intervals(
@@ -51,9 +52,9 @@ def new_intervals(num_vertices: int, num_lanes: int, capacity: int) -> tuple[Int
         np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),
         np.zeros(num_lanes, np.int64),
-        np.zeros((capacity, 3), np.int64),
+        np.zeros((capacity if clashes.any else 1, 3), np.int64),
         np.zeros(num_vertices, np.int64),
-        np.zeros((capacity, 3), np.int64),
+        np.zeros((1 if clashes.rotations else capacity, 3), np.int64),
         np.zeros(3, np.int64),
     )
     scratch = SippScratch(
@@ -138,18 +139,16 @@ def _block(intervals, v, begin, end):
 @kernel
 def reserve(first, head, clashes, intervals, path, length):
     """Take the vertices of a path away, the last one for ever, and what clashes with its moves; False when there is no room."""
-    vertices, lanes, moves = length, 0, 0
-    for t in range(1, length + 1):
-        move = move_of(first, head, path[t - 1], path[min(t, length - 1)])
-        vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
-        lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
-        moves += move < len(head)
+    vertices, lanes = length, 0
+    if clashes.any:
+        for t in range(1, length + 1):
+            move = move_of(first, head, path[t - 1], path[min(t, length - 1)])
+            vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
+            lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
     count = intervals.count
-    if (
-        count[0] + vertices > len(intervals.after)
-        or count[1] + lanes > len(intervals.barred)
-        or (not clashes.rotations and count[2] + moves > len(intervals.left))
-    ):
+    if count[0] + vertices > len(intervals.after) or count[1] + lanes > len(intervals.barred):
+        return False
+    if not clashes.rotations and count[2] + length > len(intervals.left):
         return False
     begin = 0
     for t in range(1, length):

@@ -16,6 +16,8 @@ from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.resources import Resources, resources_of
 
+NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
+
 _known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
 
 
@@ -24,13 +26,12 @@ def clashes_of(problem: Problem) -> Clashes:
 
     Those of a graph are computed once.
     """
-    graph = problem.graph
-    if not problem.drivable:
-        return no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
-    known = _known.setdefault(graph, {})
-    separation_m = problem.fleet.separation_m
+    graph, known = problem.graph, _known.setdefault(problem.graph, {})
+    separation_m = problem.fleet.separation_m if problem.drivable else NO_SEPARATION
     if separation_m not in known:
-        known[separation_m] = _clashes(graph, separation_m)
+        known[separation_m] = (
+            _clashes(graph, separation_m) if problem.drivable else no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
+        )
     return known[separation_m]
 
 

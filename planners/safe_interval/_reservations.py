@@ -21,7 +21,7 @@ class Reservations:
         self._num_vertices, self._clashes = problem.graph.num_vertices, clashes_of(problem)
         self.least = self._table[np.arange(problem.num_robots), problem.start]  # [R] steps of each robot's shortest path
         room = 4 * (self._num_vertices + int(self.least.sum()) + 64)
-        self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room)
+        self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room, self._clashes)
         self._path = np.empty(2 * self._num_vertices + int(self.least.max(initial=0)) + 64, np.int64)
 
     def clear(self) -> None:
@@ -49,8 +49,8 @@ class Reservations:
 
 def prepare(*, following: bool) -> None:
     """Compile or load the kernels."""
-    intervals, scratch = new_intervals(2, 1, 16)
     clashes = no_clashes(2, 1, rotations=True)
+    intervals, scratch = new_intervals(2, 1, 16, clashes)
     reset(2, intervals)
     path = np.zeros(8, np.int64)
     lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
