@@ -40,7 +40,9 @@ def answer(name, parameters, problem):
     packed = parameters.pop("packed", None)
     method = planner(name, parameters)
     method.prepare()
-    return method.plan(problem, LIMIT_S) if packed is None else method._plan(problem, LIMIT_S, packed)
+    if packed is None or (problem.graph.reverse < 0).any():  # what is packed needs lanes both ways
+        return method.plan(problem, LIMIT_S)
+    return method._plan(problem, LIMIT_S, packed)
 
 
 def check_plan(problem, plan):
