@@ -20,6 +20,7 @@ from mrp_sumo.io.summary import Summary, count, seconds, summary
 from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.costs import cost_matrix
 from mrp_sumo.planning.outside import Outside, failed
+from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.referee import Verdict, judge
@@ -173,7 +174,7 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     if result.goal_of is not None:
         problem = problem.assigned(result.goal_of)
     if result.plan is not None:
-        verdict = judge(problem, result.plan)
+        verdict = judge(problem, result.plan, in_seconds=plans_in_seconds(setup.planner))
     solution = Solution(setup, problem, result, verdict, assignment_time_s)
     return retimed(solution, report) if verdict is not None and verdict.valid else solution
 
@@ -183,6 +184,7 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
     choice, plan = solution.setup.scenario.planner.retime, solution.result.plan
     if choice is False or plan is None:
         return solution
+    from mrp_sumo.drive.policy import policy_of
     from mrp_sumo.drive.retime import retime
     from mrp_sumo.drive.warm import prepare_retime
 
@@ -190,9 +192,10 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
         prepare_retime()
     settings, problem = solution.setup.settings, solution.problem
     margin_s = 0.0 if choice is True else choice.margin_s
+    waits = plans_in_seconds(solution.setup.planner) and policy_of(settings.policy, settings.policy_parameters).paced
     began = time.perf_counter()
     try:
-        plan = retime(problem, plan, settings, margin_s=margin_s)
+        plan = retime(problem, plan, settings, margin_s=margin_s, keep_departures=waits)
     except (ExecutionError, PlanError) as error:
         return replace(solution, note=f"the plan is in steps of one length still: {error}")
     return replace(solution, result=replace(solution.result, plan=plan, retime_time_s=time.perf_counter() - began))
@@ -204,6 +207,11 @@ def _keeps_order(setup: SetUp) -> bool:
         return policy_of(setup.settings.policy, setup.settings.policy_parameters).keeps_order
     except MrpSumoError:
         return False
+
+
+def plans_in_seconds(planner: Planner) -> bool:
+    """Whether a planner's times are those of real motion; others count steps."""
+    return "seconds" in getattr(planner, "supports", ())
 
 
 def _assignment(setup: SetUp) -> IntArray:
