@@ -16,6 +16,7 @@ PLUGINS = {
         "external": "planners.external:External",
         "lacam": "planners.configuration.lacam:Lacam",
         "lns2": "planners.neighbourhood.lns2:Lns2",
+        "pbs": "planners.safe_interval.pbs:Pbs",
         "pibt": "planners.configuration.pibt:Pibt",
     },
     "assigners": {

@@ -12,7 +12,6 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.loop import simulate
-from mrp_sumo.drive.policy import AdgTimed
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ScenarioError
@@ -126,8 +125,9 @@ def crowds():
 
 
 @pytest.mark.parametrize("problem", list(crowds()))
-def test_bodies_never_come_too_close(problem):
-    chosen = planner("continuous", {})
+@pytest.mark.parametrize("name", ["continuous", "pbs"])
+def test_bodies_never_come_too_close(name, problem):
+    chosen = planner(name, {})
     chosen.prepare()
     result = chosen.plan(problem, 60.0)
     if result.plan is None:
@@ -143,8 +143,7 @@ def test_most_crowds_have_plans():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_robots_in_sumo_are_where_they_are_planned_to_be(tmp_path, seed, monkeypatch):
-    monkeypatch.setattr(AdgTimed, "paced", False)
+def test_robots_in_sumo_are_where_they_are_planned_to_be(tmp_path, seed):
     problem = random_grid(6, 6, seed, blocked=0.1)
     problem = replace(problem, fleet=fleet_of(CART, 6))
     plan = planned(problem)
