@@ -7,7 +7,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from planners.safe_interval._timetable import Timetable, Way
 
-EFFORTS = ((3_000, 1.0), (3_000, 1.2), (3_000, 1.5), (20_000, 2.5))  # entries a search looks at, and its weight
+EFFORTS = ((1_000, 1.0), (2_000, 1.5), (6_000, 2.5))  # entries a search looks at, and its weight
 RAISES = 1  # of each robot on average, before another order is tried
 
 

@@ -18,7 +18,9 @@ from planners.safe_interval._table import FOREVER, first_after, next_begin
 
 GUARD = 2  # steps before which what is needed is taken
 FAR = 1 << 29  # no way to the goal
-AT_ONCE = 8  # runs that are worse by so many steps are looked at together
+LAST_ENTRY = 0xFFFFFF
+NEVER = 1 << 22  # steps no plan takes
+AT_ONCE = 40  # runs that are worse by so many steps are looked at together
 FOUND, NO_WAY, FULL, ENOUGH = 0, 1, 2, 3
 MOST_GAPS = 64
 MOST_PENDING = 1024
@@ -43,7 +45,7 @@ class Scratch(NamedTuple):
     gap: np.ndarray  # [2, MOST_GAPS] steps from which on and until when the robot may set out
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
-    work: np.ndarray  # [2] states and entries so far, over all searches
+    work: np.ndarray  # [3] states and entries so far, over all searches; from which step on the goal is free for ever
 
 
 def new_scratch(states: int) -> Scratch:
@@ -61,7 +63,7 @@ def new_scratch(states: int) -> Scratch:
         gap=np.zeros((2, MOST_GAPS), np.int64),
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
-        work=np.zeros(2, np.int64),
+        work=np.zeros(3, np.int64),
     )
 
 
@@ -168,6 +170,17 @@ def safe_until(moves, table, v, t):
 
 
 @kernel
+def free_for_ever(moves, table, v):
+    """The step from which on nobody else needs a vertex, FOREVER if somebody stays."""
+    free = 0
+    for k in range(moves.at_first[v], moves.at_first[v + 1]):
+        q = moves.at[k]
+        if table.count[q]:
+            free = max(free, table.end[table.row[q] + table.count[q] - 1])
+    return free
+
+
+@kernel
 def without(table, q, taken, left, gap, num):
     """Take away from the gaps what a reservation of a resource forbids that is needed from `taken` until `left`. Returns their number."""
     count = 0
@@ -268,12 +281,15 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
     scratch.arrived[0] = 0
     scratch.until[0] = until
     scratch.parent[0] = -1
+    scratch.work[2] = free_for_ever(moves, table, goal)
+    if scratch.work[2] >= FOREVER:
+        return NO_WAY, 0
     if start == goal and until >= FOREVER:
         return FOUND, 0
     states, entries, count = 1, 0, 0
     scratch.entry[0, 0] = 0
     scratch.entry[0, 1] = -1
-    push(scratch.heap, 0, 0xFFFFFFFF)
+    push(scratch.heap, 0, LAST_ENTRY)
     entries = count = 1
     mask = len(scratch.key) - 1
     now = scratch.searches[0]
@@ -281,11 +297,11 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
     while count:
         key = pop(scratch.heap, count)
         count -= 1
-        e = 0xFFFFFFFF - (key & 0xFFFFFFFF)
+        e = LAST_ENTRY - (key & LAST_ENTRY)
         state, ray = scratch.entry[e, 0], scratch.entry[e, 1]
         lane, arrived = scratch.lane[state], scratch.arrived[state]
         looked += 1
-        if (key >> 32) > latest:
+        if (key >> 40) > min(latest, NEVER - 1):
             break
         if looked > most:
             scratch.work[1] += looked
@@ -317,7 +333,7 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
                 scratch.entry[entries, 2] = 0
                 scratch.entry[entries, 3] = bound
                 scratch.entry[entries, 4] = arrived + turn
-                push(scratch.heap, count, (priority(arrived, turn + facing[out], weight) << 32) | (0xFFFFFFFF - entries))
+                push(scratch.heap, count, (priority(arrived, turn + facing[out], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
                 entries += 1
                 count += 1
             continue
@@ -330,9 +346,9 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
 
 
 @kernel(inline="always")
-def priority(spent, left, weight):
-    """What a state is expanded by."""
-    return spent + np.int64(weight * left)
+def priority(spent, left, weight, floor):
+    """What a state is expanded by: when the robot can be at its goal, which is not before that is free; then what is left."""
+    return (min(max(spent + np.int64(weight * left), floor), NEVER) << 16) | min(left, 0xFFFF)
 
 
 @kernel(inline="always")
@@ -428,7 +444,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         scratch.entry[entries, 2] = 0
         scratch.entry[entries, 3] = following
         scratch.entry[entries, 4] = ready
-        push(scratch.heap, count, (priority(arrived, following - arrived, weight) << 32) | (0xFFFFFFFF - entries))
+        push(scratch.heap, count, (priority(arrived, following - arrived, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
         entries += 1
         count += 1
     return states, entries, count
@@ -482,7 +498,7 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
                 scratch.left[states] = at
                 scratch.entry[entries, 0] = states
                 scratch.entry[entries, 1] = -1
-                push(scratch.heap, count, (priority(there, at_rest[lane], weight) << 32) | (0xFFFFFFFF - entries))
+                push(scratch.heap, count, (priority(there, at_rest[lane], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
                 states += 1
                 entries += 1
                 count += 1
@@ -494,7 +510,9 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
                 scratch.entry[entries, 4] = later
                 scratch.entry[entries, 3] = later + time + at_rest[lane]
                 if later <= latest:
-                    push(scratch.heap, count, (priority(later + time, at_rest[lane], weight) << 32) | (0xFFFFFFFF - entries))
+                    push(
+                        scratch.heap, count, (priority(later + time, at_rest[lane], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries)
+                    )
                     entries += 1
                     count += 1
             return states, entries, count

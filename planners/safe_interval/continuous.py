@@ -33,7 +33,7 @@ class Continuous:
 
     anytime: bool = False  # whether to spend the rest of the time limit on lower costs
     neighbourhood: int = 6  # robots that are planned again at a time
-    polish: int = 4000  # entries per robot that searches may look at to improve the first solution; 0 for none
+    polish: int = 1000  # entries per robot that searches may look at to improve the first solution; 0 for none
     step_length_s: float = 0.1  # of the simulation that is to drive the plan
 
     assigns: ClassVar[bool] = False
