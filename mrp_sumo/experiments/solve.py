@@ -184,7 +184,6 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
     choice, plan = solution.setup.scenario.planner.retime, solution.result.plan
     if choice is False or plan is None:
         return solution
-    from mrp_sumo.drive.policy import policy_of
     from mrp_sumo.drive.retime import retime
     from mrp_sumo.drive.warm import prepare_retime
 
@@ -192,10 +191,9 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
         prepare_retime()
     settings, problem = solution.setup.settings, solution.problem
     margin_s = 0.0 if choice is True else choice.margin_s
-    waits = plans_in_seconds(solution.setup.planner) and policy_of(settings.policy, settings.policy_parameters).paced
     began = time.perf_counter()
     try:
-        plan = retime(problem, plan, settings, margin_s=margin_s, keep_departures=waits)
+        plan = retime(problem, plan, settings, margin_s=margin_s)
     except (ExecutionError, PlanError) as error:
         return replace(solution, note=f"the plan is in steps of one length still: {error}")
     return replace(solution, result=replace(solution.result, plan=plan, retime_time_s=time.perf_counter() - began))
