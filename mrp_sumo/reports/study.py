@@ -210,7 +210,7 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
         name=name,
         description=description,
         until=until,
-        frame=frame,
+        frame=frame.copy(),  # in one piece of memory for each type: its rows are chosen hundreds of times
         maps=tuple(dict.fromkeys(frame["_map"])),
         series=tuple(sorted(first, key=lambda s: rank[s])),
         factors=factors,

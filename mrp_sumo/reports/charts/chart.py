@@ -14,10 +14,10 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, SKY, VERMILION
 
@@ -76,6 +76,8 @@ STYLE: Any = {
 }
 NARROW = (4.7, 3.15)  # inches: two side by side on a desk, one readable on a phone
 PNG_DPI = 180
+DOTS_DPI = 100  # of what is pixels inside an SVG
+PAD_INCH = 0.042  # around labels
 
 
 @dataclass(frozen=True)
@@ -134,15 +136,49 @@ def draw(
     svg, png = io.BytesIO(), io.BytesIO()
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name in a script that the font lacks
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Figure(figsize=size, dpi=PNG_DPI)
+        canvas = FigureCanvasAgg(figure)
         paint(figure)
-        # `savefig` would draw each twice, first to lay it out
-        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
-        figure.set_layout_engine("none")  # its result stays
-        figure.dpi = PNG_DPI
+        if figure.get_layout_engine() is None:
+            _fit(figure, canvas.get_renderer())
+        # not `savefig`, which draws twice, first to lay it out
         fast = {"compress_level": 2}  # a tenth larger, in two thirds of the time
-        FigureCanvasAgg(figure).print_png(png, metadata={"Software": None}, pil_kwargs=fast)
+        canvas.print_png(png, metadata={"Software": None}, pil_kwargs=fast)
+        figure.set_layout_engine("none")  # its result stays
+        figure.dpi = DOTS_DPI
+        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
     return Chart(name, title, caption, svg.getvalue(), png.getvalue(), wide)
+
+
+def _fit(figure: Figure, renderer: RendererAgg) -> None:
+    """Fit axes that stand one above the other, and the legend below them, into the figure.
+
+    Labels are measured once and stay where they are; matplotlib's constrained layout measures all of them twice, and again
+    in every drawing.
+    """
+    axes, pad = figure.axes, PAD_INCH * figure.dpi
+    width, height = figure.bbox.size
+    below = sum(legend.get_window_extent(renderer).height + 3 * pad for legend in figure.legends)
+    # first a guess, so close that the axes keep their ticks
+    figure.subplots_adjust(0.18, (below + 0.45 * figure.dpi) / height, 0.97, 0.97, 0.0)
+    room = [ax.get_position(original=True).transformed(figure.transFigure) for ax in axes]
+    needed = [ax.get_tightbbox(renderer, for_layout_only=True) for ax in axes]
+    away = [
+        (ax.xaxis.label.get_position()[1] - ax.bbox.y0, ax.yaxis.label.get_position()[0] - ax.bbox.x0) for ax in axes
+    ]  # px, of the labels
+    left = pad + max(max(box.x0 - inked.x0, 0) for box, inked in zip(room, needed))
+    right = pad + max(max(inked.x1 - box.x1, 0) for box, inked in zip(room, needed))
+    under = [pad + max(box.y0 - inked.y0, 0) for box, inked in zip(room, needed)]
+    over = [pad + max(inked.y1 - box.y1, 0) for box, inked in zip(room, needed)]
+    gap = max((a + b for a, b in zip(under, over[1:])), default=0.0)
+    tall = (height - below - under[-1] - over[0] - gap * (len(axes) - 1)) / len(axes)
+    figure.subplots_adjust(
+        left / width, (below + under[-1]) / height, 1 - right / width, 1 - over[0] / height, hspace=gap / max(tall, 1)
+    )
+    for ax, (x_label, y_label) in zip(axes, away):
+        ax.apply_aspect()
+        ax.xaxis.set_label_coords(0.5, x_label / ax.bbox.height)
+        ax.yaxis.set_label_coords(y_label / ax.bbox.width, 0.5)
 
 
 def series_style(i: int) -> dict[str, object]:
@@ -178,6 +214,7 @@ def log_seconds(axis: Axis) -> None:
         return ""
 
     axis.set_major_formatter(FuncFormatter(in_words))
+    axis.set_minor_locator(LogLocator(subs=(2, 5)))
     axis.set_minor_formatter(NullFormatter())
 
 

@@ -123,6 +123,7 @@ def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, st
         tall = float(np.clip(width * size_m[1] / size_m[0], 1.4, 7.0)) + 0.75
 
         def paint(figure: Figure, heat: FloatArray = heat) -> None:
+            figure.set_layout_engine("constrained")  # for the colour bar
             ax = figure.add_subplot()
             _plan(ax, record, outline)
             seconds = np.where(heat > 0, heat, np.nan).T
@@ -411,7 +412,7 @@ def _lateness(record: RunRecord, tag: str) -> Chart | None:
         return None
     driven = np.ones(plan.num_visits, np.bool_)
     driven[plan.first[:-1]] = False
-    late = (arrived - plan.arrive_s)[driven & np.isfinite(arrived)]
+    late = (arrived - plan.arrive_s)[driven & np.isfinite(arrived)].round(6)  # zero is zero
     if len(late) < 2:
         return None
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.execution import Execution, Outcome
@@ -199,6 +198,8 @@ def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray
                 ring.append(next(c for c in beside[ring[-1]] if len(ring) < 2 or c != ring[-2]))
             outlines.append(corners[ring])
         elif np.ptp(xy, axis=0).min() > 0:
+            from scipy.spatial import ConvexHull
+
             outlines.append(xy[ConvexHull(xy).vertices])
     fine = is_furniture[island[end[:, 0]]] if len(end) else np.zeros(0, np.bool_)
     return outlines, walls[fine], walls[~fine]
