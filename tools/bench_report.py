@@ -93,7 +93,7 @@ def main() -> None:
             subprocess.run([sys.executable, "-c", code, "report", str(table)], check=True, stdout=subprocess.DEVNULL)
             wall_s, after = time.perf_counter() - began, os.times()
             report = Path(folder) / "report"
-            told = {
+            figures = {
                 "runs": num_runs,
                 "wall_s": round(wall_s, 2),
                 "cpu_s": round(after.children_user + after.children_system - before.children_user - before.children_system, 2),
@@ -103,9 +103,9 @@ def main() -> None:
                 "figures": len(list((report / "figures").glob("*.svg"))),
             }
         if options.json:
-            print(json.dumps(told), flush=True)
+            print(json.dumps(figures), flush=True)
         else:
-            print("  ".join(f"{key} {value}" for key, value in told.items()), flush=True)
+            print("  ".join(f"{key} {value}" for key, value in figures.items()), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,9 @@
     python tools/bench_start.py --fresh                the slow rows too: tools/run.sh and tools/test.sh in a new clone, a wheel's first run
     python tools/bench_start.py --json                 a line for each row
 
-Each command is run once before it is measured, so that byte code, kernels and networks are there; maps are imported with an
-empty cache. `report` writes the report of 180 made-up runs. CPU time and memory include the processes that a command
+Each command is run once before it is measured, so that byte code, kernels and networks are there. Compiled kernels are those
+of your own cache, which are stored by the hash of their sources; maps are imported with an empty cache. A row is printed as
+soon as it is measured. `report` writes the report of 180 made-up runs. CPU time and memory include the processes that a command
 starts (the peak is that of the largest). Targets are CPU seconds and MB; wall seconds for the rows of --fresh, which
 download packages.
 """
@@ -69,7 +70,7 @@ def measured(command: list[str], folder: Path, environment: dict[str, str]) -> F
 
 
 def once(row: Row, checkout: Path, runs: Path) -> Figures:
-    """One process of a row, in new folders; what is cached of a checkout stays beside the made-up results."""
+    """One process of a row, in new folders; a checkout's cache of maps stays beside the made-up results."""
     with tempfile.TemporaryDirectory() as scratch:
         arguments = [argument.format(scratch=scratch, runs=runs) for argument in row.arguments]
         cache = Path(scratch) if row.is_cold else runs.parent / checkout.as_posix().strip("/").replace("/", "-")
@@ -77,6 +78,7 @@ def once(row: Row, checkout: Path, runs: Path) -> Figures:
         environment |= {
             "PYTHONPATH": str(checkout),
             "PYTHONPYCACHEPREFIX": str(runs.parent / "bytecode"),
+            "NUMBA_CACHE_DIR": os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache"),
             "XDG_CACHE_HOME": f"{cache}/cache",
         }
         return measured([sys.executable, "-c", MAIN, *arguments], checkout, environment)
@@ -145,25 +147,25 @@ def main() -> None:
         for row in ROWS:
             if options.only in row.name:
                 ours, *others = in_turn(row, checkouts, options.repeats, runs)
-                told: dict[str, object] = {"row": row.name, **ours, "wanted_cpu_s": row.cpu_s, "wanted_peak_mb": row.peak_mb}
+                shown: dict[str, object] = {"row": row.name, **ours, "wanted_cpu_s": row.cpu_s, "wanted_peak_mb": row.peak_mb}
                 if others:
-                    told |= {"against": others[0], "cpu_ratio": round(ours["cpu_s"] / others[0]["cpu_s"], 3)}
-                say(told)
+                    shown |= {"against": others[0], "cpu_ratio": round(ours["cpu_s"] / others[0]["cpu_s"], 3)}
+                say(shown)
     if options.fresh:
         for name, figures in fresh(HERE).items():
             say({"row": name, **{k: round(v, 1) for k, v in figures.items()}, "wanted_wall_s": FRESH[name]})
 
 
-def _print_json(told: dict[str, object]) -> None:
-    print(json.dumps(told), flush=True)
+def _print_json(shown: dict[str, object]) -> None:
+    print(json.dumps(shown), flush=True)
 
 
-def _print_row(told: dict[str, object]) -> None:
-    wanted_mb, against = told.get("wanted_peak_mb"), told.get("against")
-    line = f"{told['row']:24} {told['cpu_s']:7.2f} {told.get('wanted_cpu_s', ''):>7} {told['wall_s']:7.2f} {told['peak_mb']:5.0f}"
-    line += f" {wanted_mb or '':>7}" if "wanted_cpu_s" in told else f"  wanted: {told['wanted_wall_s']:g} s of wall time"
+def _print_row(shown: dict[str, object]) -> None:
+    wanted_mb, against = shown.get("wanted_peak_mb"), shown.get("against")
+    line = f"{shown['row']:24} {shown['cpu_s']:7.2f} {shown.get('wanted_cpu_s', ''):>7} {shown['wall_s']:7.2f} {shown['peak_mb']:5.0f}"
+    line += f" {wanted_mb or '':>7}" if "wanted_cpu_s" in shown else f"  wanted: {shown['wanted_wall_s']:g} s of wall time"
     if isinstance(against, dict):
-        line += f"  {against['cpu_s']:.2f}, {against['peak_mb']:.0f}, {told['cpu_ratio']}"
+        line += f"  {against['cpu_s']:.2f}, {against['peak_mb']:.0f}, {shown['cpu_ratio']}"
     print(line, flush=True)
 
 

@@ -172,9 +172,7 @@ def _fit(figure: Figure, renderer: RendererAgg) -> None:
     over = [pad + max(inked.y1 - box.y1, 0) for box, inked in zip(room, needed)]
     gap = max((a + b for a, b in zip(under, over[1:])), default=0.0)
     tall = (height - below - under[-1] - over[0] - gap * (len(axes) - 1)) / len(axes)
-    figure.subplots_adjust(
-        left / width, (below + under[-1]) / height, 1 - right / width, 1 - over[0] / height, hspace=gap / max(tall, 1)
-    )
+    figure.subplots_adjust(left / width, (below + under[-1]) / height, 1 - right / width, 1 - over[0] / height, hspace=gap / max(tall, 1))
     for ax, (x_label, y_label) in zip(axes, away):
         ax.apply_aspect()
         ax.xaxis.set_label_coords(0.5, x_label / ax.bbox.height)
