@@ -60,6 +60,10 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
     pause, pause_for, home, s_m = state.yielding.pause, state.yielding.pause_for, state.home, state.motion.s_m
     top, decel, reach = kinematics.speed_mps, kinematics.decel_mps2, kinematics.reach_m
     ordered = len(passing) > 0
+    for r in range(len(s_m)):
+        k = following[granted[r]]
+        if on_lane[r] and grants.ahead[r] >= 0 and k >= 0:
+            allowed[r] = max(allowed[r], room_on_lane(r, k, rules, visits, grants.ahead, s_m))
     for r in order_of_asking(ordered, asked):
         cause[r] = FREE
         other[r] = -1
@@ -106,7 +110,8 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
                 other[r] = -1 if own else missing
                 if not on_lane[r] and short_of[k] < np.inf:
                     on_lane[r] = True
-                    allowed[r] = short_of[k]
+                    grants.ahead[r] = claimer[lane[k]] if claims[lane[k]] > 0 else -1
+                    allowed[r] = max(allowed[r], room_on_lane(r, k, rules, visits, grants.ahead, s_m))
                     claims[lane[k]] += 1
                     claimer[lane[k]] = r
                 asked[r] = min(asked[r], now)
@@ -122,6 +127,21 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
             asked[r] = np.inf
             granted[r] = k
             allowed[r] = at[k]
+
+
+@kernel(inline="always")
+def room_on_lane(robot, visit, rules, visits, ahead, s_m):
+    """How far a robot may drive on the lane to a visit that it has not won: short of it, and behind who is ahead, wherever that one
+    comes to a stop. Followers so need no engine that keeps them apart.
+    """
+    room = visits.short_of_m[visit]
+    if ahead[robot] >= 0:
+        before = visits.next[visits.reached[ahead[robot]]]
+        if before >= 0 and visits.lane[before] == visits.lane[visit]:
+            room = min(room, visits.at_m[visit] - (visits.at_m[before] - s_m[ahead[robot]]) - rules.separation_m)
+        else:
+            ahead[robot] = -1
+    return room
 
 
 @kernel

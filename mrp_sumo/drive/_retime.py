@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.drive._causes import PLANNED
 from mrp_sumo.drive._controller import command, grant
 from mrp_sumo.drive._observe import arrive, move, release
-from mrp_sumo.search._bodies import move_bodies
+from mrp_sumo.search._bodies import lane_limits, move_bodies
 from mrp_sumo.search._kernel import kernel
 
 AT_VERTEX_M = 1e-6  # beyond it by more, a robot has left a vertex
@@ -35,10 +35,11 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
     """
     # arrays are taken out of their tuples once: numba counts references each time
     motion, grants = state.motion, state.grants
-    reached, following, lane = visits.reached, visits.next, visits.lane
+    reached, following = visits.reached, visits.next
     commanded, cause, turning, speed = grants.command_mps, grants.cause, motion.turning, motion.speed_mps
     num_robots = len(accel)
-    s_m, velocity, was_mps, cap = motion.s_m.copy(), np.zeros(num_robots), np.zeros(num_robots), np.zeros(num_robots)
+    s_m, velocity, was_mps, cap = motion.s_m.copy(), np.zeros(num_robots), np.zeros(num_robots), np.full(num_robots, np.inf)
+    has_limits = np.min(limit_mps) < np.inf
     past = np.zeros((lag + 1, num_robots))
     idle = 0  # steps in which nobody could do anything
     for step in range(most_steps):
@@ -57,9 +58,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         command(now, dt, kinematics, rules, visits, state, conditions, news.changed)
         finished, stuck = True, True
         for r in range(num_robots):
-            ahead = following[reached[r]]
-            cap[r] = limit_mps[lane[ahead]] if ahead >= 0 else np.inf
-            if ahead >= 0:
+            if following[reached[r]] >= 0:
                 finished = False
                 if commanded[r] > 0.0 or turning[r] or cause[r] == PLANNED or speed[r] > 0.0:
                     stuck = False
@@ -68,6 +67,8 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         idle = idle + 1 if stuck else 0
         if idle > lag + 2:
             return -1
+        if has_limits:
+            lane_limits(dt, limit_mps, kinematics.decel_mps2, following, reached, visits.at_m, visits.lane, velocity, s_m, cap)
         move_bodies(dt, commanded, accel, kinematics.decel_mps2, cap, velocity, s_m)
     return -1
 

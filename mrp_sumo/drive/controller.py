@@ -51,7 +51,9 @@ class Controller:
         """Grant by this policy from now on."""
         self.policy = policy
         settings = self._settings
-        self.rules = Rules(*(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S), policy.look_ahead, policy.paced and self._paced)
+        separation_m = self.ledger.resources.separation_m
+        of_policy = (policy.look_ahead, policy.paced and self._paced)
+        self.rules = Rules(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S, *of_policy, separation_m)
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""

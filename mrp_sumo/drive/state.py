@@ -41,6 +41,7 @@ class Grants(NamedTuple):
 
     allowed_m: FloatArray  # how far
     on_lane: BoolArray  # whether it may enter the lane after its last granted visit without having won its end
+    ahead: IntArray  # the robot that it follows there, -1: none
     turned_back: BoolArray  # whether it turned round on the lane it is on: nobody follows it there, SUMO would not see it
     oldest: IntArray  # first visit that may still hold something
     cause: IntArray  # why it is granted nothing more
@@ -106,6 +107,7 @@ class Rules(NamedTuple):
     wait_least_s: float  # shorter waits are booked, but are no events
     look_ahead: int  # how many visits ahead of its position a robot may claim at most
     paced: bool  # whether a robot that is early drives slower
+    separation_m: float  # the least distance of two robots' centres
 
 
 class Conditions(NamedTuple):
@@ -154,6 +156,7 @@ def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: In
         grants=Grants(
             allowed_m=of(0.0),
             on_lane=flags(),
+            ahead=index(-1),
             turned_back=flags(),
             oldest=first.copy(),
             cause=index(0),

@@ -1,10 +1,50 @@
 """One Euler step of all bodies, as SUMO takes it."""
 
+import numpy as np
+
 from mrp_sumo.search._kernel import kernel
+from mrp_sumo.search._motion import approach_speed
 
 
 @kernel
-def move_bodies(dt, wanted_mps, accel, decel, limit_mps, speed, s_m):
+def lane_limits(dt, limit_mps, decel, next_visit, reached, at_m, lane, speed, s_m, cap_mps):
+    """The highest speeds for the next step that lanes allow: the one that each robot is on, and slower ones ahead.
+
+    Parameters
+    ----------
+    dt
+        s.
+    limit_mps
+        [L] of lanes, inf without one.
+    decel
+        [R] m/s2.
+    next_visit, at_m, lane
+        [N] of visits, as in `core.visits`.
+    reached
+        [R] visits.
+    speed, s_m
+        [R] speeds, and distances driven.
+    cap_mps
+        [R] written.
+    """
+    for r in range(len(s_m)):
+        k = next_visit[reached[r]]
+        if k < 0:
+            cap_mps[r] = np.inf
+            continue
+        cap = limit_mps[lane[k]]
+        reach_m = speed[r] * speed[r] / (2.0 * decel[r]) + 3.0 * (speed[r] + decel[r] * dt) * dt  # limits farther away do not matter yet
+        ahead = next_visit[k]
+        while ahead >= 0 and at_m[k] - s_m[r] <= reach_m:
+            if limit_mps[lane[ahead]] < cap:
+                cap = min(cap, approach_speed(at_m[k] - s_m[r], limit_mps[lane[ahead]], decel[r], dt))
+            k = ahead
+            ahead = next_visit[k]
+        cap_mps[r] = cap
+
+
+@kernel
+def move_bodies(dt, wanted_mps, accel, decel, cap_mps, speed, s_m):
     """Let bodies take one step towards the speeds they are to have, within their limits.
 
     As SUMO's: the speed changes first, then the body moves on by it (semi-implicit Euler).
@@ -15,15 +55,15 @@ def move_bodies(dt, wanted_mps, accel, decel, limit_mps, speed, s_m):
         s.
     wanted_mps, accel, decel
         [R] speeds commanded, and limits.
-    limit_mps
-        [R] of the lane that each robot is on.
+    cap_mps
+        [R] what lanes allow.
     speed, s_m
         [R] written: speeds, and distances driven.
     """
     for r in range(len(s_m)):
         if wanted_mps[r] == 0.0 and speed[r] == 0.0:
             continue
-        v = min(wanted_mps[r], speed[r] + accel[r] * dt, limit_mps[r])
+        v = min(wanted_mps[r], speed[r] + accel[r] * dt, cap_mps[r])
         v = max(v, speed[r] - decel[r] * dt, 0.0)
         speed[r] = v
         s_m[r] += v * dt

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import BURGER, CART, cross, graph_of, line, problem_of, square_grid
+from worlds import BURGER, CART, cross, graph_of, least_distance_m, line, problem_of, random_grid, square_grid
 
 from mrp_sumo.core.plan import Plan, paths_of_plan
 from mrp_sumo.drive.loop import simulate
@@ -12,6 +12,7 @@ from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
 
 STEP_S = ExecutionSettings().step_length_s
@@ -61,6 +62,35 @@ def test_engines_agree(tmp_path):
     assert own.x_m == pytest.approx(sumo.x_m, abs=1e-6) and own.y_m == pytest.approx(sumo.y_m, abs=1e-6)
     assert own.sumo_xy_m == pytest.approx(np.stack([own.x_m, own.y_m], -1)[np.isin(own.t_s, own.sumo_t_s)], abs=1e-6)
     assert [(e.kind, e.robot, e.vertex) for e in own.events] == [(e.kind, e.robot, e.vertex) for e in sumo.events]
+
+
+def test_limits_of_lanes_are_kept_and_approached(tmp_path):
+    graph = line(6, 2.0)
+    limited = replace(graph, speed_mps=np.where(np.minimum(graph.tail, graph.head) == 2, 0.4, np.inf))
+    planned, run = driven_and_planned(tmp_path, limited, [[0, 1, 2, 3, 4, 5]], CART)
+    assert np.abs(run.arrived_s - planned.arrive_s).max() <= STEP_S + 1e-9
+    assert planned.arrive_s[3] - planned.arrive_s[2] == pytest.approx(2.0 / 0.4, abs=2 * STEP_S)
+
+
+def test_robots_that_wait_behind_each_other_on_a_lane_keep_apart_in_both_engines(tmp_path):
+    graph = graph_of([(0, 0), (4, 0), (8, 0), (8, 4), (4, 4)], [(0, 1), (1, 2), (2, 3), (4, 1)], 4.0)
+    paths = [[1, 2, 2, 2, 2, 3], [0, 0, 1, 1, 1, 2], [4, 4, 4, 1, 1, 1]]  # they come after each other to where the first stands
+    for engine in ("sumo", "kinematic"):
+        planned, run = driven_and_planned(tmp_path, graph, paths[:2], CART, engine=engine)
+        assert np.abs(run.arrived_s - planned.arrive_s).max() <= STEP_S + 1e-9
+        assert least_distance_m(run) >= 0.82
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_engines_keep_the_same_distance_where_robots_wait_on_lanes(tmp_path, seed):
+    problem = random_grid(6, 6, seed)
+    method = planner("lacam", {"rotations": False})
+    method.prepare()
+    plan = method.plan(problem, 20.0).plan
+    network = build_network(problem.graph, tmp_path / "world.net.xml")
+    runs = [simulate(problem, plan, ExecutionSettings(engine=engine, time_limit_s=200.0), network) for engine in ("sumo", "kinematic")]
+    assert runs[1].arrived_s == pytest.approx(runs[0].arrived_s, abs=1e-6)
+    assert min(map(least_distance_m, runs)) >= problem.fleet.separation_m - 0.004
 
 
 def test_a_robot_departs_when_it_sets_out_and_at_once_where_it_drives_through():

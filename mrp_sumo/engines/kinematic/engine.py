@@ -12,7 +12,7 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.engines.sumo.network import SHORTEST_M
-from mrp_sumo.search._bodies import move_bodies
+from mrp_sumo.search._bodies import lane_limits, move_bodies
 
 WHOLE_WAY = 2**62
 
@@ -25,6 +25,7 @@ class KinematicEngine:
         self.driven_m = np.zeros(num_robots)
         self.routed = np.full(num_robots, WHOLE_WAY)  # it asks the ledger's visits, and never runs out of them
         self._graph, self._fleet, self._dt = graph, fleet, step_length_s
+        self._has_limits, self._cap_mps = bool(np.isfinite(graph.speed_mps).any()), np.full(num_robots, np.inf)
         self._wanted_mps, self._speed_mps = np.zeros(num_robots), np.zeros(num_robots)
 
     def place(self, visits: Visits) -> None:
@@ -48,10 +49,12 @@ class KinematicEngine:
 
     def step(self, moving: BoolArray) -> list[str]:
         """See Engine."""
-        ahead = self._visits.next[self._visits.reached]
-        limit = np.where(ahead >= 0, self._graph.speed_mps[self._visits.lane[ahead]], np.inf)
-        fleet = self._fleet
-        move_bodies(self._dt, self._wanted_mps, fleet.accel_mps2, fleet.decel_mps2, limit, self._speed_mps, self.driven_m)
+        fleet, visits, speed, driven = self._fleet, self._visits, self._speed_mps, self.driven_m
+        if self._has_limits:
+            limits = self._graph.speed_mps
+            of_visits = (visits.next, visits.reached, visits.at_m, visits.lane)
+            lane_limits(self._dt, limits, fleet.decel_mps2, *of_visits, speed, driven, self._cap_mps)
+        move_bodies(self._dt, self._wanted_mps, fleet.accel_mps2, fleet.decel_mps2, self._cap_mps, speed, driven)
         return []
 
     def positions(self) -> FloatArray:
