@@ -19,6 +19,10 @@ PLUGINS = {
         "pbs": "planners.safe_interval.pbs:Pbs",
         "pibt": "planners.configuration.pibt:Pibt",
     },
+    "step_planners": {
+        "epibt": "planners.step_wise.epibt:Epibt",
+        "pibt": "planners.step_wise.pibt:TurningPibt",
+    },
     "assigners": {
         "cp_sat": "planners.assigners.cp_sat:CpSat",
         "linear_sum_assignment": "planners.assigners.linear_sum_assignment:LinearSumAssignment",

@@ -2,6 +2,9 @@
 
 Costs are in steps: the standard sum of costs. The lower bound is the planner's own; suboptimality is cost / bound.
 OUT's suffix chooses its format: .json (this program's), .yaml (libMultiRobotPlanning), .txt (EECBS; see --format).
+
+A problem of the League of Robot Runners (.json) is planned step by step for --steps, by a step-wise planner
+(`mrp-sumo list step_planners`); OUT is then a solution in the League's format.
 Exit code 0 with a valid plan, 1 without, 2 for bad input.
 """
 
@@ -11,7 +14,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli import scenario_choice, step_wise
 from mrp_sumo.cli.failure import print_failure
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
@@ -29,7 +32,8 @@ DEFAULT_TIME_LIMIT_S = 60.0
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo plan`."""
     add = parser.add_argument
-    add("scenario", nargs="?", metavar="SCENARIO", help="scenario file, or the name of a bundled scenario")
+    add("scenario", nargs="?", metavar="SCENARIO", help="scenario file, name of a bundled scenario, or LoRR problem (.json)")
+    add("--steps", type=int, metavar="N", help="of a LoRR problem")
     add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML, instead of a scenario")
     add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map; without one, starts and goals are drawn")
     add("--assignment", metavar="NAME", help="assigner for an instance whose goals are free (default: linear_sum_assignment)")
@@ -47,6 +51,8 @@ def run(options: argparse.Namespace) -> int:
 
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
+    if options.steps is not None or step_wise.is_problem(options.scenario):
+        return step_wise.plan(options)
     if options.scenario is not None and (options.scen or options.assignment):
         raise MrpSumoError("a scenario says itself who goes where: --scen and --assignment are for --map")
     scenario_choice.require_sound(options)

@@ -76,7 +76,7 @@ def chosen_planner(options: argparse.Namespace, default: str) -> tuple[str, dict
     name = options.planner or default
     trust_named(name)
     parameters = {}
-    for key, value in _pairs(options):
+    for key, value in pairs(options):
         if "." in (word := key.removeprefix("planner.parameters.")):
             raise MrpSumoError(f"--set {key}: an instance has no such key, expected a parameter of the planner")
         _require_parameter(word, name, parameter_names(name))
@@ -143,7 +143,7 @@ def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | 
     from mrp_sumo.plugins.source import resolved
 
     said: dict[tuple[str | int, ...], Override] = {}
-    for key, value in _pairs(options):
+    for key, value in pairs(options):
         option = f"--set {key}"
         if "." not in key and key not in SECTIONS:
             name = file.scenario.planner.name
@@ -156,7 +156,7 @@ def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | 
     return said
 
 
-def _pairs(options: argparse.Namespace) -> list[tuple[str, Any]]:
+def pairs(options: argparse.Namespace) -> list[tuple[str, Any]]:
     """Keys and values, which are YAML."""
     from mrp_sumo.maps.yaml_text import Text, parse
 

@@ -4,6 +4,8 @@ A plan without these is valid. With a scenario, which says how robots move, it i
 can be at their visits at its times, and none comes too close to another. A plan in steps of one length seldom is; of a retimed one, the
 steps are judged to be valid, and the times to be drivable.
 
+A solution of a lifelong problem of the League of Robot Runners is judged by the League's rules (--problem), up to its first fault.
+
 Reads this program's JSON, libMultiRobotPlanning's YAML, EECBS's paths.txt, lacam's result.txt and SMART's paths. Exit
 code 0 for a valid plan, 1 for one with faults or conflicts (the first are printed), 2 for bad input.
 """
@@ -12,6 +14,8 @@ import argparse
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from mrp_sumo.cli import step_wise
 
 if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
@@ -24,6 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML")
     add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map")
     add("--scenario", metavar="FILE", help="a scenario instead; robots may be at any of its goals")
+    add("--problem", type=Path, metavar="FILE", help="LoRR problem (.json), for a solution in the League's format")
     add("--robots", type=int, metavar="N", help="the first N robots (default: as many as in the plan)")
     add("--seed", type=int, metavar="N", help="instead of the scenario's, or of the draw where there is no .scen")
     add("--limit", type=int, default=5, metavar="N", help="conflicts, and hindrances, to print (default: 5)")
@@ -40,8 +45,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
     from mrp_sumo.traffic.referee import describe, judge
 
-    if (options.map is None) == (options.scenario is None):
-        raise MrpSumoError("expected either --map (with --scen) or --scenario")
+    if sum(given is not None for given in (options.map, options.scenario, options.problem)) != 1:
+        raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
+    if options.problem is not None:
+        return step_wise.validate(options)
     text_of(options.plan)  # a plan that cannot be read is reported before the map is loaded
     if options.map is not None:
         from mrp_sumo.formats.instances import read_instance

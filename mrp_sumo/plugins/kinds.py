@@ -26,6 +26,7 @@ KINDS = {
     kind.name: kind
     for kind in (
         Kind("planners", "planner", "mrp_sumo.planning.protocol:Planner", "planners:PLUGINS"),
+        Kind("step_planners", "step-wise planner", "mrp_sumo.planning.step_wise:StepPlanner", "planners:PLUGINS"),
         Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner", "planners:PLUGINS"),
         Kind("dispatchers", "dispatcher", "mrp_sumo.drive.dispatcher:Dispatcher", "mrp_sumo.drive.dispatcher:OURS"),
         Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),

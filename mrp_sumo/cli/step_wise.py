@@ -1,0 +1,116 @@
+"""`plan` and `validate` for step-wise lifelong problems of the League of Robot Runners."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.planning.step_wise import StepPlanner
+
+MAX_STEPS = 1_000_000
+DEFAULT = "epibt"
+
+
+def is_problem(name: str | None) -> bool:
+    """Whether what is named as a scenario is a problem of the League instead."""
+    path = Path(name or "")
+    if path.suffix != ".json" or not path.is_file():
+        return False
+    from mrp_sumo.files.reading import read_text
+
+    text = read_text(path, 2**24)
+    return '"mapFile"' in text or '"teamSize"' in text
+
+
+def plan(options: argparse.Namespace) -> int:
+    """Plan step by step, judge, print, write; exit code 0 for a valid solution."""
+    from mrp_sumo.cli.plan_choice import write_text
+    from mrp_sumo.formats.lorr import print_solution, read_problem
+    from mrp_sumo.planning.step_wise import run_step_wise
+    from mrp_sumo.traffic.step_wise_referee import judge_step_wise
+
+    _require_sound(options)
+    name, planner = _chosen(options)
+    problem = read_problem(Path(options.scenario))
+    planner.prepare()
+    run = run_step_wise(problem, planner, options.steps, options.seed or 0, _show if sys.stderr.isatty() else None)
+    verdict = judge_step_wise(problem, run.solution)
+    summary = {
+        "valid": verdict.valid,
+        "planner": name,
+        "robots": problem.num_robots,
+        "steps": run.solution.num_steps,
+        "tasks_done": verdict.tasks_done,
+        "errands_done": verdict.errands_done,
+        "tasks_per_step": verdict.tasks_done / run.solution.num_steps,
+        "planning_cpu_s": run.planning_cpu_s,
+        "begin_cpu_s": run.begin_time_s,
+        "mean_step_cpu_s": sum(run.plan_time_s) / run.solution.num_steps,
+        "max_step_cpu_s": max(run.plan_time_s),
+        "message": verdict.fault,
+    }
+    if options.out:
+        write_text(options.out, print_solution(problem, run.solution, run.plan_time_s))
+        summary["plan"] = str(options.out)
+    _print(summary, options.json)
+    return 0 if verdict.valid else 1
+
+
+def validate(options: argparse.Namespace) -> int:
+    """Judge a solution; exit code 0 when it is valid, 1 with its first fault."""
+    from mrp_sumo.formats.lorr import read_problem, read_solution
+    from mrp_sumo.traffic.step_wise_referee import judge_step_wise
+
+    problem = read_problem(options.problem)
+    solution = read_solution(options.plan, problem)
+    verdict = judge_step_wise(problem, solution)
+    if options.json:
+        summary = {"valid": verdict.valid, "robots": problem.num_robots, "steps": solution.num_steps}
+        _print(summary | {"tasks_done": verdict.tasks_done, "errands_done": verdict.errands_done, "message": verdict.fault}, True)
+    elif verdict.valid:
+        print(f"valid: {problem.num_robots} robots, {solution.num_steps} steps, {verdict.tasks_done} tasks done")
+    else:
+        print(verdict.fault)
+    return 0 if verdict.valid else 1
+
+
+def _require_sound(options: argparse.Namespace) -> None:
+    given = [f"--{key}" for key in ("map", "scen", "assignment", "robots", "command", "format") if getattr(options, key) is not None]
+    if given or options.time_limit is not None:
+        raise MrpSumoError(f"{(given or ['--time-limit'])[0]} is not for problems that are planned step by step")
+    if options.steps is None:
+        raise MrpSumoError(f"{options.scenario}: --steps is missing: a problem of the League does not say how long it lasts")
+    if not 1 <= options.steps <= MAX_STEPS:
+        raise MrpSumoError(f"--steps is {options.steps}, expected 1 to {MAX_STEPS}")
+    if (options.seed or 0) < 0:
+        raise MrpSumoError(f"the seed is {options.seed}, expected 0 or more")
+    if options.out and options.out.suffix != ".json":
+        raise MrpSumoError(f"{options.out.name}: a solution of a LoRR problem is JSON, expected a name that ends in .json")
+
+
+def _chosen(options: argparse.Namespace) -> "tuple[str, StepPlanner]":
+    from typing import cast
+
+    from mrp_sumo.cli.scenario_choice import pairs, trust_named
+    from mrp_sumo.plugins import registry
+
+    name = options.planner or DEFAULT
+    trust_named(name)
+    return name, cast("StepPlanner", registry.make("step_planners", name, dict(pairs(options))))
+
+
+def _show(now: int, num_done: int) -> None:
+    print(f"\rstep {now}: {num_done} tasks done ", end="", file=sys.stderr, flush=True)
+
+
+def _print(summary: dict[str, object], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(summary, allow_nan=False))
+        return
+    for key, value in summary.items():
+        if value != "":
+            print(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")

@@ -1,0 +1,102 @@
+"""Step-wise lifelong problems on grids, after the League of Robot Runners: robots turn and drive one cell a step, tasks never end.
+
+An *errand* is a visit to a cell, a *task* is errands in order. A pool of revealed tasks is kept full: as many as are finished in a step
+are revealed at its end, in the order of the problem. A task is *open* once its first errand is done, and then belongs to its robot.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.errors import PlanError
+
+EAST = 0  # of headings east, south, west, north; a turn to the right adds one
+FORWARD, RIGHT, LEFT, WAIT = range(4)  # actions: FW, CR, CCR, W
+ACTION_LETTERS = "FRCW"
+HEADING_LETTERS = "ESWN"
+NOTHING = -1  # the task of a robot that has none
+ROW_AHEAD = (0, 1, 0, -1)  # by heading
+COLUMN_AHEAD = (1, 0, -1, 0)
+
+ActionArray = NDArray[np.int8]
+
+
+@dataclass(frozen=True, eq=False)
+class StepWiseProblem:
+    """What is to be done. Cells are row x width + column; row 0 is the uppermost. All robots begin heading east."""
+
+    name: str
+    free: BoolArray  # [H, W]
+    start: IntArray  # [R] cells
+    first: IntArray  # [N + 1] each task's first errand; after the last task the first begins again, under another number
+    errand: IntArray  # cells
+    num_revealed: int  # how many tasks are in the pool at any time
+
+    def __post_init__(self) -> None:
+        height, width = self.free.shape
+        blocked = ~self.free.reshape(-1)
+        for what, cells in (("robot", self.start), ("errand", self.errand)):
+            outside = (cells < 0) | (cells >= height * width)
+            wrong = np.flatnonzero(outside | blocked[np.where(outside, 0, cells)])
+            if len(wrong):
+                cell, of = int(cells[wrong[0]]), int(wrong[0])
+                of = int(np.searchsorted(self.first, of, "right")) - 1 if what == "errand" else of
+                state = "off the map" if outside[wrong[0]] else f"blocked (row {cell // width}, column {cell % width})"
+                raise PlanError(f"{self.name}: {'task' if what == 'errand' else what} {of}: cell {cell} is {state}")
+        where, count = np.unique(self.start, return_counts=True)
+        if (count > 1).any():
+            cell = int(where[count > 1][0])
+            one, two = np.flatnonzero(self.start == cell)[:2]
+            raise PlanError(f"{self.name}: robots {one} and {two} start at the same cell {cell}")
+        empty = np.flatnonzero(np.diff(self.first) < 1)
+        if len(empty):
+            raise PlanError(f"{self.name}: task {empty[0]} has no errands")
+        if self.num_revealed < 1 or not self.num_tasks:
+            raise PlanError(f"{self.name}: {self.num_tasks} tasks of which {self.num_revealed} are revealed, expected 1 or more")
+
+    @property
+    def num_robots(self) -> int:
+        """R."""
+        return len(self.start)
+
+    @property
+    def num_tasks(self) -> int:
+        """N, before they begin again."""
+        return len(self.first) - 1
+
+    def errands_of(self, task: int) -> IntArray:
+        """The cells of a task, which may have any number from 0 up."""
+        k = task % self.num_tasks
+        cells: IntArray = self.errand[self.first[k] : self.first[k + 1]]
+        return cells
+
+
+@dataclass(frozen=True, eq=False)
+class StepWiseSolution:
+    """What robots did, and which tasks they had. Step t leads from time t to time t + 1."""
+
+    start: IntArray  # [R] cells
+    heading: IntArray  # [R] at time 0
+    action: ActionArray  # [R, T]
+    schedule: IntArray  # [S, 3] (time, robot, task or NOTHING): what the robot has from this time on; times ascend
+    event: IntArray  # [E, 4] (time, robot, task, errands done by then); times ascend
+    released: IntArray  # [tasks revealed] times
+    errands: tuple[tuple[int, ...], ...]  # their cells
+    num_done: int
+
+    @property
+    def num_steps(self) -> int:
+        """T."""
+        return int(self.action.shape[1])
+
+
+def cell_ahead(free: BoolArray) -> IntArray:
+    """[H x W, 4] the cell ahead of each cell and heading; -1 where nothing is free."""
+    height, width = free.shape
+    padded = np.full((height + 2, width + 2), -1, np.int64)
+    padded[1:-1, 1:-1] = np.where(free, np.arange(height * width).reshape(height, width), -1)
+    columns = [padded[1 + r : 1 + r + height, 1 + c : 1 + c + width].reshape(-1) for r, c in zip(ROW_AHEAD, COLUMN_AHEAD)]
+    ahead: IntArray = np.where(free.reshape(-1, 1), np.stack(columns, axis=1), -1)
+    return ahead

@@ -1,0 +1,229 @@
+"""Problems and solutions of the League of Robot Runners, in the formats of 2024 (Start-Kit 2.1); problems of 2026 are read too.
+
+A problem is a JSON file that names a map (MovingAI, with `E` and `S` for free cells), an agents file and a tasks file, beside it. A
+solution has `start` [[row, column, "E"]], `actualPaths` (one string a robot, letters F, R, C, W separated by commas),
+`actualSchedule` ("time:task,..." a robot), `events` [[time, robot, task, errands done]], `tasks` [[task, time revealed, [row, column,
+...]]] and `numTaskFinished`. Refuses files that lack these, cells that are blocked or off the map, and tasks without errands. What
+a problem of 2026 says beside (ticks, sizes, delays) is not used.
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen
+from mrp_sumo.core.step_wise import ACTION_LETTERS, HEADING_LETTERS, ActionArray, StepWiseProblem, StepWiseSolution
+from mrp_sumo.errors import PlanError, nearest
+from mrp_sumo.files.reading import read_json, read_text
+
+KEYS = ("mapFile", "agentFile", "taskFile", "teamSize", "numTasksReveal")
+FREE, BLOCKED = b".GSE", b"@OTW"
+MAX_CELLS = 10_000_000
+MAX_STEPS = 1_000_000
+
+
+def read_problem(path: Path) -> StepWiseProblem:
+    """Read a problem with its three files.
+
+    Raises
+    ------
+    PlanError
+        As the module refuses.
+    """
+    document = read_json(path, error=PlanError)
+    if not isinstance(document, dict):
+        raise PlanError(f"{path.name}: expected an object with {', '.join(KEYS)}")
+    for key in KEYS:
+        if key not in document:
+            close = nearest(key, document) if document else ""
+            raise PlanError(f"{path.name}: {key} is missing{close if 'mean' in close else ''}")
+    files = []
+    for key in KEYS[:3]:
+        if not isinstance(document[key], str):
+            raise PlanError(f"{path.name}: {key} is {document[key]!r:.40}, expected the name of a file")
+        files.append(path.parent / document[key])
+    team, share = document["teamSize"], document["numTasksReveal"]
+    if not isinstance(team, int) or isinstance(team, bool) or not 1 <= team < 10**6:
+        raise PlanError(f"{path.name}: teamSize is {team!r:.20}, expected a whole number above 0")
+    if not isinstance(share, int | float) or isinstance(share, bool) or not 0 < share < 10**6:
+        raise PlanError(f"{path.name}: numTasksReveal is {share!r:.20}, expected a number above 0")
+    free = _read_map(files[0])
+    agents = _numbers(files[1])
+    if len(agents) < team:
+        raise PlanError(f"{files[1].name}: {len(agents)} robots, but teamSize is {team}")
+    for line, values in agents:
+        if len(values) != 1:
+            raise PlanError(f"{files[1].name}:{line}: {len(values)} numbers, expected one cell")
+    tasks = _numbers(files[2])
+    start = np.array([values[0] for _, values in agents[:team]], np.int64)
+    first = np.cumsum([0, *(len(values) for _, values in tasks)]).astype(np.int64)
+    errand = np.array([cell for _, values in tasks for cell in values], np.int64)
+    num_revealed = max(1, math.floor(share * team + 1e-9))
+    return StepWiseProblem(path.stem, frozen(free), frozen(start), frozen(first), frozen(errand), num_revealed)
+
+
+def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
+    """Read a solution of a problem, which says how wide the map is.
+
+    Raises
+    ------
+    PlanError
+        For one that lacks what a referee needs, or has letters or numbers that mean nothing.
+    """
+    document = read_json(path, error=PlanError)
+    if not isinstance(document, dict):
+        raise PlanError(f"{path.name}: expected an object with start, actualPaths, actualSchedule, events and tasks")
+    parts = {}
+    for key in ("start", "actualPaths", "actualSchedule", "events", "tasks"):
+        if not isinstance(document.get(key), list):
+            raise PlanError(f"{path.name}: {key} is {'missing' if key not in document else 'no list'}")
+        parts[key] = document[key]
+    places, paths = parts["start"], parts["actualPaths"]
+    for key in ("start", "actualPaths", "actualSchedule"):
+        if len(parts[key]) != len(paths):
+            raise PlanError(f"{path.name}: {len(parts[key])} robots in {key}, {len(paths)} in actualPaths")
+    for r, place in enumerate(places):
+        if not (isinstance(place, list) and len(place) == 3 and _are_whole(place[:2]) and str(place[2]) in HEADING_LETTERS and place[2]):
+            raise PlanError(f"{path.name}: start[{r}] is {place!r:.40}, expected [row, column, heading of E, S, W, N]")
+    schedule = [row for r, text in enumerate(parts["actualSchedule"]) for row in _schedule_of(path, r, text)]
+    for k, row in enumerate(parts["events"]):
+        if not (isinstance(row, list) and len(row) == 4 and _are_whole(row)):
+            raise PlanError(f"{path.name}: events[{k}] is {row!r:.40}, expected [time, robot, task, errands done]")
+    for k, row in enumerate(parts["tasks"]):
+        if not (isinstance(row, list) and len(row) == 3 and _are_whole(row[:2]) and row[0] == k and _are_places(row[2])):
+            raise PlanError(f"{path.name}: tasks[{k}] is {row!r:.40}, expected [{k}, time, [row, column, ...]]")
+    done = document.get("numTaskFinished")
+    if not isinstance(done, int) or isinstance(done, bool):
+        raise PlanError(f"{path.name}: numTaskFinished is {done!r:.20}, expected a whole number")
+    return StepWiseSolution(
+        start=np.array([_cell(problem, *place[:2]) for place in places], np.int64),
+        heading=np.array([HEADING_LETTERS.index(place[2]) for place in places], np.int64),
+        action=_actions_of(path, paths),
+        schedule=_sorted(schedule, 3),
+        event=_sorted(parts["events"], 4),
+        released=np.array([row[1] for row in parts["tasks"]], np.int64),
+        errands=tuple(tuple(_cell(problem, *pair) for pair in zip(row[2][::2], row[2][1::2])) for row in parts["tasks"]),
+        num_done=done,
+    )
+
+
+def print_solution(problem: StepWiseProblem, solution: StepWiseSolution, plan_times_s: list[float]) -> str:
+    """A solution as text; `plan_times_s` are the planner's of each step."""
+    width = problem.free.shape[1]
+    schedule: list[list[str]] = [[] for _ in range(problem.num_robots)]
+    for t, r, task in solution.schedule.tolist():
+        schedule[r].append(f"{t}:{task}")
+    letters = np.array(list(ACTION_LETTERS))
+    paths = [",".join(row) for row in letters[solution.action]]
+    document = {
+        "actionModel": "MAPF_T",
+        "version": "2024 LoRR",
+        "AllValid": "Yes",
+        "teamSize": problem.num_robots,
+        "start": [[c // width, c % width, HEADING_LETTERS[h]] for c, h in zip(solution.start.tolist(), solution.heading.tolist())],
+        "numTaskFinished": solution.num_done,
+        "sumOfCost": problem.num_robots * solution.num_steps,
+        "makespan": solution.num_steps,
+        "actualPaths": paths,
+        "plannerPaths": paths,
+        "plannerTimes": [round(s, 6) for s in plan_times_s],
+        "errors": [],
+        "actualSchedule": [",".join(row) for row in schedule],
+        "plannerSchedule": [",".join(row) for row in schedule],
+        "scheduleErrors": [],
+        "events": solution.event.tolist(),
+        "tasks": [
+            [k, t, [n for cell in cells for n in (cell // width, cell % width)]]
+            for k, (t, cells) in enumerate(zip(solution.released.tolist(), solution.errands))
+        ],
+    }
+    parts = [f"{json.dumps(key)}: {json.dumps(value, separators=(',', ':'), allow_nan=False)}" for key, value in document.items()]
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def _read_map(path: Path) -> BoolArray:
+    lines = read_text(path, error=PlanError).splitlines()
+    size = {}
+    for words in (line.split() for line in lines[:4]):
+        if len(words) == 2 and words[0] in ("height", "width") and words[1].isdecimal() and len(words[1]) < 10:
+            size[words[0]] = int(words[1])
+    if len(size) != 2 or len(lines) < 4 or lines[3].strip() != "map" or not 0 < size["height"] * size["width"] <= MAX_CELLS:
+        raise PlanError(f"{path.name}: expected a MovingAI map: type, height, width and map in the first four lines")
+    rows = lines[4 : 4 + size["height"]]
+    for number, row in enumerate(rows, 5):
+        if len(row) != size["width"] or not row.isascii():
+            raise PlanError(f"{path.name}:{number}: a row of {len(row)} characters, but the header says {size['width']}")
+    if len(rows) < size["height"]:
+        raise PlanError(f"{path.name}: {len(rows)} rows, but the header says {size['height']}")
+    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(size["height"], size["width"])
+    free = np.isin(cells, np.frombuffer(FREE, np.uint8))
+    strange = np.argwhere(~free & ~np.isin(cells, np.frombuffer(BLOCKED, np.uint8)))
+    if len(strange):
+        row_, column = strange[0]
+        raise PlanError(f"{path.name}:{row_ + 5}: column {column + 1} is '{chr(cells[row_, column])}', expected one of . E S G @ T O W")
+    return free
+
+
+def _numbers(path: Path) -> list[tuple[int, list[int]]]:
+    """The lines of an agents or tasks file after the count, with their numbers."""
+    rows = []
+    for number, line in enumerate(read_text(path, error=PlanError).splitlines(), 1):
+        words = [word.strip() for word in line.split(",")]
+        if line.startswith("#") or not line.strip():
+            continue
+        words = words[:-1] if len(words) > 1 and not words[-1] else words
+        if not all(word.isdecimal() and len(word) < 16 for word in words):
+            raise PlanError(f"{path.name}:{number}: '{line[:40]}', expected whole numbers separated by commas")
+        rows.append((number, [int(word) for word in words]))
+    if not rows or len(rows[0][1]) != 1:
+        raise PlanError(f"{path.name}: expected a count in the first line")
+    count = rows.pop(0)[1][0]
+    if len(rows) < count:
+        raise PlanError(f"{path.name}: {len(rows)} lines after the first, which says {count}")
+    return rows[:count]
+
+
+def _are_whole(values: list[Any]) -> bool:
+    return all(isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**31 for value in values)
+
+
+def _are_places(values: Any) -> bool:
+    return isinstance(values, list) and len(values) % 2 == 0 and _are_whole(values)
+
+
+def _cell(problem: StepWiseProblem, row: int, column: int) -> int:
+    """A cell's number; -1 off the map."""
+    height, width = problem.free.shape
+    return row * width + column if 0 <= row < height and 0 <= column < width else -1
+
+
+def _schedule_of(path: Path, robot: int, text: Any) -> list[tuple[int, int, int]]:
+    rows = []
+    for pair in str(text).split(",") if text else []:
+        time, colon, task = pair.partition(":")
+        if pair and not (colon and time.isdecimal() and task.removeprefix("-").isdecimal() and len(pair) < 20):
+            raise PlanError(f"{path.name}: actualSchedule[{robot}] has '{pair[:20]}', expected time:task")
+        if pair:
+            rows.append((int(time), robot, int(task)))
+    return rows
+
+
+def _actions_of(path: Path, paths: list[Any]) -> ActionArray:
+    rows: list[list[int]] = []
+    for r, text in enumerate(paths):
+        words = str(text).rstrip(",").split(",") if text else []
+        wrong = [word for word in words if word not in ACTION_LETTERS or len(word) != 1]
+        if wrong or len(words) > MAX_STEPS:
+            raise PlanError(f"{path.name}: actualPaths[{r}] has '{wrong[0][:20] if wrong else len(words)}', expected F, R, C or W")
+        if rows and len(words) != len(rows[0]):
+            raise PlanError(f"{path.name}: actualPaths[{r}] has {len(words)} steps, actualPaths[0] has {len(rows[0])}")
+        rows.append([ACTION_LETTERS.index(word) for word in words])
+    return np.array(rows, np.int8).reshape(len(paths), -1)
+
+
+def _sorted(rows: list[Any], columns: int) -> IntArray:
+    table = np.array(rows, np.int64).reshape(-1, columns)
+    return table[np.argsort(table[:, 0], kind="stable")]

@@ -1,0 +1,72 @@
+"""The ground that step-wise planners share: states of robots that turn on a grid, and distances to goals.
+
+Tables of distances are made when they are asked for; beyond a number of megabytes, the least recently used are forgotten.
+"""
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.step_wise import ACTION_LETTERS, FORWARD, LEFT, RIGHT, WAIT, StepWiseProblem, cell_ahead
+from mrp_sumo.errors import PlanError
+
+FAR = 65535  # in tables: no way
+
+
+class Ground:
+    """A problem's free cells, numbered from 0, with tables of steps to those that are goals. A state is 4 x cell + heading."""
+
+    def __init__(self, problem: StepWiseProblem, memory_mb: int) -> None:
+        free = np.flatnonzero(problem.free.reshape(-1))
+        self.number = np.full(problem.free.size, -1, np.int64)  # [H x W] of each cell
+        self.number[free] = np.arange(len(free))
+        ahead = cell_ahead(problem.free)[free]
+        self.ahead = np.where(ahead < 0, -1, self.number[ahead]).astype(np.int32).reshape(-1)  # [S]
+        num_states = len(self.ahead)
+        num_slots = min(len(free), memory_mb * 1_000_000 // (2 * num_states))
+        if num_slots < min(len(free), 2 * problem.num_robots + 2):
+            raise PlanError(f"{problem.name}: memory_mb is {memory_mb}, too little for two tables a robot of {2 * num_states} bytes")
+        self.table: NDArray[np.uint16] = np.empty((num_slots, num_states), np.uint16)  # steps; FAR where there is no way
+        self._slot: dict[int, int] = {}  # goal -> its table; the least recently used first
+        self._unused = list(range(num_slots - 1, -1, -1))
+        self._queue = np.empty(num_states, np.int32)
+
+    @property
+    def num_cells(self) -> int:
+        """Free ones."""
+        return len(self.ahead) // 4
+
+    def slot(self, goal: int) -> int:
+        """Which table is a goal's. Others may be forgotten for it: those that were asked for longest ago."""
+        found = self._slot.pop(goal, -1)
+        if found < 0:
+            from planners.step_wise._distance import fill_distance
+
+            found = self._unused.pop() if self._unused else self._slot.pop(next(iter(self._slot)))
+            fill_distance(self.ahead, goal, self.table[found], self._queue)
+        self._slot[goal] = found
+        return found
+
+    def steps_between(self, begin: int, end: int) -> int:
+        """The fewest steps from a cell, in the best heading, to another."""
+        return int(self.table[self.slot(end), 4 * begin : 4 * begin + 4].min())
+
+
+def operations(depth: int) -> NDArray[np.int8]:
+    """[O, depth] all sequences of actions that are of use; the first one waits.
+
+    None turns back and forth or twice to the left, or three times to the right. None but single actions ends by turning.
+    """
+    found = []
+    for actions in product((WAIT, FORWARD, RIGHT, LEFT), repeat=depth):
+        letters = "".join(ACTION_LETTERS[a] for a in actions)
+        if (depth == 1 or letters.rstrip("W")[-1:] in ("", "F")) and not any(part in letters for part in ("RC", "CR", "CC", "RRR")):
+            found.append(actions)
+    return np.array(found, np.int8)
+
+
+def moved_up(action: NDArray[np.int8]) -> NDArray[np.int16]:
+    """[O] for each operation the one that is left of it after a step, ended by waiting."""
+    number = {tuple(actions): o for o, actions in enumerate(action.tolist())}
+    return np.array([number[(*actions[1:], WAIT)] for actions in action.tolist()], np.int16)

@@ -1,0 +1,76 @@
+"""A planner over operations at work on a problem: what is kept from step to step."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
+from mrp_sumo.planning.step_wise import Decision, Observation
+from planners.step_wise._ground import FAR, Ground, moved_up, operations
+from planners.step_wise._tasks import Choice, InTurn, Nearest
+
+MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
+
+
+class OperationStepper:
+    """Robots choose operations of `depth` actions; see `_operations`."""
+
+    def __init__(self, problem: StepWiseProblem, seed: int, depth: int, limit: int, tries: int, tasks: Choice, memory_mb: int) -> None:
+        from planners.step_wise._operations import Crowd
+
+        self._ground = Ground(problem, memory_mb)
+        self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else Nearest()
+        self._limit, self._tries = limit, tries
+        self._rng = np.random.default_rng([seed, 13])
+        action = operations(depth)
+        self._moved_up = moved_up(action)
+        num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
+
+        def zeros(*shape: int) -> NDArray[np.int32]:
+            return np.zeros(shape, np.int32)
+
+        self._crowd = Crowd(
+            ahead=self._ground.ahead,
+            action=action,
+            state=zeros(num_robots),
+            path=zeros(num_robots, num_ops, depth + 1),
+            cost=zeros(num_robots, num_ops),
+            order=np.zeros((num_robots, num_ops), np.int16),
+            num=np.zeros(num_robots, np.int64),
+            chosen=np.zeros(num_robots, np.int16),
+            used=zeros(depth + 1, num_cells),
+            visits=np.zeros(num_robots, np.int64),
+            on_stack=np.zeros(num_robots, np.int8),
+            touched=zeros(num_robots),
+            stack=zeros(num_robots),
+            choice=np.zeros(num_robots, np.int64),
+            before=np.zeros(num_robots, np.int16),
+        )
+        self._fixed = np.zeros(num_robots, np.bool_)
+
+    def step(self, seen: Observation) -> Decision:
+        """What robots do in the next step, and which tasks they have."""
+        from planners.step_wise._operations import appraise, plan_step
+
+        ground, crowd = self._ground, self._crowd
+        crowd.state[:] = 4 * ground.number[seen.cell] + seen.heading
+        task_of = self._tasks.choose(seen, ground, crowd.state)
+        slot, goal, onward = self._errands(seen, task_of)
+        appraise(crowd, ground.table, slot, goal, onward)
+        steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state], FAR)
+        nearest_first = np.argsort(steps, kind="stable")
+        plan_step(crowd, nearest_first, self._moved_up, self._fixed, self._limit, MOST_VISITS, self._tries, self._rng)
+        return Decision(crowd.action[crowd.chosen, 0], task_of)
+
+    def _errands(self, seen: Observation, task_of: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Tables of the next two errands [R, 2], the next one's cell [R], and the steps between them [R]."""
+        ground, num_robots = self._ground, len(task_of)
+        slot, goal, onward = np.full((num_robots, 2), -1), np.full(num_robots, -1), np.zeros(num_robots, np.int64)
+        for r in np.flatnonzero(task_of != NOTHING).tolist():
+            cells = ground.number[seen.errands_left(int(task_of[r]))].tolist()
+            goal[r] = cells[0]
+            slot[r, 0] = ground.slot(cells[0])
+            if len(cells) > 1:
+                onward[r] = ground.steps_between(cells[0], cells[1])
+                slot[r, 1] = ground.slot(cells[1])
+        return slot, goal, onward

@@ -1,0 +1,67 @@
+"""Who does which task: the choices of step-wise planners.
+
+`nearest` gives the robots that have not opened a task those tasks of the pool for which the sum of steps, to their first errands and
+through all of them, is least; it decides again in each step, until tasks are opened.
+`in_turn` gives robot r of R the tasks r, r + R, r + 2 R, ...: as benchmarks do in which each robot has goals of its own.
+"""
+
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.step_wise import NOTHING
+from mrp_sumo.planning.step_wise import Observation
+from planners.step_wise._ground import FAR, Ground
+
+Choice = Literal["nearest", "in_turn"]
+
+
+class InTurn:
+    """Each robot has tasks of its own."""
+
+    def __init__(self, num_robots: int) -> None:
+        self._next = np.arange(num_robots)
+
+    def choose(self, seen: Observation, ground: Ground, state: IntArray) -> IntArray:
+        """[R] the task of each robot, NOTHING while its next one is not in the pool."""
+        idle = seen.task_of == NOTHING
+        ready = idle & np.array([task in seen.pool for task in self._next.tolist()])
+        task_of = np.where(ready, self._next, seen.task_of)
+        self._next[ready] += len(self._next)
+        return task_of
+
+
+class Nearest:
+    """The least sum of steps."""
+
+    def __init__(self) -> None:
+        self._first: dict[int, int] = {}  # task -> the cell of its first errand
+        self._through: dict[int, int] = {}  # task -> steps through all of its errands
+
+    def choose(self, seen: Observation, ground: Ground, state: IntArray) -> IntArray:
+        """[R] the task of each robot, NOTHING where there are not enough."""
+        from scipy.optimize import linear_sum_assignment
+
+        opened = np.array([task != NOTHING and seen.pool[task] > 0 for task in seen.task_of.tolist()], np.bool_)
+        task_of = np.where(opened, seen.task_of, NOTHING)
+        robots = np.flatnonzero(~opened)
+        tasks = [task for task, done in seen.pool.items() if done == 0]
+        if not len(robots) or not tasks:
+            return task_of
+        for task in tasks:
+            if task not in self._through:
+                self._remember(seen, ground, task)
+        through = np.array([self._through[task] for task in tasks])
+        slots = np.array([ground.slot(self._first[task]) for task in tasks])
+        steps = ground.table[slots[:, None], state[robots][None, :]].astype(np.int64)
+        cost = np.where(steps == FAR, 10 * FAR, steps + through[:, None])
+        task, robot = linear_sum_assignment(cost)
+        task_of[robots[robot]] = np.array(tasks)[task]
+        return task_of
+
+    def _remember(self, seen: Observation, ground: Ground, task: int) -> None:
+        cells = ground.number[seen.problem.errands_of(task)].tolist()
+        self._first[task] = cells[0]
+        self._through[task] = sum(ground.steps_between(a, b) for a, b in pairwise(cells))

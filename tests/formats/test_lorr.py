@@ -1,0 +1,94 @@
+import json
+
+import numpy as np
+import pytest
+from step_wise_worlds import ROUND, solution_of, write_problem
+
+from mrp_sumo.errors import PlanError
+from mrp_sumo.formats.lorr import print_solution, read_problem, read_solution
+
+
+def test_problem_is_read_with_its_cells(tmp_path):
+    problem = read_problem(write_problem(tmp_path, ["..E", ".@S"], [0, 5], [[2], [3, 5]], numTasksReveal=1.5))
+    assert problem.free.tolist() == [[True, True, True], [True, False, True]]
+    assert problem.start.tolist() == [0, 5]
+    assert [problem.errands_of(k).tolist() for k in range(3)] == [[2], [3, 5], [2]]
+    assert problem.num_revealed == 3
+
+
+def test_comments_and_commas_at_the_end_are_read_over(tmp_path):
+    path = write_problem(tmp_path, ["..."], [0], [[2]])
+    (tmp_path / "x.tasks").write_text("# version\n1\n2,1,\n")
+    assert read_problem(path).errands_of(0).tolist() == [2, 1]
+
+
+def test_solution_comes_back_as_it_was_written(tmp_path):
+    problem = read_problem(write_problem(tmp_path, ROUND, [0, 1], [[2], [3], [8]]))
+    solution = solution_of(problem, 12)
+    path = tmp_path / "solution.json"
+    path.write_text(print_solution(problem, solution, [0.0] * 12))
+    found = read_solution(path, problem)
+    for key in ("start", "heading", "action", "schedule", "event", "released"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(solution, key))
+    assert (found.errands, found.num_done) == (solution.errands, solution.num_done)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"teamSize": 3}, "x.agents: 2 robots, but teamSize is 3"),
+        ({"teamSize": 0}, "teamSize is 0, expected a whole number above 0"),
+        ({"numTasksReveal": "many"}, "numTasksReveal is 'many', expected a number above 0"),
+        ({"mapFile": 7}, "mapFile is 7, expected the name of a file"),
+        ({"taskFile": "none"}, "none: no such file or directory"),
+        ({"agents": "2\n0\n4\n"}, "robot 1: cell 4 is blocked (row 1, column 1)"),
+        ({"agents": "2\n0\n77\n"}, "robot 1: cell 77 is off the map"),
+        ({"agents": "2\n0\n0\n"}, "robots 0 and 1 start at the same cell 0"),
+        ({"agents": "2\n0\n-1\n"}, "x.agents:3: '-1', expected whole numbers separated by commas"),
+        ({"tasks": "2\n1\n"}, "x.tasks: 1 lines after the first, which says 2"),
+        ({"tasks": "1\n2,4\n"}, "task 0: cell 4 is blocked (row 1, column 1)"),
+        ({"map": "type octile\nheight 2\nwidth 3\nmap\n..\n...\n"}, "x.map:5: a row of 2 characters, but the header says 3"),
+        ({"map": "type octile\nheight 2\nwidth 3\nmap\n..x\n...\n"}, "x.map:5: column 3 is 'x', expected one of . E S G @ T O W"),
+    ],
+)
+def test_bad_problem_is_one_line(tmp_path, changes, message):
+    path = write_problem(tmp_path, ["...", ".@."], [0, 2], [[1]])
+    document = json.loads(path.read_text())
+    for key, value in changes.items():
+        if key in ("agents", "tasks", "map"):
+            (tmp_path / f"x.{key}").write_text(value)
+        else:
+            document[key] = value
+    path.write_text(json.dumps(document))
+    with pytest.raises(PlanError) as caught:
+        read_problem(path)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_key_of_a_problem_is_named(tmp_path):
+    path = tmp_path / "x.json"
+    path.write_text('{"mapFile": "x.map"}')
+    with pytest.raises(PlanError, match="agentFile is missing"):
+        read_problem(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("start", [[0, 0, "E"]], "1 robots in start, 2 in actualPaths"),
+        ("start", [[0, 0, "Q"], [0, 1, "E"]], r"start\[0\] is"),
+        ("actualPaths", ["F,X", "W,W"], r"actualPaths\[0\] has 'X', expected F, R, C or W"),
+        ("actualPaths", ["F,F", "W"], r"actualPaths\[1\] has 1 steps, actualPaths\[0\] has 2"),
+        ("actualSchedule", ["0;1", ""], r"actualSchedule\[0\] has '0;1', expected time:task"),
+        ("events", [[1, 2, 3]], r"events\[0\] is"),
+        ("tasks", [[5, 0, []]], r"tasks\[0\] is"),
+        ("numTaskFinished", None, "numTaskFinished is None"),
+    ],
+)
+def test_bad_solution_is_one_line(tmp_path, key, value, message):
+    problem = read_problem(write_problem(tmp_path, ROUND, [0, 1], [[2], [3], [8]]))
+    path = tmp_path / "solution.json"
+    path.write_text(json.dumps(json.loads(print_solution(problem, solution_of(problem, 4), [0.0] * 4)) | {key: value}))
+    with pytest.raises(PlanError, match=message):
+        read_solution(path, problem)

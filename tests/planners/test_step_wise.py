@@ -1,0 +1,143 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from step_wise_worlds import ROUND, problem_of
+
+from mrp_sumo.core.step_wise import StepWiseProblem
+from mrp_sumo.planning.step_wise import run_step_wise
+from mrp_sumo.plugins.registry import make, names
+from mrp_sumo.traffic.step_wise_referee import judge_step_wise
+from planners.step_wise._ground import Ground, moved_up, operations
+
+LETTERS = "FRCW"
+
+
+def crowd(seed, height=8, width=8, share=0.3):
+    """Robots on a random map, and tasks of one to three errands."""
+    rng = np.random.default_rng(seed)
+    free = rng.random((height, width)) > 0.1
+    cells = np.flatnonzero(free)
+    first = np.cumsum([0, *rng.integers(1, 4, 300)])
+    start = rng.permutation(cells)[: int(share * len(cells))]
+    return StepWiseProblem("crowd", free, start, first, rng.choice(cells, first[-1]), int(1.5 * len(start)))
+
+
+def ran(problem, num_steps, name="epibt", seed=0, **parameters):
+    """A run that the referee accepts."""
+    run = run_step_wise(problem, make("step_planners", name, parameters), num_steps, seed)
+    assert judge_step_wise(problem, run.solution).fault == ""
+    return run.solution
+
+
+def letters(solution):
+    return ["".join(LETTERS[a] for a in row) for row in solution.action]
+
+
+@pytest.mark.kernel
+def test_robot_alone_turns_and_drives_the_shortest_way():
+    problem = problem_of(["...", ".@.", "..."], [0], [[8], [0]])
+    solution = ran(problem, 11, tasks="in_turn")
+    assert letters(solution)[0][:5] in ("FFRFF", "RFFCF")  # both ways take five steps
+    assert solution.event[0].tolist() == [5, 0, 0, 1]
+    assert solution.num_done == 2
+
+
+@pytest.mark.kernel
+def test_robot_in_the_way_makes_room():
+    problem = problem_of(["....", "@.@@"], [0, 1], [[3], [1]], 2)
+    solution = ran(problem, 40, tasks="in_turn")
+    assert 3 in solution.event[solution.event[:, 1] == 0][:, 2] or (solution.event[:, 2] == 0).any()
+
+
+@pytest.mark.kernel
+def test_full_ring_turns():
+    problem = problem_of(ROUND, [0, 1, 2, 5, 8, 7, 6, 3], [[c] for c in (1, 2, 5, 8, 7, 6, 3, 0)], 8)
+    solution = ran(problem, 8, tasks="in_turn", depth=3)
+    assert set(range(8)) <= set(solution.event[:, 2].tolist())
+    assert (solution.action == 0).any(axis=1).all()
+
+
+@pytest.mark.kernel
+def test_nearest_tasks_are_those_of_the_least_sum():
+    problem = problem_of(["......."], [1, 5], [[6], [0], [3]], 3)
+    solution = ran(problem, 6)
+    given = {(r, k) for t, r, k in solution.schedule.tolist() if t == 1}
+    assert given == {(0, 2), (1, 0)}  # 2 + 1 steps; the robots look east
+
+
+@pytest.mark.kernel
+def test_distances_count_turns():
+    problem = problem_of(["..", ".."], [0], [[3]])
+    ground = Ground(problem, 1)
+    table = ground.table[ground.slot(3)]
+    assert table[:4].tolist() == [3, 3, 4, 4]  # from the upper left: east, south, west, north
+    assert table[12:].tolist() == [0, 0, 0, 0]
+    assert ground.steps_between(0, 3) == 3
+
+
+def test_forgotten_tables_are_made_again():
+    problem = problem_of(["." * 200] * 20, [0], [[3]])
+    ground = Ground(problem, 1)
+    assert len(ground.table) < problem.free.sum()
+    first = ground.table[ground.slot(7)].copy()
+    for goal in range(100, 100 + len(ground.table)):
+        ground.slot(goal)
+    assert (ground.table[ground.slot(7)] == first).all()
+
+
+def test_operations_are_those_of_use_and_closed_under_moving_up():
+    found = {"".join(LETTERS[a] for a in row) for row in operations(3)}
+    assert len(found) == 19
+    assert {"WWW", "FFF", "RRF", "WCF", "RFW"} < found
+    assert not {"RCF", "CCF", "FFR", "RWW"} & found
+    for depth in (1, 2, 3, 4):
+        action = operations(depth)
+        assert (action[moved_up(action)][:, :-1] == action[:, 1:]).all()
+        assert action[0].tolist() == [3] * depth
+
+
+@pytest.mark.parametrize("name", names("step_planners"))
+@pytest.mark.parametrize("seed", range(4))
+def test_crowds_are_planned_without_a_fault_and_alike_each_time(name, seed):
+    problem = crowd(seed, share=0.2 + 0.2 * seed)
+    solution = ran(problem, 60, name)
+    assert (solution.action == ran(problem, 60, name).action).all()
+    assert name == "pibt" or solution.num_done > 10
+
+
+def test_operations_beat_single_actions():
+    problem = crowd(2, 12, 12)
+    assert ran(problem, 150).num_done > 1.1 * ran(problem, 150, "pibt").num_done
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"), [("epibt", {"depth": 7}), ("epibt", {"tries": -1}), ("epibt", {"tasks": "none"}), ("pibt", {"limit": 0})]
+)
+def test_parameters_out_of_range_are_refused(name, parameters):
+    from mrp_sumo.errors import ScenarioError
+
+    with pytest.raises(ScenarioError, match="expected"):
+        make("step_planners", name, parameters)
+
+
+def test_too_little_memory_is_refused():
+    from mrp_sumo.errors import PlanError
+
+    problem = problem_of(["." * 400] * 50, list(range(30)), [[3]])
+    with pytest.raises(PlanError, match="memory_mb is 1, too little"):
+        make("step_planners", "epibt", {"memory_mb": 1}).begin(problem, 0)
+
+
+def test_kernels_as_plain_python_answer_the_same():
+    ask = "from test_step_wise import crowd, letters, ran\nprint(letters(ran(crowd(1), 12)), letters(ran(crowd(3, share=0.8), 6, 'pibt')))"
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1]), str(Path(__file__).parents[2])])
+    answers = []
+    for extra in ({}, {"NUMBA_DISABLE_JIT": "1"}):
+        environment = {**os.environ, "PYTHONPATH": paths, **extra}
+        answers.append(subprocess.run([sys.executable, "-c", ask], env=environment, capture_output=True, text=True, check=True).stdout)
+    assert answers[0] == answers[1]
+    assert "F" in answers[0]
