@@ -222,6 +222,8 @@ def _named(source: Text, values: list[Any], graph: PlanGraph, what: str) -> IntA
 
 
 def _pairs(source: Text, values: Any, what: str) -> IntArray:
+    if not isinstance(values, list):
+        raise source.fault(f"{what} {values!r:.40}, expected a list of [x, y]")
     for k, value in enumerate(values):
         if (
             not isinstance(value, list)

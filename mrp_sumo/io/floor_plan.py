@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
 
 SCHEMA_VERSION = 1
+FARTHEST_M = 1e9
 FLEET_ARRAYS = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
 
 
@@ -88,7 +89,10 @@ def read_walls(folder: Path) -> "Costmap | None":
         require_regular(image_file)
         with Image.open(image_file) as image:
             occupied = np.asarray(image.convert("L"))[::-1] < 128
-        return Costmap((about["origin"][0], about["origin"][1]), about["resolution"], frozen(occupied))
+        x_m, y_m, resolution_m = (float(value) for value in (*about["origin"][:2], about["resolution"]))
+        if not (abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M and 0 < resolution_m < FARTHEST_M):
+            raise MrpSumoError(f"origin {x_m:g}, {y_m:g} m and resolution {resolution_m:g} m are no place and size of cells")
+        return Costmap((x_m, y_m), resolution_m, frozen(occupied))
     except (MrpSumoError, OSError, ValueError, KeyError, IndexError, TypeError) as error:
         raise MrpSumoError(f"{path}: no map of walls: {str(error).splitlines()[0]}") from None
 

@@ -114,6 +114,13 @@ def test_height_of_five_thousand_digits_is_refused(write):
         read_instance(write("u.map", MAP.replace("height 2", "height " + "9" * 5000)), None, 1)
 
 
+def test_obstacles_that_are_no_list_are_refused(tmp_path):
+    path = tmp_path / "instance.yaml"
+    path.write_text("map:\n  dimensions: [4, 3]\n  obstacles: 7\nagents:\n- {name: a, start: [0, 0], goal: [3, 0]}\n")
+    with pytest.raises(MrpSumoError, match=r"map\.obstacles has 7, expected a list"):
+        read_instance(path)
+
+
 def test_dimensions_that_are_no_numbers_are_refused(tmp_path):
     path = tmp_path / "instance.yaml"
     path.write_text("map:\n  dimensions: [4, true]\n  obstacles: []\nagents:\n- {name: a, start: [0, 0], goal: [3, 0]}\n")

@@ -104,6 +104,8 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         ("plan.json", None, "plan", r"plan\.json: lost, the run wrote it"),
         ("visits.parquet", None, "record", r"run: damaged, or of another version: FileNotFoundError"),
         ("map.yaml", "]", "record", r"map\.yaml: no map of walls"),
+        ("map.yaml", "{image: map.png, origin: [0, L1], resolution: 1}", "record", r"map\.yaml: no map of walls: could not convert"),
+        ("map.yaml", "{image: map.png, origin: [0, 0], resolution: .nan}", "record", r"map\.yaml: no map of walls: origin 0, 0 m and"),
     ],
 )
 def test_damaged_files_are_named(run, tmp_path, name, content, reading, line):
