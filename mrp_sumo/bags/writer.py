@@ -7,14 +7,14 @@ write leaves complete chunks in the mcap file but no index.
 
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Literal
 
 import numpy as np
-import rosbags.rosbag2.writer
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.rosbag2.metadata import dump_qos_v8
@@ -47,8 +47,27 @@ class BagOptions:
     repeat_latched_s: float = 0.0  # repeat /map and markers, for players that start in the middle; 0: never
 
 
+@cache
+def _profiles_text(profiles: tuple[Qos, ...]) -> str:
+    return dump_qos_v8(list(profiles))
+
+
+def _with_stored_profiles(method: Callable[..., Any]) -> Any:
+    """A method of the library's writer that makes the text of each kind of profile once.
+
+    The library makes it twice for each topic, which takes longer than a short run's messages. Its own module stays as it is.
+    """
+    seen_by_it = {**method.__globals__, "dump_qos_v8": lambda qos: _profiles_text(tuple(qos))}
+    same = FunctionType(method.__code__, seen_by_it, method.__name__)
+    same.__kwdefaults__ = method.__kwdefaults__
+    return same
+
+
 class FastWriter(Writer):
     """The library's writer without its search for the connection, which is linear in the number of topics."""
+
+    add_connection = _with_stored_profiles(Writer.add_connection)
+    close = _with_stored_profiles(Writer.close)
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
         assert self.storage is not None
@@ -58,15 +77,6 @@ class FastWriter(Writer):
             self.min_timestamp = timestamp
         if timestamp > self.max_timestamp:
             self.max_timestamp = timestamp
-
-
-@cache
-def _profiles_text(profiles: tuple[Qos, ...]) -> str:
-    return dump_qos_v8(list(profiles))
-
-
-# the library writes the few kinds of profiles twice for each topic, which takes longer than a short run's messages
-rosbags.rosbag2.writer.dump_qos_v8 = lambda qos: _profiles_text(tuple(qos))  # type: ignore[attr-defined]
 
 
 def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> None:
@@ -135,7 +145,9 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         if full not in described:
             described[full] = messages.typestore.generate_msgdef(full, ros_version=2)[0], messages.typestore.hash_rihs01(full)
         definition, digest = described[full]
-        return writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=[_qos(depth, latched)])
+        profiles = [_qos(depth, latched)]
+        connection: Connection = writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=profiles)
+        return connection
 
     once = [  # (connection, message at a stamp)
         (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),

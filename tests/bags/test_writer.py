@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rosbags.rosbag2.metadata
+import rosbags.rosbag2.writer
 from golden import BAG_CHECKERS
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
@@ -335,3 +337,7 @@ def test_levels_are_named_where_there_are_several(tmp_path, generation):
     requests = [m for topic, _, m in messages if topic == "/robot_path_requests"]
     assert [p.level_name for p in requests[0].path] == ["ground"] * 4 + ["first floor"] * 4
     assert {p.level_name for p in requests[3].path} == {"ground"}
+
+
+def test_the_library_is_the_same_for_others_in_the_process():
+    assert rosbags.rosbag2.writer.dump_qos_v8 is rosbags.rosbag2.metadata.dump_qos_v8
