@@ -1,5 +1,7 @@
 """Metrics of the drive: how long it took, on the simulation's clock and on the machine's, and who stood."""
 
+import math
+
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
@@ -54,7 +56,8 @@ def robot_seconds_per_cpu_second(run: Evidence) -> float | None:
 def blocked_s(run: Evidence) -> float | None:
     if run.execution is None:
         return None
-    return float(sum(event.duration_s for event in run.execution.events if event.kind == "blocked"))
+    total = math.fsum(event.duration_s for event in run.execution.events if event.kind == "blocked")
+    return round(total, 6)  # steps of 0.1 s have no exact sum
 
 
 @metric(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
@@ -141,6 +141,13 @@ def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
     assert found["goals_reached"] == found["robots_at_goal"] == 1
     assert found["execution_timed_out"] and found["execution_time_s"] == 300
     assert found["time_blocked_s"][0] == 0 < found["time_blocked_s"][1] == found["time_blocked_total_s"]
+
+
+def test_seconds_blocked_add_up_without_a_trace_of_binary_fractions():
+    problem, result = corridors(), planned()
+    events = tuple(Event(0.0, "blocked", robot, duration_s=duration_s) for robot, duration_s in ((0, 0.1), (1, 0.2), (0, 4 - 0.1)))
+    execution = Execution(**{**vars(driven(problem, result.plan, late_s=0.0)), "events": events})
+    assert repr(evaluate(problem, result, None, execution)["blocked_s"]) == "4.2"
 
 
 def test_positions_are_those_of_float32_messages():
