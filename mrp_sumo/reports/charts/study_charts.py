@@ -76,10 +76,7 @@ def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, ta
     what = "all robots reach their goals on a valid plan" if study.is_executed else "a valid plan is found"
 
     def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
-        _curves(ax, curves)
-        ax.set(ylim=(-3, 103), xlabel=_factor(x), ylabel="success (%)")
-        key(figure, ax)
+        _curves_against(figure, curves, x, "success (%)").set_ylim(-3, 103)
 
     title = f"Success against {_factor(x)}{where}"
     caption = f"Share of all runs in which {what} within the time limit, with 95 % Wilson intervals."
@@ -110,25 +107,14 @@ def _success_rows(study: Study, runs: pd.DataFrame, series: Sequence[str], tag: 
 
 
 def _planning_time(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
-    curves: list[Curve] = []
-    for s in series:
-        points = []
-        of = runs[(runs["_series"] == s) & runs["_valid"]]
-        for value, group in of.groupby(x):
-            time = numbers(group, "planning_time_s")
-            if len(time):
-                points.append((float(value), *np.quantile(time, (0.5, 0.25, 0.75))))
-        if points:
-            curves.append((s, *map(np.array, zip(*points))))  # type: ignore[arg-type]
+    curves = _medians(runs[runs["_valid"]], series, x, "planning_time_s")
     if not curves:
         return None
 
     def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
-        _curves(ax, curves)
-        ax.set(xlabel=_factor(x), ylabel="planning time", yscale="log")
+        ax = _curves_against(figure, curves, x, "planning time")
+        ax.set_yscale("log")
         log_seconds(ax.yaxis)
-        key(figure, ax)
 
     caption = (
         "Median planning time of runs with a valid plan, with the middle half of them. Compiled code is loaded before the clock starts."
@@ -230,23 +216,12 @@ def _lateness(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -
 
 
 def _lateness_against(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
-    curves: list[Curve] = []
-    for s in series:
-        points = []
-        for value, group in runs[runs["_series"] == s].groupby(x):
-            late = numbers(group, "lateness_mean_s")
-            if len(late):
-                points.append((float(value), *np.quantile(late, (0.5, 0.25, 0.75))))
-        if points:
-            curves.append((s, *map(np.array, zip(*points))))  # type: ignore[arg-type]
+    curves = _medians(runs, series, x, "lateness_mean_s")
     if not curves:
         return None
 
     def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
-        _curves(ax, curves)
-        ax.set(xlabel=_factor(x), ylabel="mean lateness (s)")
-        key(figure, ax)
+        _curves_against(figure, curves, x, "mean lateness (s)")
 
     caption = "Median over runs of their mean lateness, with the middle half of them."
     return draw(f"lateness_{file_name(x)}_{tag}", f"Lateness against {_factor(x)}{where}", caption, paint, size=_with_key(series))
@@ -285,6 +260,29 @@ def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) 
 
     caption = "Runs by the least distance between two footprints; 0 is an overlap. The last bin holds all that is farther."
     return draw(f"clearance_{tag}", f"Clearance{where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))
+
+
+def _medians(runs: pd.DataFrame, series: Sequence[str], x: str, column: str) -> list[Curve]:
+    """Median and quartiles of a column by series and x, where there are values."""
+    curves: list[Curve] = []
+    for s in series:
+        points = []
+        for value, group in runs[runs["_series"] == s].groupby(x):
+            there = numbers(group, column)
+            if len(there):
+                points.append((float(value), *np.quantile(there, (0.5, 0.25, 0.75))))
+        if points:
+            curves.append((s, *map(np.array, zip(*points))))  # type: ignore[arg-type]
+    return curves
+
+
+def _curves_against(figure: Figure, curves: Sequence[Curve], x: str, label: str) -> Axes:
+    """Axes with curves over a factor, and the legend below."""
+    ax = figure.add_subplot()
+    _curves(ax, curves)
+    ax.set(xlabel=_factor(x), ylabel=label)
+    key(figure, ax)
+    return ax
 
 
 def _curves(ax: Axes, curves: Sequence[Curve]) -> None:

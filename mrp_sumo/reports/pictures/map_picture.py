@@ -39,7 +39,7 @@ MANY = 5000  # vertices or lanes beyond which only stations of a kind are drawn,
 
 
 @dataclass(frozen=True)
-class Kind:
+class Symbol:
     """How one kind of station looks. The first kind whose test holds is a vertex's."""
 
     name: str
@@ -50,15 +50,15 @@ class Kind:
 
 
 KINDS = (
-    Kind("lift", ("lift",), "h", PURPLE, 8.5),
-    Kind("charger", ("is_charger",), "P", GREEN, 8.5),
-    Kind("dock", ("dock_name",), "^", VERMILION, 7.5),
-    Kind("pick-up or drop-off", ("pickup_dispenser", "dropoff_ingestor"), "D", SKY, 6.5),
-    Kind("parking", ("is_parking_spot",), "s", BLUE, 6.5),
-    Kind("holding point", ("is_holding_point",), "o", ORANGE, 6.5),
+    Symbol("lift", ("lift",), "h", PURPLE, 8.5),
+    Symbol("charger", ("is_charger",), "P", GREEN, 8.5),
+    Symbol("dock", ("dock_name",), "^", VERMILION, 7.5),
+    Symbol("pick-up or drop-off", ("pickup_dispenser", "dropoff_ingestor"), "D", SKY, 6.5),
+    Symbol("parking", ("is_parking_spot",), "s", BLUE, 6.5),
+    Symbol("holding point", ("is_holding_point",), "o", ORANGE, 6.5),
 )
-NAMED = Kind("station", (), "o", INK, 5.0)
-JUNCTION = Kind("junction", (), "o", PAPER, 3.0)
+NAMED = Symbol("station", (), "o", INK, 5.0)
+JUNCTION = Symbol("junction", (), "o", PAPER, 3.0)
 
 
 @dataclass(frozen=True)
@@ -324,7 +324,7 @@ def _lane_key(colours: np.ndarray) -> str:
 
 
 def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, points_per_m: float, legend: dict[str, Artist]) -> None:
-    groups: dict[str, tuple[Kind, list[int]]] = {}
+    groups: dict[str, tuple[Symbol, list[int]]] = {}
     for v in panel.vertices:
         kind = _kind(nav, int(v))
         groups.setdefault(kind.name, (kind, []))[1].append(int(v))
@@ -350,7 +350,7 @@ def _name(nav: NavGraph, v: int) -> str:
     return nav.vertex_name[v] or str(nav.vertex_options[v].get("lift", ""))
 
 
-def _kind(nav: NavGraph, v: int) -> Kind:
+def _kind(nav: NavGraph, v: int) -> Symbol:
     options = nav.vertex_options[v]
     for kind in KINDS:
         if any(options.get(option) for option in kind.options):
