@@ -30,7 +30,7 @@ class Silent:
 
     def ended(self, record): ...
 
-    def told(self, line):
+    def report(self, line):
         print(line)
 
 

@@ -77,9 +77,9 @@ def run(options: argparse.Namespace) -> int:
         )
         if options.keep_worst and len(batch.status) == len(batch.runs):
             page = "mrp_sumo.reports.replay.page:write_replay"
-            num_kept = archive_worst(batch, options.keep_worst, watcher.told, write_page=page, workers=workers, stop=stop)
+            num_kept = archive_worst(batch, options.keep_worst, watcher.report, write_page=page, workers=workers, stop=stop)
             kept_none = not num_kept
-            watcher.told(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
+            watcher.report(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
         again = f"mrp-sumo batch {options.suite} --out {folder}"
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)
@@ -163,7 +163,7 @@ class _Quiet:
     def ended(self, record: dict[str, Any]) -> None:
         pass
 
-    def told(self, line: str) -> None:
+    def report(self, line: str) -> None:
         print(f"mrp-sumo: {line}", file=sys.stderr)
 
 
@@ -205,7 +205,7 @@ def _watcher() -> "Iterator[Watcher]":
                 failures = f"[yellow]{self.num_failed} without success[/]" if self.num_failed else ""
                 bar.update(task, advance=1, rate=rate, failures=failures)
 
-            def told(self, line: str) -> None:
+            def report(self, line: str) -> None:
                 bar.console.print(line, style="yellow", highlight=False, markup=False)
 
         yield Shown()

@@ -146,7 +146,7 @@ class _Watcher:
         self.num_done += 1
         self._report()
 
-    def told(self, line: str) -> None:
+    def report(self, line: str) -> None:
         warnings.warn(line, stacklevel=2)
 
     def _report(self) -> None:

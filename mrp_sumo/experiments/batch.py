@@ -43,7 +43,7 @@ GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
 
 
 class Watcher(Protocol):
-    """Who is told how a batch goes."""
+    """Callbacks of a running batch."""
 
     def begin(self, num_runs: int, num_done: int) -> None:
         """Called once, before the first run."""
@@ -51,8 +51,8 @@ class Watcher(Protocol):
     def ended(self, record: BatchRecord) -> None:
         """Called when a run has ended and is kept."""
 
-    def told(self, line: str) -> None:
-        """Called with what a person should know."""
+    def report(self, line: str) -> None:
+        """Called with a line for the user."""
 
 
 @dataclass
@@ -78,7 +78,7 @@ class BatchFolder:
         return Counter(self.status.values())
 
 
-def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, quarantine: bool = False) -> BatchFolder:
+def open_batch(file: SuiteFile, folder: Path, report: Callable[[str], None], *, quarantine: bool = False) -> BatchFolder:
     """Plan a suite and see which of its runs are in the folder already. Programs of users run only with `quarantine`, before a batch.
 
     Raises
@@ -90,7 +90,7 @@ def open_batch(file: SuiteFile, folder: Path, told: Callable[[str], None], *, qu
     if folder.exists():
         _require_ours(batch)
     keys = {run.key for run in batch.runs}
-    for key, status, attempts in standings_in(folder, told, quarantine=quarantine):
+    for key, status, attempts in standings_in(folder, report, quarantine=quarantine):
         if key in keys:
             batch.status[key], batch.attempts[key] = status, attempts
         else:
@@ -120,7 +120,7 @@ def run_batch(
     folder
         Where results are kept.
     watcher
-        Told how it goes.
+        Its callbacks.
     workers
         Processes on this machine.
     scheduler
@@ -140,12 +140,12 @@ def run_batch(
         For a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far stay.
     """
     with _locked(folder):
-        batch = open_batch(file, folder, watcher.told, quarantine=True)
+        batch = open_batch(file, folder, watcher.report, quarantine=True)
         log = _Log(folder / "batch.log")
         try:
             _write_plan(batch)
             if batch.num_foreign:
-                watcher.told(f"{folder}: {batch.num_foreign} results are of runs that the suite does not have (any more); left alone")
+                watcher.report(f"{folder}: {batch.num_foreign} results are of runs that the suite does not have (any more); left alone")
             todo = deque(batch.todo(retries))
             watcher.begin(len(batch.runs), len(batch.runs) - len(todo))
             log.add(

@@ -36,7 +36,7 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise BatchError("--scheduler needs dask.distributed: pip install 'mrp-sumo[cluster]'") from None
-        for name in list(logging.root.manager.loggerDict):  # what goes wrong is told below, in one line
+        for name in list(logging.root.manager.loggerDict):  # what goes wrong is reported below, in one line
             if name.startswith("distributed"):
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         connect: Any = Client

@@ -25,9 +25,9 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
     MrpSumoError
         When a file is missing or damaged.
     """
-    plan, told, scenario = run.plan, run.metrics, run.result["scenario"]
+    plan, recorded, scenario = run.plan, run.metrics, run.result["scenario"]
     if plan is None:
-        return {metric.name: told.get(metric.name) for metric in metrics}
+        return {metric.name: recorded.get(metric.name) for metric in metrics}
     execution = run.execution if run.executed else None
     target = run.record.target if run.executed else plan.last_vertex
     if not len(target):  # tasks came instead
@@ -44,10 +44,10 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
     result = PlanResult(
         Status(run.result["plan"]["status"]),
         plan=plan,
-        planning_time_s=told["planning_time_s"],
-        retime_time_s=told.get("retime_time_s"),
-        prepare_time_s=told["prepare_time_s"],
-        lower_bound_steps=told["lower_bound_steps"],
+        planning_time_s=recorded["planning_time_s"],
+        retime_time_s=recorded.get("retime_time_s"),
+        prepare_time_s=recorded["prepare_time_s"],
+        lower_bound_steps=recorded["lower_bound_steps"],
         message=run.result["plan"]["message"],
         stats=run.result["plan"]["stats"],
     )
@@ -57,9 +57,9 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         judge(problem, plan),
         execution,
         run.audit,
-        assignment_time_s=told["assignment_time_s"],
+        assignment_time_s=recorded["assignment_time_s"],
         tolerance_m=scenario["execution"]["goal_tolerance_m"],
-        time_limit_s=told.get("execution_time_limit_s") or scenario["execution"]["time_limit_s"] or 0.0,
+        time_limit_s=recorded.get("execution_time_limit_s") or scenario["execution"]["time_limit_s"] or 0.0,
         metrics=metrics,
     )
 

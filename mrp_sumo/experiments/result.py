@@ -140,7 +140,7 @@ class RunResult:
 
     @property
     def _told(self) -> dict[str, Any]:
-        """What the run folder is told of the run."""
+        """What the run folder says of the run."""
         return {
             "status": self.status,
             "note": self.note,

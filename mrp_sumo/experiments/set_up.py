@@ -419,7 +419,7 @@ def _require_reachable(file: ScenarioFile, problem: Problem) -> None:
 
 
 def _located(file: ScenarioFile, place: tuple[str | int, ...], make: Callable[[], Any]) -> Any:
-    """What `make` makes; its refusal is told with file, line and key."""
+    """What `make` makes; a refusal names file, line and key."""
     try:
         return make()
     except MrpSumoError as error:

@@ -133,8 +133,8 @@ def read_suite(path: Path) -> SuiteFile:
     places = _AxisPlaces(document, {tuple(key.split(".")): (section, key) for key in suite.grid_search})
     for key, values in suite.grid_search.items():
         place = document.at((section, key))
-        if told := unknown_key(key):
-            faults.append(f"{place}: {told}")
+        if fault := unknown_key(key):
+            faults.append(f"{place}: {fault}")
         try:
             axes.append((key, tuple(_expanded(values))))
         except ValueError as error:
@@ -271,7 +271,7 @@ class _AxisPlaces(dict[Place, str]):
 
 
 def _faults_of_axes(file: SuiteFile, run_programs: bool) -> list[str]:
-    """What is wrong with each value of the axes beside the first of the others, so that all is told at once."""
+    """What is wrong with each value of the axes beside the first of the others, so that all faults are reported at once."""
     first = tuple(values[0] for _, values in file.axes)
     faults: dict[str, None] = {}
     inputs = _Inputs(file, run_programs)
@@ -299,8 +299,8 @@ class _Exclusions:
         faults = []
         for i, rule in enumerate(file.suite.exclude):
             for key, value in rule.items():
-                if told := unknown_key(key):
-                    faults.append(f"{file.document.at(('exclude', i, key))}: {told}")
+                if fault := unknown_key(key):
+                    faults.append(f"{file.document.at(('exclude', i, key))}: {fault}")
                 elif isinstance(value, list) or (isinstance(value, str) and _RANGE.fullmatch(value)):
                     self._rules[i][short_key(key)] = list(_expanded(value))
         if faults:

@@ -128,8 +128,8 @@ def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
     except Exception as error:
         traceback.print_exc()  # to the log
         place = traceback.extract_tb(error.__traceback__)[-1]
-        told = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        answer = failure(CRASHED, f"{told} ({Path(place.filename).name}, line {place.lineno})")
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        answer = failure(CRASHED, f"{reason} ({Path(place.filename).name}, line {place.lineno})")
     took = sum(b - a for a, b in zip(cpu[:4], os.times()[:4]))
     return {**answer, "run_wall_s": time.perf_counter() - wall, "run_cpu_s": took, "peak_memory_mb": _peak_memory_mb(), **machine()}
 

@@ -15,7 +15,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.metrics import _audit, _walls
 
-LISTED = 20  # findings of a kind that are told one by one
+LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
 MOST_PLACES = 2000  # along either side of the floor

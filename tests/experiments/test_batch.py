@@ -34,7 +34,7 @@ class Telling(Silent):
     def begin(self, num_runs, num_done):
         self.begun = (num_runs, num_done)
 
-    def told(self, line):
+    def report(self, line):
         self.lines.append(line)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from mrp_sumo.errors import nearest
 from mrp_sumo.maps.building import Building, Lift
 from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
-from mrp_sumo.maps.readers.rmf.level import Draft, Reader, draft_of, told
+from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader, draft_of, told
 from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
@@ -55,7 +55,7 @@ def read_building(path: Path, meters_per_pixel: float | None = None) -> Building
 
 def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
     """The building of a parsed document; see `read_building`."""
-    reader = Reader(source, Notes())
+    reader = LevelReader(source, Notes())
     if not isinstance(document, Mapping):
         raise source.fault(f"a building is a mapping with 'levels', this is {told(document)}")
     name = document.get("building_name", document.get("name"))
@@ -122,7 +122,7 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
 
 
 def _lifts(
-    reader: Reader,
+    reader: LevelReader,
     given: Any,
     drafts: Mapping[str, Draft],
     placements: Mapping[str, Placement],

@@ -53,7 +53,7 @@ class Draft:
         )
 
 
-class Reader:
+class LevelReader:
     """Checks values of the document; knows the file, to point at faults, and gathers findings."""
 
     def __init__(self, source: Text, notes: Notes) -> None:
@@ -113,7 +113,7 @@ class Reader:
 _TYPES: Mapping[int, tuple[type, ...]] = {0: (str, int, float, bool, type(None)), 1: (str,), 2: (int,), 3: (float, int), 4: (bool,)}
 
 
-def draft_of(reader: Reader, name: str, given: Any, key: Any, system: str) -> Draft:
+def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) -> Draft:
     at: tuple[str | int, ...] = ("levels", key)
     if given is None:
         given = {}
@@ -169,7 +169,7 @@ def draft_of(reader: Reader, name: str, given: Any, key: Any, system: str) -> Dr
     )
 
 
-def _lane(reader: Reader, what: str, keys: tuple[str | int, ...], start: int, end: int, given: dict[str, Any]) -> Lane | None:
+def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: int, end: int, given: dict[str, Any]) -> Lane | None:
     if "graph_idx" not in given:
         raise reader.source.fault(f"{what} has no graph_idx", *keys)
     graph = reader.number(given["graph_idx"], f"{what}: graph_idx", keys)
@@ -195,14 +195,16 @@ def _lane(reader: Reader, what: str, keys: tuple[str | int, ...], start: int, en
     return Lane(start, end, int(graph), bool(both_ways), options)
 
 
-def _measurement(reader: Reader, what: str, keys: tuple[str | int, ...], edge: tuple[int, int, dict[str, Any]]) -> tuple[int, int, float]:
+def _measurement(
+    reader: LevelReader, what: str, keys: tuple[str | int, ...], edge: tuple[int, int, dict[str, Any]]
+) -> tuple[int, int, float]:
     start, end, options = edge
     if "distance" not in options:
         raise reader.source.fault(f"{what} has no distance", *keys)
     return start, end, reader.number(options["distance"], f"{what}: distance", keys)
 
 
-def _fiducials(reader: Reader, level: str, given: Any, keys: tuple[str | int, ...], up: float) -> tuple[tuple[float, float, str], ...]:
+def _fiducials(reader: LevelReader, level: str, given: Any, keys: tuple[str | int, ...], up: float) -> tuple[tuple[float, float, str], ...]:
     found = []
     for i, value in enumerate(reader.items(given, f"level {level}: fiducials", keys)):
         what = f"level {level} fiducial {i}"

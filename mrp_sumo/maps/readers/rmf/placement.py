@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.maps.readers.rmf.level import Draft, Reader
+from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader
 from mrp_sumo.maps.yaml_text import Text
 
 LIKELY_DEFAULT_M = 1.0  # a measurement the editor has made and nobody has set
@@ -31,7 +31,7 @@ class Placement:
 
 
 def placements_of(
-    reader: Reader, drafts: Mapping[str, Draft], reference: str, system: str, meters_per_pixel: float | None
+    reader: LevelReader, drafts: Mapping[str, Draft], reference: str, system: str, meters_per_pixel: float | None
 ) -> dict[str, Placement]:
     """Where each level lies: the reference level by its measurements, the others by fiducials they share with it."""
     if system != "reference_image":
@@ -51,7 +51,7 @@ def placements_of(
     return placements
 
 
-def _scale(reader: Reader, draft: Draft, is_reference: bool) -> float | None:
+def _scale(reader: LevelReader, draft: Draft, is_reference: bool) -> float | None:
     """Mean of the measurements' metres per pixel (level.py, calculate_scale_using_measurements); None without any."""
     scales = []
     for i, (start, end, distance_m) in enumerate(draft.measurements):
@@ -73,7 +73,7 @@ def _scale(reader: Reader, draft: Draft, is_reference: bool) -> float | None:
     return float(np.mean(scales)) if scales else None
 
 
-def _aligned(reader: Reader, draft: Draft, reference: Draft, scale: float) -> Placement:
+def _aligned(reader: LevelReader, draft: Draft, reference: Draft, scale: float) -> Placement:
     """The similarity that lays a level's fiducials on the reference's (transform.py, set_from_fiducials)."""
     pairs = [(f, g) for f in reference.fiducials for g in draft.fiducials if f[2] == g[2]]
     here = [g[2] for g in draft.fiducials]
@@ -103,7 +103,7 @@ def _aligned(reader: Reader, draft: Draft, reference: Draft, scale: float) -> Pl
     return Placement(scale / ratio, turn, (float(shift[0]), float(shift[1])))
 
 
-def georeference(reader: Reader, system: str, parameters: Mapping[str, Any]) -> tuple[str, tuple[float, float] | None]:
+def georeference(reader: LevelReader, system: str, parameters: Mapping[str, Any]) -> tuple[str, tuple[float, float] | None]:
     """crs_name and offset of the nav graphs (building.py, parse_yaml)."""
     crs_name = str(parameters.get("generate_crs") or "")
     if system == "reference_image":
