@@ -7,7 +7,7 @@ write leaves complete chunks in the mcap file but no index.
 
 import json
 import sqlite3
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -137,18 +137,7 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
 
 def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
     """All messages, latched ones first, then by time."""
-    described: dict[str, tuple[str, str]] = {}
-
-    def topic(name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection:
-        package, short = typename.split("/")
-        full = f"{package}/msg/{short}"
-        if full not in described:
-            described[full] = messages.typestore.generate_msgdef(full, ros_version=2)[0], messages.typestore.hash_rihs01(full)
-        definition, digest = described[full]
-        profiles = [_qos(depth, latched)]
-        connection: Connection = writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=profiles)
-        return connection
-
+    topic = _Topics(writer, messages).add
     once = [  # (connection, message at a stamp)
         (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),
         (topic("/map", "nav_msgs/OccupancyGrid", 1, latched=True), messages.map),
@@ -184,7 +173,6 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         every = round(options.repeat_latched_s * 1e9)
         repeats = np.arange(every, end_ns + 1, every, dtype=np.int64)
 
-    # everything by time: (stamp, rank, which of its kind); ranks as in the order below
     replies = record.execution.replies if record.plan else ()
     replied = np.array([round(reply.t_s * 1e9) for reply in replies], np.int64)
     plans = plans_in_force(record.plan, replies) if record.plan else iter(())
@@ -195,11 +183,7 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         second.t_ns,
         replied,
     ]
-    stamp = np.concatenate(times)
-    rank = np.repeat(np.arange(len(times)), [len(t) for t in times])
-    index = np.concatenate([np.arange(len(t)) for t in times])
-    order = np.lexsort((index, rank, stamp))
-    for ns, kind, k in zip((stamp[order] + EPOCH_NS).tolist(), rank[order].tolist(), index[order].tolist()):
+    for ns, kind, k in _merged(times):
         if kind == 0:
             for connection, message in once:
                 writer.write(connection, ns, message(ns))
@@ -217,6 +201,33 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
             for name, data in say.metrics(second, k).items():
                 if name in metrics:
                     writer.write(metrics[name], ns, data)
+
+
+class _Topics:
+    """Adds topics to a bag; a type is described once, however many topics have it."""
+
+    def __init__(self, writer: FastWriter, messages: Messages) -> None:
+        self._writer, self._store = writer, messages.typestore
+        self._described: dict[str, tuple[str, str]] = {}
+
+    def add(self, name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection:
+        package, short = typename.split("/")
+        full = f"{package}/msg/{short}"
+        if full not in self._described:
+            self._described[full] = self._store.generate_msgdef(full, ros_version=2)[0], self._store.hash_rihs01(full)
+        definition, digest = self._described[full]
+        profiles = [_qos(depth, latched)]
+        connection: Connection = self._writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=profiles)
+        return connection
+
+
+def _merged(times: Sequence[IntArray]) -> Iterator[tuple[int, int, int]]:
+    """Streams of stamps merged by time, at equal stamps in their own order: the stamp since the epoch, the stream, the place in it."""
+    stamp = np.concatenate(times)
+    stream = np.repeat(np.arange(len(times)), [len(t) for t in times])
+    place = np.concatenate([np.arange(len(t)) for t in times])
+    order = np.lexsort((place, stream, stamp))
+    return zip((stamp[order] + EPOCH_NS).tolist(), stream[order].tolist(), place[order].tolist())
 
 
 def _write_replan(

@@ -215,7 +215,7 @@ class RecoveryChoice(_Strict):
     """What `on_deadlock: resolve` does, mildest first."""
 
     give_way: bool = Field(True, description="First come first served, one of a ring of waiting robots steps aside or backs out.")
-    patience_s: Positive = Field(10.0, description="Of who is blocked for good, before it drives around or all are planned anew.")
+    patience_s: Positive = Field(10.0, description="Time blocked for good before a robot drives around, or all are replanned.")
     replanner: str | None = Field("lacam", description="Any planner, by name or FILE.py:CLASS; null: none.")
 
 
