@@ -92,7 +92,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
             if now < earliest[m] - lead - 1e-9:
                 cause[r] = PLANNED
                 break
-            if not ordered and allowed[r] - s_m[r] > reach[r]:
+            if (rules.asks_late or not ordered) and allowed[r] - s_m[r] > reach[r]:
                 break
             if closed[lane[k]] and not on_lane[r]:
                 cause[r] = DISTURBED

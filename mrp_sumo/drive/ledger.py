@@ -18,12 +18,14 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.core.visits import Visits
+from mrp_sumo.drive._causes import DISTURBED
+from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
 from mrp_sumo.drive.policy import DecidingPolicy, Policy
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.state import NEVER, VisitNeeds, state_at_rest
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.passages import Needs, Schedule
+from mrp_sumo.traffic.passages import Needs, Schedule, in_places, order_of
 from mrp_sumo.traffic.resources import Resources
 from mrp_sumo.traffic.schedule import check_order
 
@@ -188,7 +190,7 @@ class Ledger:
         leave_s = dict(enumerate(self._columns["depart_s"][granted_ids].tolist()))
         live, ids = self._live(ahead, leave_s, -1.0)
         needs = self._plan_needs(ids)
-        schedule = policy.decide(self.problem, live, needs, now_s)
+        schedule = policy.decide(self.problem, self._under_way(live, ids, needs, now_s), needs, now_s)
         if schedule is None:
             return False
         check_order(self.problem, live, schedule)
@@ -203,6 +205,20 @@ class Ledger:
         self._take_order(ids, schedule)
         self._show()
         return True
+
+    def _under_way(self, plan: Plan, ids: IntArray, needs: Needs, now_s: float) -> LivePlan:
+        """What is left of the plan, the order in force, and where robots are."""
+        columns, reached, motion = self._columns, self._of_robot["reached"], self.state.motion
+        ahead = columns["next"][reached]
+        late_s = columns["arrived_s"][reached] - columns["arrive_s"][reached]
+        place = self._need_columns["passage"][self._needs_of(ids)[1]]
+        return LivePlan(
+            **vars(plan),
+            order=in_places(order_of(plan, needs), place) if len(self._passing) else None,
+            driven_m=frozen(motion.s_m - columns["at_m"][reached]),
+            late_s=frozen(np.where(ahead >= 0, np.maximum(late_s, now_s - columns["arrive_s"][ahead]), late_s)),
+            held=frozen(self.state.grants.cause == DISTURBED),
+        )
 
     def _write(self, laid_out: MotionPlan, fresh: BoolArray) -> IntArray:
         """Append the fresh visits with their needs. Returns [N] the ids of the plan's visits, where fresh."""

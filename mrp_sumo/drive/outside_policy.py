@@ -11,6 +11,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.errors import PlanError, PlugInError
 from mrp_sumo.plugins.face import place_of
 from mrp_sumo.plugins.limit import limited
@@ -46,7 +47,7 @@ class OutsidePolicy:
             )
         return frozen(found.astype(np.float64))
 
-    def decide(self, problem: Problem, plan: Plan, needs: Needs, now_s: float) -> Schedule | None:
+    def decide(self, problem: Problem, plan: LivePlan, needs: Needs, now_s: float) -> Schedule | None:
         """See `DecidingPolicy`."""
         found = self._guarded(self._policy.decide)(problem, plan, needs, now_s)
         return None if found is None else self._checked(found, self._policy.decide, plan, needs)

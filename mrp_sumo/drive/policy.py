@@ -15,6 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.drive.outside_policy import OutsidePolicy
 from mrp_sumo.plugins import registry
 from mrp_sumo.plugins.face import check_face
@@ -55,7 +56,7 @@ class DecidingPolicy(Policy, Protocol):
     def decides_every_s(self) -> float:
         """Simulated time between two decisions."""
 
-    def decide(self, problem: Problem, plan: Plan, needs: Needs, now_s: float) -> Schedule | None:
+    def decide(self, problem: Problem, plan: LivePlan, needs: Needs, now_s: float) -> Schedule | None:
         """Another order of the passages that are still to be made; None: as it is.
 
         Parameters
@@ -122,7 +123,25 @@ class AdgTimed(Adg):
         return plan.depart_s
 
 
-OURS: Mapping[str, type] = {"open_loop": OpenLoop, "timed": Timed, "adg": Adg, "adg_timed": AdgTimed}
+@dataclass(frozen=True)
+class AdgSwitch(Adg):
+    """The plan's order until somebody is late; then, again and again, the best order that a bounded search finds. Cannot deadlock."""
+
+    decides_every_s: float = 1.0
+    late_s: float = 1.0  # nothing is changed while all robots are less late than this
+    hold_s: float = 6.0  # how much longer a robot that is held by a disturbance is taken to stand
+    least_s: float = 1.0  # by which the sum of the times at which robots are done has to be lower
+    budget: int = 1000  # how often a decision may look for longest paths
+
+    def decide(self, problem: Problem, plan: LivePlan, needs: Needs, now_s: float) -> Schedule | None:
+        if plan.order is None or not (plan.late_s >= self.late_s).any():
+            return None
+        from mrp_sumo.drive.switching import switched  # loads kernels
+
+        return switched(problem, plan, now_s, hold_s=self.hold_s, least_s=self.least_s, budget=self.budget)
+
+
+OURS: Mapping[str, type] = {"open_loop": OpenLoop, "timed": Timed, "adg": Adg, "adg_timed": AdgTimed, "adg_switch": AdgSwitch}
 
 
 def policies() -> tuple[str, ...]:

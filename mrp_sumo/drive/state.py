@@ -96,7 +96,7 @@ class Kinematics(NamedTuple):
     speed_mps: FloatArray
     decel_mps2: FloatArray
     turn_rate_rad_s: FloatArray
-    reach_m: FloatArray  # before the end of its grant at which a robot asks for more, first come first served
+    reach_m: FloatArray  # before the end of its grant at which a robot asks for more, first come first served or where the order may change
 
 
 class Rules(NamedTuple):
@@ -107,6 +107,7 @@ class Rules(NamedTuple):
     wait_least_s: float  # shorter waits are booked, but are no events
     look_ahead: int  # how many visits ahead of its position a robot may claim at most
     paced: bool  # whether a robot that is early drives slower
+    asks_late: bool  # whether robots claim no more than they need to drive on, so that the order of more passages may change
     separation_m: float  # the least distance of two robots' centres
 
 

@@ -4,7 +4,7 @@ A resource is a vertex, or a zone where robots could touch without meeting at a 
 order can be kept, `traffic.reorder` looks for another one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,6 +87,22 @@ def order_of(plan: Plan, needs: Needs) -> Schedule:
         left_at=frozen(left_at[order]),
         passage_of_need=frozen(passage_of_need),
     )
+
+
+def in_places(schedule: Schedule, place: IntArray) -> Schedule:
+    """The schedule in another order: place [M] of each need among all, equal for the needs of one passage."""
+    resource = np.repeat(np.arange(len(schedule.first) - 1), np.diff(schedule.first))
+    of_passage = np.empty(schedule.num_passages, np.int64)
+    of_passage[schedule.passage_of_need] = place
+    return permuted(schedule, np.lexsort((of_passage, resource)))
+
+
+def permuted(schedule: Schedule, order: IntArray) -> Schedule:
+    """The schedule with its passages in another order [E]; resources keep theirs."""
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    columns = {name: frozen(getattr(schedule, name)[order]) for name in ("robot", "visit", "last_visit", "left_at")}
+    return replace(schedule, **columns, passage_of_need=frozen(place[schedule.passage_of_need]))
 
 
 def waiting_arcs(plan: Plan, schedule: Schedule) -> tuple[IntArray, IntArray]:

@@ -8,14 +8,13 @@ is where that would be too much work.
 """
 
 from collections import defaultdict
-from dataclasses import replace
 
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.traffic.passages import Schedule, waiting_arcs
+from mrp_sumo.traffic.passages import Schedule, permuted, waiting_arcs
 
 MOST_PAIRS = 2000  # of passages in zones with a circle
 MOST_STEPS = 10_000_000  # pairs times visits
@@ -39,7 +38,7 @@ def reordered(plan: Plan, schedule: Schedule, num_vertices: int) -> Schedule:
     zone = resource >= num_vertices
     held = plan.arrive_s[schedule.visit] <= plan.arrive_s.min()  # from the beginning
     stays = zone & (schedule.left_at == plan.num_visits) & ~held
-    schedule = _permuted(schedule, np.lexsort((np.arange(len(resource)), stays, resource)))
+    schedule = permuted(schedule, np.lexsort((np.arange(len(resource)), stays, resource)))
     source, target = waiting_arcs(plan, schedule)
     component = strong_components(plan.num_visits, source, target)
     in_circle = np.bincount(component)[component] > 1  # [N]
@@ -56,7 +55,7 @@ def reordered(plan: Plan, schedule: Schedule, num_vertices: int) -> Schedule:
         wins = {e: sum(first_goes.get((e, o), not first_goes.get((o, e), o < e)) for o in block if o != e) for e in block}
         for place, e in enumerate(sorted(block, key=lambda e: (-wins[e], e))):
             rank[e] = block[0] + place
-    return _permuted(schedule, np.lexsort((rank, resource)))
+    return permuted(schedule, np.lexsort((rank, resource)))
 
 
 def _pairs(schedule: Schedule, undone: IntArray, resource: IntArray) -> list[tuple[int, int]]:
@@ -125,11 +124,3 @@ def _reaches(after: dict[int, list[int]], start: int, end: int) -> bool:
                 seen.add(other)
                 stack.append(other)
     return False
-
-
-def _permuted(schedule: Schedule, order: IntArray) -> Schedule:
-    """The schedule with its passages in another order; resources keep theirs."""
-    place = np.empty(len(order), np.int64)
-    place[order] = np.arange(len(order))
-    columns = {name: frozen(getattr(schedule, name)[order]) for name in ("robot", "visit", "last_visit", "left_at")}
-    return replace(schedule, **columns, passage_of_need=frozen(place[schedule.passage_of_need]))
