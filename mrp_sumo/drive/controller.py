@@ -52,8 +52,8 @@ class Controller:
         self.policy = policy
         settings = self._settings
         separation_m = self.ledger.resources.separation_m
-        may_change = getattr(policy, "decides_every_s", None) is not None
-        of_policy = (policy.look_ahead, policy.paced and self._paced, may_change)
+        asks_late = getattr(policy, "asks_late", False)
+        of_policy = (policy.look_ahead, policy.paced and self._paced, asks_late)
         self.rules = Rules(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S, *of_policy, separation_m)
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:

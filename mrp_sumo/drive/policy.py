@@ -127,6 +127,8 @@ class AdgTimed(Adg):
 class AdgSwitch(Adg):
     """The plan's order until somebody is late; then, again and again, the best order that a bounded search finds. Cannot deadlock."""
 
+    asks_late: ClassVar[bool] = True  # robots claim no more than they need to drive on: what is granted cannot be switched
+
     decides_every_s: float = 1.0
     late_s: float = 1.0  # nothing is changed while all robots are less late than this
     hold_s: float = 6.0  # how much longer a robot that is held by a disturbance is taken to stand
