@@ -150,7 +150,9 @@ def test_nobody_waits_for_ever_and_nobody_touches(tmp_path, seed):
     graph = grid_graph(np.random.default_rng(seed).random((6, 6)) >= 0.15, 0.4, (0.0, 0.0))
     start, goal = uniform_draw(graph, 6, seed)
     problem = Problem(graph, fleet_of(BURGER, 6), start, goal, np.arange(6), 2.5)
-    plan = planner("lacam", {"rotations": False}).plan(problem, 10.0).plan
+    method = planner("lacam", {"rotations": False})
+    method.prepare()
+    plan = method.plan(problem, 10.0).plan
     plan = retime(problem, plan, ExecutionSettings())
     delays = Disturbances(delay_probability=0.1, speed_spread=0.1 * (seed % 2), stops_per_s=0.02)
     how = ExecutionSettings(policy="adg_switch", engine="kinematic", disturbances=delays, time_limit_s=600.0, seed=seed)
