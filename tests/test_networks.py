@@ -14,7 +14,7 @@ from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.roadmap import cut_lanes
 
 ROOT = Path(__file__).resolve().parents[1]
-NAMES = ("office", "warehouse", "airport")
+NAMES = ("office", "warehouse", "airport", "hospital")
 
 
 @cache
@@ -50,9 +50,14 @@ def cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndar
 
 @pytest.mark.parametrize(
     ("name", "num_vertices", "num_edges", "extent_m"),
-    [("office", 29, 32, (21.5, 12.0)), ("warehouse", 54, 59, (22.0, 27.0)), ("airport", 210, 244, (282.0, 64.0))],
+    [
+        ("office", 29, 32, (21.5, 12.0)),
+        ("warehouse", 54, 59, (22.0, 27.0)),
+        ("airport", 210, 244, (282.0, 64.0)),
+        ("hospital", 93, 109, (38.4, 24.0)),
+    ],
 )
-def test_map_has_the_key_facts_of_the_paper(name: str, num_vertices: int, num_edges: int, extent_m: tuple[float, float]) -> None:
+def test_map_has_the_key_facts_it_promises(name: str, num_vertices: int, num_edges: int, extent_m: tuple[float, float]) -> None:
     xy, lanes, walls = geometry(name)
     assert len(np.unique(lanes)) == num_vertices
     assert len({tuple(sorted(lane)) for lane in lanes.tolist()}) == len(lanes) == num_edges
@@ -128,6 +133,24 @@ def test_script_draws_the_same_bytes_again(tmp_path: Path, monkeypatch: pytest.M
     for name in NAMES:
         file = Path(name) / f"{name}.building.yaml"
         assert (tmp_path / file).read_bytes() == (ROOT / "networks" / file).read_bytes()
+
+
+def test_kiva_map_is_drawn_by_its_rule() -> None:
+    nav = load_map(ROOT / "networks" / "kiva" / "kiva.map").nav
+    rows = (ROOT / "networks" / "kiva" / "kiva.map").read_text().splitlines()[4:]
+    assert len(rows) == 33 and {len(row) for row in rows} == {46}
+    assert sum(row.count("@") for row in rows) == 240 and nav.num_vertices == 33 * 46 - 240 and nav.num_components == 1
+    text = (ROOT / "scenarios" / "kiva_lifelong.yaml").read_text()
+    scenario = yaml.safe_load(text)
+    endpoints = {int(name[1:]) for name in scenario["tasks"]["groups"]["endpoint"]}
+    homes = {int(name[1:]) for name in scenario["robots"]["starts"]}
+    cell = np.rint(nav.xy / 0.4 - 0.5).astype(int)  # column, row from the lowest
+    assert len(endpoints) == 480 and not endpoints & homes
+    assert {(v - 1) % 2 for v in cell[sorted(endpoints), 1].tolist()} == {0}  # beside the pods' middle rows
+    for v in endpoints:
+        column, row = cell[v]
+        assert "@" in (rows[32 - row - 1][column], rows[32 - row + 1][column])
+    assert set(cell[sorted(homes), 0].tolist()) <= {1, 2, 4, 5, 40, 41, 43, 44}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,9 +1,9 @@
-"""Draw the bundled maps: networks/{office,warehouse,airport}/<name>.building.yaml.
+"""Draw the bundled maps: networks/{office,warehouse,airport,hospital}/<name>.building.yaml, and networks/kiva/kiva.map.
 
     .venv/bin/python tools/make_networks.py [FOLDER]
 
-The layouts are this project's own. They have the key facts of Table I of the MRP-Bench paper (extent, vertices, edges) and are
-otherwise unlike its maps. Stations stand on a lattice of 0.4 m, the paper's cell, except for the westernmost and southernmost, which are
+The layouts are this project's own. Office, warehouse and airport have the key facts of Table I of the MRP-Bench paper (extent, vertices,
+edges) and are otherwise unlike its maps. Stations stand on a lattice of 0.4 m, the paper's cell, except for the westernmost and southernmost, which are
 0.2 m off it: so cells of 0.4 m counted from there have the lanes in their middle, never on the border between two.
 The same bytes come out every time.
 """
@@ -296,14 +296,82 @@ def _oval(d: Drawing, x: float, y: float, half_x: float, half_y: float) -> None:
     )
 
 
+def hospital() -> Drawing:
+    """Two corridors of two lanes each, wards to the north, services to the south, theatres and chargers between: 93 vertices, 109 edges, 17 loops."""
+    d = Drawing("hospital", 38.4, 24.0)
+    columns = [2.4 + 4.8 * k for k in range(8)]
+    crossings, inner = (0, 2, 5, 7), (1, 3, 4, 6)
+
+    lanes = [[d.station(x, y) for x in columns] for y in (7.2, 8.8, 15.2, 16.8)]
+    for row in lanes:
+        d.lane(*row)
+    south, south_inner, north_inner, north = lanes
+    for a, b in (*zip(south, south_inner), *zip(north_inner, north), *((south_inner[k], north_inner[k]) for k in crossings)):
+        d.lane(a, b)
+
+    services = "pharmacy laboratory kitchen laundry supply emergency radiology waste".split()
+    for x, at, name in zip(columns, south, services):
+        door = d.lane(at, d.station(x, 4.8, name, **HOLD))
+        d.lane(d.station(x - 1.2, 4.8, f"{name}_1"), door, d.station(x + 1.2, 4.8, f"{name}_2"))
+        if name == "emergency":
+            d.lane(door, d.station(x, 3.0, "ambulance_bay"))
+    for k, (x, at) in enumerate(zip(columns, north), 1):
+        door = d.lane(at, d.station(x, 19.2, f"ward_{k}", **HOLD))
+        d.lane(d.station(x - 1.2, 19.2, f"ward_{k}_west"), door, d.station(x + 1.2, 19.2, f"ward_{k}_east"))
+    for number, (k, name) in enumerate(zip(inner, ("theatre_1", "nurses", "intensive_care", "theatre_2")), 1):
+        d.lane(south_inner[k], d.station(columns[k], 11.2, name))
+        d.lane(north_inner[k], d.station(columns[k], 12.8, f"charger_{number}", **CHARGE))
+    for number, (at, x, y) in enumerate(
+        ((south_inner[0], 0.6, 8.8), (north_inner[0], 0.6, 15.2), (south_inner[-1], 37.6, 8.8), (north_inner[-1], 37.6, 15.2)), 1
+    ):
+        d.lane(at, d.station(x, y, f"parking_{number}", **PARK))
+
+    d.floor((0, 0), (38.4, 0), (38.4, 24), (0, 24))
+    d.wall((0, 0), (38.4, 0), (38.4, 24), (0, 24), (0, 0))
+    for y, outer_y in ((6.0, 0), (18.0, 24)):
+        d.wall((0, y), (38.4, y), gaps=[(x, 1.6) for x in columns])
+        for x in columns[:-1]:
+            d.wall((x + 2.4, y), (x + 2.4, outer_y))
+    for west, east in zip(crossings, crossings[1:]):
+        x0, x1 = columns[west] + 1.2, columns[east] - 1.2
+        gaps = [(columns[k], 1.6) for k in inner if west < k < east]
+        d.wall((x0, 10.0), (x1, 10.0), gaps=gaps)
+        d.wall((x0, 14.0), (x1, 14.0), gaps=gaps)
+        d.wall((x0, 12.0), (x1, 12.0))
+        for x in (x0, x1):
+            d.wall((x, 10.0), (x, 14.0))
+    for x, name in zip(columns, services):
+        d.door((x - 0.8, 6.0), (x + 0.8, 6.0), f"{name}_door", "double_sliding")
+        d.shelves(x - 1.8, 0.6, x + 1.8, 1.4, 4, 1)
+    for k, x in enumerate(columns, 1):
+        d.door((x - 0.8, 18.0), (x + 0.8, 18.0), f"ward_{k}_door", "double_sliding")
+        for bed in (-1.8, 0.6):
+            d.box(x + bed, 21.4, x + bed + 1.2, 23.6)
+    return d
+
+
+def kiva() -> str:
+    """MovingAI's text of the map of 33 x 46 cells that rolling-horizon planners are compared on.
+
+    Every fourth row from the highest on is free. In the rows between stand three blocks of pods; a row of pods is closed, the rows
+    above and below it are the endpoints where robots stop.
+    """
+    rows = ["." * 46 if r % 4 == 0 else ".......".join(("", ".".join([("@" if r % 4 == 2 else ".") * 10] * 3), "")) for r in range(33)]
+    return "\n".join(["type octile", "height 33", "width 46", "map", *rows, ""])
+
+
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent.parent / "networks"
-    for draw in (office, warehouse, airport):
+    for draw in (office, warehouse, airport, hospital):
         drawing = draw()
         path = folder / drawing.name / f"{drawing.name}.building.yaml"
         path.parent.mkdir(parents=True, exist_ok=True)
         drawing.write(path)
         print(f"{path}: {len(drawing.stations)} vertices, {len(drawing.lanes)} edges, {len(drawing.walls)} walls")
+    path = folder / "kiva" / "kiva.map"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(kiva(), encoding="utf-8", newline="\n")
+    print(path)
 
 
 if __name__ == "__main__":

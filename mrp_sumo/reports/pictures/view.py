@@ -84,7 +84,8 @@ def view_record(run: AnyRun) -> RunRecord:
         When there is neither a plan nor a trajectory.
     """
     if run.executed:
-        return replace(run.record, name=title_of(run.result))
+        record = replace(run.record, name=title_of(run.result))
+        return record if record.execution.tasks is None else replace(record, plan=None)  # the first plan is to stay
     if run.plan is None:
         raise MrpSumoError(f"{run.source}: nothing to replay, the run has neither a plan nor a trajectory ({run.result['status']})")
     return RunRecord(
