@@ -332,7 +332,7 @@ def hospital() -> Drawing:
         d.wall((0, y), (38.4, y), gaps=[(x, 1.6) for x in columns])
         for x in columns[:-1]:
             d.wall((x + 2.4, y), (x + 2.4, outer_y))
-    for west, east in zip(crossings, crossings[1:]):
+    for west, east in pairwise(crossings):
         x0, x1 = columns[west] + 1.2, columns[east] - 1.2
         gaps = [(columns[k], 1.6) for k in inner if west < k < east]
         d.wall((x0, 10.0), (x1, 10.0), gaps=gaps)
