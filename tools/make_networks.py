@@ -3,8 +3,8 @@
     .venv/bin/python tools/make_networks.py [FOLDER]
 
 The layouts are this project's own. Office, warehouse and airport have the key facts of Table I of the MRP-Bench paper (extent, vertices,
-edges) and are otherwise unlike its maps. Stations stand on a lattice of 0.4 m, the paper's cell, except for the westernmost and southernmost, which are
-0.2 m off it: so cells of 0.4 m counted from there have the lanes in their middle, never on the border between two.
+edges) and are otherwise unlike its maps. Stations stand on a lattice of 0.4 m, the paper's cell, except for the westernmost and
+southernmost, which are 0.2 m off it: so cells of 0.4 m counted from there have the lanes in their middle, never on the border between two.
 The same bytes come out every time.
 """
 
@@ -297,7 +297,7 @@ def _oval(d: Drawing, x: float, y: float, half_x: float, half_y: float) -> None:
 
 
 def hospital() -> Drawing:
-    """Two corridors of two lanes each, wards to the north, services to the south, theatres and chargers between: 93 vertices, 109 edges, 17 loops."""
+    """Two corridors of two lanes, wards to the north, services to the south, chargers between: 93 vertices, 109 edges, 17 loops."""
     d = Drawing("hospital", 38.4, 24.0)
     columns = [2.4 + 4.8 * k for k in range(8)]
     crossings, inner = (0, 2, 5, 7), (1, 3, 4, 6)
@@ -309,7 +309,7 @@ def hospital() -> Drawing:
     for a, b in (*zip(south, south_inner), *zip(north_inner, north), *((south_inner[k], north_inner[k]) for k in crossings)):
         d.lane(a, b)
 
-    services = "pharmacy laboratory kitchen laundry supply emergency radiology waste".split()
+    services = ["pharmacy", "laboratory", "kitchen", "laundry", "supply", "emergency", "radiology", "waste"]
     for x, at, name in zip(columns, south, services):
         door = d.lane(at, d.station(x, 4.8, name, **HOLD))
         d.lane(d.station(x - 1.2, 4.8, f"{name}_1"), door, d.station(x + 1.2, 4.8, f"{name}_2"))

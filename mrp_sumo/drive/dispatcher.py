@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from mrp_sumo.core.request import Request
+from mrp_sumo.drive.assigning import Hungarian, Regret, TokenPassing
 from mrp_sumo.drive.nearest import Nearest
 from mrp_sumo.drive.outside_dispatcher import OutsideDispatcher
 from mrp_sumo.drive.replanning import request_for
@@ -59,7 +60,13 @@ class OneShot:
 
 ONE_SHOT = "one_shot"
 NEAREST = "nearest"
-OURS: Mapping[str, type] = {ONE_SHOT: OneShot, NEAREST: Nearest}
+OURS: Mapping[str, type] = {
+    ONE_SHOT: OneShot,
+    NEAREST: Nearest,
+    "hungarian": Hungarian,
+    "regret": Regret,
+    "token_passing": TokenPassing,
+}
 
 
 def dispatchers() -> tuple[str, ...]:

@@ -95,15 +95,17 @@ class Work:
         closed
             [L] lanes that nobody may use.
         given
-            Tasks for robots that have none.
+            Tasks for robots that have none, or have one that they may pass on. It goes back to those that wait, if nobody is given it.
         """
         self.news = False
+        passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
+        keeps = (self.current != NONE) & ~passed_on
         stop = {r: self.tasks[k].stops[0] for r, k in given.items()}
-        stop |= {r: self._next(r) for r in np.flatnonzero((self.current != NONE) & ~self.serving).tolist()}
+        stop |= {r: self._next(r) for r in np.flatnonzero(keeps & ~self.serving).tolist()}
         vertex, made = self._aims(start, stop, given)
         robots = np.flatnonzero(~self.serving)
-        task = np.array([given.get(r, int(self.current[r])) for r in robots.tolist()], np.int64)
-        nth = np.where(self.current[robots] != NONE, self.stop[robots], 0)
+        task = np.array([given.get(r, int(self.current[r]) if keeps[r] else NONE) for r in robots.tolist()], np.int64)
+        nth = np.where(keeps[robots], self.stop[robots], 0)
         return WorkRequest(
             now_s=now_s,
             site=self.problem,
@@ -120,11 +122,15 @@ class Work:
 
     def accepted(self, request: WorkRequest, now_s: float, booked_s: FloatArray) -> None:
         """Robots are on the ways that were asked for; `booked_s` as for `update`."""
-        for r, task in request.given.items():
+        given = {r: k for r, k in request.given.items() if self._may_take(r, k)}
+        taken_back = {other for r, task in given.items() for other in (r, self._robot[task]) if other != NOBODY}
+        freed = [self._take_back(robot) for robot in sorted(taken_back) if self.current[robot] != NONE]
+        for r, task in given.items():
             self.current[r], self.stop[r], self._since_s[r] = task, 0, request.now_s
             self._idle[r] = _idle(booked_s[r])
             self._robot[task], self._times["assigned_s"][task] = r, request.now_s
             self._waiting.remove(task)
+        self.news |= len(given) < len(request.given) or any(self._robot[k] == NOBODY for k in freed)
         for r, vertex, task, nth in zip(*(column.tolist() for column in (request.robot, request.stop, request.task, request.nth))):
             if not self.serving[r]:
                 asked = task != NONE and task == self.current[r] and nth == self.stop[r]
@@ -145,6 +151,28 @@ class Work:
         task, robot, station, vertex, *times = zip(*rows) if rows else [()] * 10
         numbers = [frozen(np.array(column, np.int64)) for column in (task, robot, vertex)]
         return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
+
+    def may_pass_on(self, robot: int) -> bool:
+        """Whether a robot has a task and has not come to its first stop."""
+        return bool(self.current[robot] != NONE and self.stop[robot] == 0 and not self.serving[robot])
+
+    def serving_until_s(self, robot: int) -> float:
+        """When the service that a robot is at will be over; inf: it is at none."""
+        return float(self._until_s[robot])
+
+    def _may_take(self, robot: int, task: int) -> bool:
+        """Whether a robot may still be given a task: both may have come to a first stop since it was decided."""
+        holder = self._robot[task]
+        held = holder != NOBODY and self.current[holder] == task
+        return (self.current[robot] == NONE or self.may_pass_on(robot)) and (not held or self.may_pass_on(holder))
+
+    def _take_back(self, robot: int) -> int:
+        """The robot's task, which has not been begun, waits again."""
+        task = int(self.current[robot])
+        self.current[robot], self._aim[robot], self._robot[task] = NONE, NONE, NOBODY
+        self._times["assigned_s"][task] = np.nan
+        self._waiting.append(task)
+        return task
 
     def _next(self, robot: int) -> Stop:
         return self.tasks[int(self.current[robot])].stops[int(self.stop[robot])]

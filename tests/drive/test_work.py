@@ -6,8 +6,8 @@ from worlds import BURGER, drive, line, square_grid
 
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream
-from mrp_sumo.core.task import Station
+from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskStream
+from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.metrics.audit import audit
 
 CELL_S = 0.4 / 0.22
@@ -125,3 +125,50 @@ def test_a_robot_that_waits_for_a_place_is_booked_as_queueing(tmp_path):
 def test_nobody_has_a_goal_of_its_own_where_tasks_come(tmp_path):
     run = work(tmp_path, line(5), [0], orders([(2, 4)], count=1))
     assert np.isnan(run.goal_s).all() and run.calls.asked >= 2 and run.calls.failed == 0
+
+
+def listed(*tasks):
+    """Tasks of one stop each: (vertex, release, service)."""
+    stops = [(Stop(v, service_s, "", Station(f"at {v}", (v,))),) for v, _, service_s in tasks]
+    return TaskList(tuple(Task(k, stop, release_s, name=f"t{k}") for k, (stop, (_, release_s, _)) in enumerate(zip(stops, tasks))))
+
+
+@pytest.mark.parametrize("dispatcher", ["hungarian", "regret"])
+def test_the_robot_in_between_is_left_for_the_task_that_needs_it(tmp_path, dispatcher):
+    # task 0 is nearer to robot_1, too, but then robot_0 would have to go all the way to task 1
+    run = work(tmp_path, line(7), [0, 4], listed((3, 0.0, 2.0), (6, 0.0, 2.0)), dispatcher=dispatcher)
+    assert run.tasks.robot.tolist() == [0, 1] and set(run.tasks.state) == {"done"}
+
+
+def test_a_task_waits_for_the_robot_that_is_there_sooner_though_busy(tmp_path):
+    # robot_0 is served at 2 for 5 s and then 2 cells away, robot_1 8 cells
+    run = work(tmp_path, line(9), [2, 8], listed((2, 0.0, 5.0), (0, 1.0, 1.0)), dispatcher="hungarian")
+    assert run.tasks.robot.tolist() == [0, 0] and run.tasks.assigned_s[1] >= 5.0
+
+
+def test_a_task_is_passed_on_before_its_first_stop(tmp_path):
+    # robot_1 is on its way to 4 when a task at 11 comes, which is far from robot_0
+    tasks = listed((4, 0.0, 2.0), (11, 0.5, 2.0))
+    run = work(tmp_path, line(12), [0, 6], tasks, dispatcher="hungarian")
+    assert run.tasks.robot.tolist() == [0, 1] and set(run.tasks.state) == {"done"}
+    assert run.tasks.assigned_s[0] >= 0.5  # by robot_0
+
+
+def test_a_task_that_is_kept_stays_with_its_robot(tmp_path):
+    tasks = listed((4, 0.0, 2.0), (7, 0.5, 2.0))
+    run = work(tmp_path, line(12), [0, 6], tasks, dispatcher="hungarian", dispatcher_parameters={"reassign": False})
+    assert run.tasks.robot.tolist()[0] == 1 and run.tasks.assigned_s[0] == 0.0
+
+
+def test_with_tokens_two_tasks_with_one_end_are_done_one_after_the_other(tmp_path):
+    stream = orders([(0, 8), (2, 8)], count=4, service_s=1.0)
+    token, other = (work(tmp_path, square_grid(3), [1, 7], stream, dispatcher=name) for name in ("token_passing", "regret"))
+    assert (token.tasks.assigned_s[1:] >= token.tasks.done_s[:-1] - 1e-9).all()
+    assert other.tasks.assigned_s[1] < other.tasks.done_s[0]
+
+
+@pytest.mark.parametrize("dispatcher", ["nearest", "hungarian", "regret", "token_passing"])
+def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], count=8, service_s=2.0)
+    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning_budget_s=1.0)
+    assert set(run.tasks.state) == {"done"}
