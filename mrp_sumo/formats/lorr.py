@@ -50,7 +50,7 @@ def read_problem(path: Path) -> StepWiseProblem:
         raise PlanError(f"{path.name}: teamSize is {team!r:.20}, expected a whole number above 0")
     if not isinstance(share, int | float) or isinstance(share, bool) or not 0 < share < 10**6:
         raise PlanError(f"{path.name}: numTasksReveal is {share!r:.20}, expected a number above 0")
-    free = _read_map(files[0])
+    free = read_map(files[0])
     agents = _numbers(files[1])
     if len(agents) < team:
         raise PlanError(f"{files[1].name}: {len(agents)} robots, but teamSize is {team}")
@@ -110,6 +110,36 @@ def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
     )
 
 
+def read_map(path: Path) -> BoolArray:
+    """[H, W] the free cells of a map; row 0 is the uppermost.
+
+    Raises
+    ------
+    PlanError
+        For what is no MovingAI map.
+    """
+    lines = read_text(path, error=PlanError).splitlines()
+    size = {}
+    for words in (line.split() for line in lines[:4]):
+        if len(words) == 2 and words[0] in ("height", "width") and words[1].isdecimal() and len(words[1]) < 10:
+            size[words[0]] = int(words[1])
+    if len(size) != 2 or len(lines) < 4 or lines[3].strip() != "map" or not 0 < size["height"] * size["width"] <= MAX_CELLS:
+        raise PlanError(f"{path.name}: expected a MovingAI map: type, height, width and map in the first four lines")
+    rows = lines[4 : 4 + size["height"]]
+    for number, row in enumerate(rows, 5):
+        if len(row) != size["width"] or not row.isascii():
+            raise PlanError(f"{path.name}:{number}: a row of {len(row)} characters, but the header says {size['width']}")
+    if len(rows) < size["height"]:
+        raise PlanError(f"{path.name}: {len(rows)} rows, but the header says {size['height']}")
+    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(size["height"], size["width"])
+    free = np.isin(cells, np.frombuffer(FREE, np.uint8))
+    strange = np.argwhere(~free & ~np.isin(cells, np.frombuffer(BLOCKED, np.uint8)))
+    if len(strange):
+        row_, column = strange[0]
+        raise PlanError(f"{path.name}:{row_ + 5}: column {column + 1} is '{chr(cells[row_, column])}', expected one of . E S G @ T O W")
+    return free
+
+
 def print_solution(problem: StepWiseProblem, solution: StepWiseSolution, plan_times_s: list[float]) -> str:
     """A solution as text; `plan_times_s` are the planner's of each step."""
     width = problem.free.shape[1]
@@ -142,29 +172,6 @@ def print_solution(problem: StepWiseProblem, solution: StepWiseSolution, plan_ti
     }
     parts = [f"{json.dumps(key)}: {json.dumps(value, separators=(',', ':'), allow_nan=False)}" for key, value in document.items()]
     return "{\n" + ",\n".join(parts) + "\n}\n"
-
-
-def _read_map(path: Path) -> BoolArray:
-    lines = read_text(path, error=PlanError).splitlines()
-    size = {}
-    for words in (line.split() for line in lines[:4]):
-        if len(words) == 2 and words[0] in ("height", "width") and words[1].isdecimal() and len(words[1]) < 10:
-            size[words[0]] = int(words[1])
-    if len(size) != 2 or len(lines) < 4 or lines[3].strip() != "map" or not 0 < size["height"] * size["width"] <= MAX_CELLS:
-        raise PlanError(f"{path.name}: expected a MovingAI map: type, height, width and map in the first four lines")
-    rows = lines[4 : 4 + size["height"]]
-    for number, row in enumerate(rows, 5):
-        if len(row) != size["width"] or not row.isascii():
-            raise PlanError(f"{path.name}:{number}: a row of {len(row)} characters, but the header says {size['width']}")
-    if len(rows) < size["height"]:
-        raise PlanError(f"{path.name}: {len(rows)} rows, but the header says {size['height']}")
-    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(size["height"], size["width"])
-    free = np.isin(cells, np.frombuffer(FREE, np.uint8))
-    strange = np.argwhere(~free & ~np.isin(cells, np.frombuffer(BLOCKED, np.uint8)))
-    if len(strange):
-        row_, column = strange[0]
-        raise PlanError(f"{path.name}:{row_ + 5}: column {column + 1} is '{chr(cells[row_, column])}', expected one of . E S G @ T O W")
-    return free
 
 
 def _numbers(path: Path) -> list[tuple[int, list[int]]]:

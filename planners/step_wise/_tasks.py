@@ -1,7 +1,7 @@
 """Who does which task: the choices of step-wise planners.
 
 `nearest` gives the robots that have not opened a task those tasks of the pool for which the sum of steps, to their first errands and
-through all of them, is least; it decides again in each step, until tasks are opened.
+through all of them, is least; it decides again in each step, until tasks are opened (in large problems, every tenth step).
 `in_turn` gives robot r of R the tasks r, r + R, r + 2 R, ...: as benchmarks do in which each robot has goals of its own.
 """
 
@@ -15,6 +15,8 @@ from mrp_sumo.core.step_wise import NOTHING
 from mrp_sumo.planning.step_wise import Observation
 from planners.step_wise._ground import FAR, Ground
 
+MOST_PAIRS = 200_000  # of robots and tasks; where there are more, in most steps only robots without a task are given one
+PAUSE = 10  # steps from one decision on all robots to the next
 Choice = Literal["nearest", "in_turn"]
 
 
@@ -48,6 +50,9 @@ class Nearest:
         task_of = np.where(opened, seen.task_of, NOTHING)
         robots = np.flatnonzero(~opened)
         tasks = [task for task, done in seen.pool.items() if done == 0]
+        if seen.time % PAUSE and len(robots) * len(tasks) > MOST_PAIRS:
+            task_of, held = seen.task_of.copy(), set(seen.task_of.tolist())
+            robots, tasks = np.flatnonzero(task_of == NOTHING), [task for task in tasks if task not in held]
         if not len(robots) or not tasks:
             return task_of
         for task in tasks:

@@ -14,15 +14,16 @@ from planners.step_wise._stepper import OperationStepper
 from planners.step_wise._tasks import Choice
 from planners.step_wise._warm import prepare
 
-CROWDED = 0.6  # robots per free cell from which operations are shorter: longer ones collide with more than one other
+DENSE = 0.3  # robots per free cell from which changes that all gain by end in stand-offs
+CROWDED = 0.8  # robots per free cell from which operations are shorter: longer ones collide with more than one other
 
 
 @dataclass(frozen=True)
 class Epibt:
     """PIBT over operations: fast, no guarantee."""
 
-    depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.6 of the free cells have robots
-    tries: int = 300  # how many times a step a robot that is drawn may change its operation where all gain by it
+    depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.8 of the free cells have robots
+    tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot, or 0
     limit: int = 3000  # operations that are looked at when one robot chooses, with all that it pushes
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
     memory_mb: int = 3000  # for tables of distances
@@ -30,8 +31,8 @@ class Epibt:
     def __post_init__(self) -> None:
         if not 0 <= self.depth <= 6:
             raise PlanError(f"depth is {self.depth}, expected 0 to 6")
-        if self.tries < 0 or self.limit < 1 or self.memory_mb < 1:
-            raise PlanError("expected tries of 0 or more, limit and memory_mb of 1 or more")
+        if self.tries < -1 or self.limit < 1 or self.memory_mb < 1:
+            raise PlanError("expected tries of -1 or more, limit and memory_mb of 1 or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
@@ -39,6 +40,7 @@ class Epibt:
 
     def begin(self, problem: StepWiseProblem, seed: int) -> OperationStepper:
         """The planner at work."""
-        crowded = problem.num_robots > CROWDED * problem.free.sum()
-        depth = self.depth or (3 if crowded else 4)
-        return OperationStepper(problem, seed, depth, self.limit, self.tries, self.tasks, self.memory_mb)
+        share = problem.num_robots / problem.free.sum()
+        depth = self.depth or (3 if share > CROWDED else 4)
+        tries = self.tries if self.tries >= 0 else 3 * problem.num_robots if share < DENSE else 0
+        return OperationStepper(problem, seed, depth, self.limit, tries, self.tasks, self.memory_mb)

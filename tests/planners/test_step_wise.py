@@ -115,7 +115,7 @@ def test_operations_beat_single_actions():
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters"), [("epibt", {"depth": 7}), ("epibt", {"tries": -1}), ("epibt", {"tasks": "none"}), ("pibt", {"limit": 0})]
+    ("name", "parameters"), [("epibt", {"depth": 7}), ("epibt", {"tries": -2}), ("epibt", {"tasks": "none"}), ("pibt", {"limit": 0})]
 )
 def test_parameters_out_of_range_are_refused(name, parameters):
     from mrp_sumo.errors import ScenarioError
