@@ -21,7 +21,6 @@ PLUGINS = {
     },
     "step_planners": {
         "epibt": "planners.step_wise.epibt:Epibt",
-        "pibt": "planners.step_wise.pibt:TurningPibt",
     },
     "assigners": {
         "cp_sat": "planners.assigners.cp_sat:CpSat",

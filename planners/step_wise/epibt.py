@@ -24,15 +24,15 @@ class Epibt:
 
     depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.8 of the free cells have robots
     tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot, or 0
-    limit: int = 3000  # operations that are looked at when one robot chooses, with all that it pushes
+    limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 1,000 in such crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
     memory_mb: int = 3000  # for tables of distances
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth <= 6:
             raise PlanError(f"depth is {self.depth}, expected 0 to 6")
-        if self.tries < -1 or self.limit < 1 or self.memory_mb < 1:
-            raise PlanError("expected tries of -1 or more, limit and memory_mb of 1 or more")
+        if self.tries < -1 or self.limit < 0 or self.memory_mb < 1:
+            raise PlanError("expected tries of -1 or more, limit of 0 or more and memory_mb of 1 or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
@@ -42,5 +42,6 @@ class Epibt:
         """The planner at work."""
         share = problem.num_robots / problem.free.sum()
         depth = self.depth or (3 if share > CROWDED else 4)
+        limit = self.limit or (1000 if share > CROWDED else 3000)
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots if share < DENSE else 0
-        return OperationStepper(problem, seed, depth, self.limit, tries, self.tasks, self.memory_mb)
+        return OperationStepper(problem, seed, depth, limit, tries, self.tasks, self.memory_mb)

@@ -106,16 +106,16 @@ def test_crowds_are_planned_without_a_fault_and_alike_each_time(name, seed):
     problem = crowd(seed, share=0.2 + 0.2 * seed)
     solution = ran(problem, 60, name)
     assert (solution.action == ran(problem, 60, name).action).all()
-    assert name == "pibt" or solution.num_done > 10
+    assert solution.num_done > 5
 
 
 def test_operations_beat_single_actions():
     problem = crowd(2, 12, 12)
-    assert ran(problem, 150).num_done > 1.1 * ran(problem, 150, "pibt").num_done
+    assert ran(problem, 150).num_done > 1.1 * ran(problem, 150, depth=1).num_done
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters"), [("epibt", {"depth": 7}), ("epibt", {"tries": -2}), ("epibt", {"tasks": "none"}), ("pibt", {"limit": 0})]
+    ("name", "parameters"), [("epibt", {"depth": 7}), ("epibt", {"tries": -2}), ("epibt", {"tasks": "none"}), ("epibt", {"limit": -1})]
 )
 def test_parameters_out_of_range_are_refused(name, parameters):
     from mrp_sumo.errors import ScenarioError
@@ -133,7 +133,7 @@ def test_too_little_memory_is_refused():
 
 
 def test_kernels_as_plain_python_answer_the_same():
-    ask = "from test_step_wise import crowd, letters, ran\nprint(letters(ran(crowd(1), 12)), letters(ran(crowd(3, share=0.8), 6, 'pibt')))"
+    ask = "from test_step_wise import crowd, letters, ran\nprint(letters(ran(crowd(1), 12)), letters(ran(crowd(3, share=0.8), 6, depth=1)))"
     paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1]), str(Path(__file__).parents[2])])
     answers = []
     for extra in ({}, {"NUMBA_DISABLE_JIT": "1"}):
