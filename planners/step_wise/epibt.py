@@ -15,14 +15,14 @@ from planners.step_wise._tasks import Choice
 from planners.step_wise._warm import prepare
 
 DENSE = 0.3  # robots per free cell from which changes that all gain by end in stand-offs
-CROWDED = 0.8  # robots per free cell from which operations are shorter: longer ones collide with more than one other
+CROWDED = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
 
 
 @dataclass(frozen=True)
 class Epibt:
     """PIBT over operations: fast, no guarantee."""
 
-    depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.8 of the free cells have robots
+    depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.9 of the free cells have robots
     tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot, or 0
     limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 1,000 in such crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
