@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.search._kernel import kernel
 
 CYCLIC = np.inf  # the cost of an order that nobody can keep
@@ -13,27 +12,27 @@ CYCLIC = np.inf  # the cost of an order that nobody can keep
 class Net(NamedTuple):
     """N visits of R robots, and the E passages of these at Q resources."""
 
-    first: IntArray  # [R + 1] CSR: robot r makes visits first[r]:first[r + 1]
-    ready_s: FloatArray  # [R] when it made the first of them
-    run_s: FloatArray  # [N] from the visit before, nothing in the way
-    rest_s: FloatArray  # [N] the same for who had to wait for somebody to leave
-    opens_first: IntArray  # [N + 1] CSR: passages that begin with a visit
-    opens: IntArray  # [E]
-    robot: IntArray  # [E]
-    left_at: IntArray  # [E] visit at whose arrival the resource has been left at the latest, N: never
-    early_s: FloatArray  # [E] how much before that it is free
-    fixed: BoolArray  # [E] whether the robot has been granted it: nobody passes before
-    begin: IntArray  # [E] first place in the order of the passage's resource
+    first: np.ndarray  # [R + 1] CSR: robot r makes visits first[r]:first[r + 1]
+    ready_s: np.ndarray  # [R] when it made the first of them
+    run_s: np.ndarray  # [N] from the visit before, nothing in the way
+    rest_s: np.ndarray  # [N] the same for who had to wait for somebody to leave
+    opens_first: np.ndarray  # [N + 1] CSR: passages that begin with a visit
+    opens: np.ndarray  # [E]
+    robot: np.ndarray  # [E]
+    left_at: np.ndarray  # [E] visit at whose arrival the resource has been left at the latest, N: never
+    early_s: np.ndarray  # [E] how much before that it is free
+    fixed: np.ndarray  # [E] whether the robot has been granted it: nobody passes before
+    begin: np.ndarray  # [E] first place in the order of the passage's resource
 
 
 class Scratch(NamedTuple):
     """What a look at an order leaves behind."""
 
-    arrive_s: FloatArray  # [N]
-    waits: IntArray  # [N] the passage whose beginning was waited for, -1: nothing was
-    at: IntArray  # [R] the visit of each robot that could not be made, or its end
-    stuck: IntArray  # [R] the passage that it could not begin
-    yields: BoolArray  # [R] who lets the robot that is to go first pass
+    arrive_s: np.ndarray  # [N]
+    waits: np.ndarray  # [N] the passage whose beginning was waited for, -1: nothing was
+    at: np.ndarray  # [R] the visit of each robot that could not be made, or its end
+    stuck: np.ndarray  # [R] the passage that it could not begin
+    yields: np.ndarray  # [R] who lets the robot that is to go first pass
 
 
 @kernel(allocates=False)

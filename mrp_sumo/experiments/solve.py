@@ -194,6 +194,8 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
     began = time.perf_counter()
     try:
         plan = retime(problem, plan, settings, margin_s=margin_s)
+    except PlugInError:  # of a policy, which is named when it is to drive
+        return solution
     except (ExecutionError, PlanError) as error:
         return replace(solution, note=f"the plan is in steps of one length still: {error}")
     return replace(solution, result=replace(solution.result, plan=plan, retime_time_s=time.perf_counter() - began))
