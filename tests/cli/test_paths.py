@@ -45,7 +45,7 @@ def test_disk_that_takes_no_file_leaves_nothing(office, tmp_path, command, large
         capture_output=True,
         text=True,
         cwd=office,
-        env={**os.environ, "XDG_CONFIG_HOME": str(tmp_path)},
+        env={**os.environ, "XDG_CONFIG_HOME": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"},  # Python would leave caches cut off
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest)),
     )
     assert ended.returncode == 2 and sorted(office.iterdir()) == before

@@ -37,7 +37,8 @@ def copied(tmp_path):
 
 def printed(root, cache, program):
     """What a program prints."""
-    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache)}
+    # bytecode is looked up by time and size, which are to be equal here
+    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=root, capture_output=True, text=True, check=True)
     return done.stdout
 
