@@ -26,8 +26,6 @@ from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.passages import order_of, permuted, vertex_needs
 from mrp_sumo.traffic.schedule import check_order
 
-pytestmark = pytest.mark.kernel
-
 CROSSING = [[3, 2, 1, 0, 7], [6, 6, 6, 5, 4, 0, 10]]  # robot_0 first
 STPG = Path(__file__).parents[3] / "shared" / "reference" / "data" / "stpg"
 
