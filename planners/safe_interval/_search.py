@@ -82,7 +82,7 @@ def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, heap):
     for k in range(moves.first_in[goal], moves.first_in[goal + 1]):
         lane = moves.lane_in[k]
         at_rest[lane] = steps_of_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
-        push(heap, count, (at_rest[lane] << 32) | lane)
+        push(heap, count, (np.int64(at_rest[lane]) << 32) | lane)
         count += 1
     stack = np.empty((len(facing) + 1, 2), np.int64)
     while count:
@@ -348,7 +348,7 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
 @kernel(inline="always")
 def priority(spent, left, weight, floor):
     """What a state is expanded by: when the robot can be at its goal, which is not before that is free; then what is left."""
-    return (min(max(spent + np.int64(weight * left), floor), NEVER) << 16) | min(left, 0xFFFF)
+    return (np.int64(min(max(spent + np.int64(weight * left), floor), NEVER)) << 16) | np.int64(min(left, 0xFFFF))
 
 
 @kernel(inline="always")

@@ -22,6 +22,8 @@ from mrp_sumo.traffic.resources import resources_of
 from planners.safe_interval._moves import moves_of
 from planners.safe_interval._search import FAR, step_of_run, steps_left
 
+pytestmark = pytest.mark.kernel
+
 LIMITS = {"burger": (0.22, 2.5, 2.5, 2.84), "slow to brake": (2.0, 0.5, 0.5, 1.5), "slow to start": (1.0, 0.3, 0.7, 0.8)}
 
 
