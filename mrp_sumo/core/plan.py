@@ -97,24 +97,27 @@ def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> P
     PlanError
         When a robot has no step 0.
     """
-    first, vertex, arrive, depart = [0], [], [], []
+    visits = []
     for robot, path in enumerate(paths):
         path = np.asarray(path, np.int64)
         if not len(path):
             raise PlanError(f"the path of robot {robot} is empty")
         begin = np.flatnonzero(np.concatenate(([True], path[1:] != path[:-1])))
-        end = np.append(begin[1:] - 1, 0)
-        vertex.append(path[begin])
-        arrive.append(begin * step_s)
-        depart.append(end * step_s)
-        depart[-1][-1] = np.inf
-        first.append(first[-1] + len(begin))
+        depart_s = np.append(begin[1:] - 1, 0) * step_s
+        depart_s[-1] = np.inf
+        visits.append((path[begin], np.asarray(begin * step_s, np.float64), depart_s))
+    return plan_of_visits(visits)
+
+
+def plan_of_visits(visits: Sequence[tuple[IntArray, FloatArray, FloatArray]]) -> Plan:
+    """A Plan of each robot's vertices, arrivals and departures in s."""
+    vertex, arrive_s, depart_s = zip(*visits) if visits else ((), (), ())
     none: list[FloatArray] = [np.zeros(0)]
     return Plan(
-        first=frozen(np.array(first, np.int64)),
+        first=frozen(np.cumsum([0, *map(len, vertex)]).astype(np.int64)),
         vertex=frozen(np.concatenate([np.zeros(0, np.int64), *vertex])),
-        arrive_s=frozen(np.concatenate(none + arrive)),
-        depart_s=frozen(np.concatenate(none + depart)),
+        arrive_s=frozen(np.concatenate(none + list(arrive_s))),
+        depart_s=frozen(np.concatenate(none + list(depart_s))),
     )
 
 

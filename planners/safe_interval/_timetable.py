@@ -5,8 +5,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
-from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.resources import Resources, resources_of
 from planners.safe_interval import _search, _table
@@ -185,21 +185,11 @@ class Timetable:
 
     def plan(self) -> Plan:
         """The ways as timed visits; all robots have one."""
-        first, vertex, arrive, depart = [0], [], [], []
+        visits = []
         for robot, way in enumerate(self.way):
             assert way is not None
-            v, a, d = self._visits(robot, way)
-            vertex.append(v)
-            arrive.append(a)
-            depart.append(d)
-            first.append(first[-1] + len(v))
-        none: list[FloatArray] = [np.zeros(0)]
-        return Plan(
-            first=frozen(np.array(first, np.int64)),
-            vertex=frozen(np.concatenate([np.zeros(0, np.int64), *vertex])),
-            arrive_s=frozen(np.concatenate(none + arrive)),
-            depart_s=frozen(np.concatenate(none + depart)),
-        )
+            visits.append(self._visits(robot, way))
+        return plan_of_visits(visits)
 
     def _visits(self, robot: int, way: Way) -> tuple[IntArray, FloatArray, FloatArray]:
         """Vertices with the times at which a robot arrives and sets out."""
