@@ -6,12 +6,14 @@ from typing import Protocol
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.visits import Visits
 
+WHOLE_WAY = 2**62  # rank of a visit above all others
+
 
 class Bodies(Protocol):
     """R robots as a controller sees them."""
 
     driven_m: FloatArray  # [R] how far each robot has driven since its start
-    routed: IntArray  # [R] rank of the last visit that the engine knows the way to; above all ranks where it knows the whole way
+    routed: IntArray  # [R] rank of the last visit that the engine knows the way to; WHOLE_WAY where it knows all of it
 
 
 class Engine(Bodies, Protocol):

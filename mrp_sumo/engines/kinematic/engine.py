@@ -11,10 +11,9 @@ import numpy as np
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
 from mrp_sumo.core.visits import Visits
+from mrp_sumo.engines.protocol import WHOLE_WAY
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.search._bodies import lane_limits, move_bodies
-
-WHOLE_WAY = 2**62
 
 
 class KinematicEngine:

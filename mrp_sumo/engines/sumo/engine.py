@@ -14,12 +14,12 @@ import numpy as np
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.visits import Visits
+from mrp_sumo.engines.protocol import WHOLE_WAY
 from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, lane_ends
 from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
 from mrp_sumo.errors import ExecutionError
 
 AHEAD = 5  # edges in a renewed route
-WHOLE_WAY = 2**62
 MOST_OF = 0.7  # of a graph's vertices, from which on it is quicker to load the whole network
 
 
