@@ -1,5 +1,7 @@
 """Gets the controller's kernels compiled or loaded before time is measured, without SUMO."""
 
+from functools import cache
+
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
@@ -26,6 +28,7 @@ class Standstill:
         self.routed = np.zeros(num_robots, np.int64)
 
 
+@cache  # once a process, and not to push the resources of real graphs out of memory
 def prepare() -> None:
     """Let the controller look at one robot on one lane, twice."""
     problem, plan = _one_robot()
@@ -41,6 +44,7 @@ def prepare() -> None:
     prepare_retime()
 
 
+@cache
 def prepare_retime() -> None:
     """Retime a plan for one robot on one lane."""
     retime(*_one_robot(), ExecutionSettings())
