@@ -8,6 +8,7 @@ stay where they are, unless somebody has to come there.
 import heapq
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
@@ -56,6 +57,7 @@ class Work:
         self._waiting: list[int] = []  # tasks that nobody has, by urgency
         self._sources = [_Source(source.tasks(), source.num_open) for source in sources]
         self._again_s = 0.0
+        self._outwards: dict[int, tuple[int, ...]] = {}  # vertices by their distance from one, found once
 
     @property
     def unassigned(self) -> Sequence[int]:
@@ -248,8 +250,11 @@ class Work:
         graph, doorstep = self.problem.graph, set[int]()
         if at != centre:
             doorstep = {centre, *graph.head[graph.first[centre] : graph.first[centre + 1]].tolist()}
-        free = [v for v in _outwards(self.problem, centre) if v not in taken]
-        return next((v for v in free if v not in doorstep and (v == at or v not in stood_on)), free[0])
+        if centre not in self._outwards:
+            self._outwards[centre] = tuple(_outwards(self.problem, centre))
+        free = (v for v in self._outwards[centre] if v not in taken)
+        nearest = next(free)
+        return next((v for v in chain((nearest,), free) if v not in doorstep and (v == at or v not in stood_on)), nearest)
 
 
 class _Source:
