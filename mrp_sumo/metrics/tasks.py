@@ -1,7 +1,7 @@
 """Metrics of work that does not end: tasks done, how long they took, and from when on a run is steady.
 
 The warm-up is left out of throughput and service times. It is found by MSER-5 on the service times of tasks in the order in which they
-were done: White, "An effective truncation heuristic for bias reduction in simulation output", Simulation 69(6), 1997.
+were done.
 """
 
 from itertools import pairwise
@@ -11,8 +11,8 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.metrics.metric import Evidence, metric
+from mrp_sumo.metrics.warm_up import warm_up_length
 
-BATCH = 5
 HOUR_S = 3600.0
 
 
@@ -136,15 +136,8 @@ def steady_from(tasks: TaskLog) -> float | None:
     """When the warm-up ends, s; None where the run is too short to tell: it would be more than half of the tasks done."""
     done = np.flatnonzero(np.isfinite(tasks.done_s))
     done = done[np.argsort(tasks.done_s[done], kind="stable")]
-    num_batches = len(done) // BATCH
-    if num_batches < 4:
-        return None
-    means = tasks.service_time_s[done[: num_batches * BATCH]].reshape(-1, BATCH).mean(1)
-    error = np.array([means[d:].var() / (num_batches - d) for d in range(num_batches - 1)])
-    cut = int(np.argmin(error))
-    if cut > num_batches // 2:
-        return None
-    return float(tasks.done_s[done[cut * BATCH - 1]]) if cut else 0.0
+    cut = warm_up_length(tasks.service_time_s[done])
+    return None if cut is None else float(tasks.done_s[done[cut - 1]]) if cut else 0.0
 
 
 @metric("", "none", "answers that the planner was asked for while robots drove")

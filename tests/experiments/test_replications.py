@@ -1,0 +1,55 @@
+"""Limits of replications hold the truth of systems whose truth is known."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mrp_sumo.experiments.replications import batch_means, paired_t, t_mean
+from tests.experiments.queues import coverage, mean_wait_s, waits_s
+
+
+def test_limits_are_students():
+    found = t_mean([4.0, 5.0, 6.0, 9.0, math.nan])
+    assert (found.value, found.count) == (6.0, 4)
+    assert (found.low, found.high) == pytest.approx(stats.t.interval(0.95, 3, 6.0, stats.sem([4, 5, 6, 9])))
+    assert t_mean([3.0]).high == math.inf
+
+
+def test_paired_test_is_that_of_the_differences():
+    a, b = np.array([10.0, 12.0, 9.0, 14.0, 11.0]), np.array([11.0, 13.5, 9.5, 15.0, 12.5])
+    found, known = paired_t(a, b), stats.ttest_rel(b, a)
+    assert found.p_value == pytest.approx(known.pvalue)
+    assert (found.difference.low, found.difference.high) == pytest.approx(tuple(known.confidence_interval()))
+    assert found.variance_reduction == pytest.approx(1 - np.var(b - a, ddof=1) / (np.var(a, ddof=1) + np.var(b, ddof=1)))
+    assert found.variance_reduction > 0.9
+
+
+def test_common_random_numbers_have_narrower_limits_than_independent_ones():
+    """Servers of M/M/2 that are 5 % faster: the same customers come to both."""
+    before, other = (waits_s(np.random.default_rng(seed), 12, 3000, 1.4, 1.0, 2).mean(1) for seed in (7, 8))
+    after = waits_s(np.random.default_rng(7), 12, 3000, 1.4, 0.95, 2).mean(1)
+    together, apart = paired_t(before, after), paired_t(other, after)
+    assert together.variance_reduction > 0.8
+    assert together.difference.high < 0
+    assert (apart.difference.high - apart.difference.low) > 2 * (together.difference.high - together.difference.low)
+
+
+def test_erlangs_formula_is_within_the_limits_of_replications():
+    runs = waits_s(np.random.default_rng(1), 20, 4000, 2.4, 1.0, 3)[:, 500:].mean(1)
+    limits = t_mean(runs)
+    assert limits.low <= mean_wait_s(2.4, 1.0, 3) <= limits.high
+    assert limits.high - limits.low < 0.5 * limits.value
+
+
+def test_long_batches_are_independent_and_short_ones_are_not():
+    waits = waits_s(np.random.default_rng(2), 1, 60_000, 1.4, 1.0, 2)[0]
+    long, short = batch_means(waits, 20), batch_means(waits[:2000], 200)
+    assert long.independent
+    assert long.mean.low <= mean_wait_s(1.4, 1.0, 2) <= long.mean.high
+    assert not short.independent
+
+
+def test_limits_cover_the_truth_as_often_as_they_say():
+    assert 0.90 <= coverage(3, 200, 4, 4800) <= 0.99  # normal quantiles: 0.85; 1,000 long studies: tools/bench_capacity.py
