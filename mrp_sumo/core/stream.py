@@ -4,8 +4,9 @@ A stream is an endless or a finite series of `Task`s; the n-th depends on the se
 done. Draws are in a fixed order (arrival, route, service times), each kind from its own generator, so that another rate changes no route.
 """
 
+import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Protocol
 
@@ -141,6 +142,29 @@ class TaskStream:
         service_s = self.service[min(k, len(self.service) - 1)].draw(rng) if self.service else 0.0
         action = self.actions[min(k, len(self.actions) - 1)] if self.actions else ""
         return Stop(station.places[0], service_s, action, station)
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """The tasks of several sources in the order of their arrival, of which so many are always known and not done."""
+
+    sources: tuple[TaskSource, ...]
+    num_open: int
+
+    def tasks(self) -> Iterator[Task]:
+        """See TaskSource. Sources without times of their own take turns, in proportion to how many of their tasks are open."""
+        return heapq.merge(*(self._spread(source) for source in self.sources), key=_release)
+
+    @staticmethod
+    def _spread(source: TaskSource) -> Iterator[Task]:
+        if not source.num_open:
+            return source.tasks()
+        spread_s = HOUR_S / source.num_open
+        return (replace(t, release_s=k * spread_s, due_s=k * spread_s + t.due_s) for k, t in enumerate(source.tasks()))
+
+
+def _release(task: Task) -> float:
+    return task.release_s
 
 
 def zipf_weights(num: int, exponent: float) -> FloatArray:

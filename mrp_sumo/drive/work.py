@@ -214,10 +214,11 @@ class Work:
     def _reveal(self, now_s: float) -> None:
         for source in self._sources:
             while (task := source.take(now_s, len(self.tasks))) is not None:
-                self.tasks.append(replace(task, id=len(self.tasks)))
+                known_s = now_s if source.num_open else task.release_s  # a due time goes with it
+                self.tasks.append(replace(task, id=len(self.tasks), release_s=known_s, due_s=task.due_s - task.release_s + known_s))
                 self._robot.append(NOBODY)
                 for name, column in self._times.items():
-                    column.append((now_s if source.num_open else task.release_s) if name == "released_s" else np.nan)
+                    column.append(known_s if name == "released_s" else np.nan)
                 self._waiting.append(len(self.tasks) - 1)
                 self.news = True
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskSource, TaskStream, zipf_weights
+from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskSource, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import read_text, shortened
@@ -125,6 +125,10 @@ class TasksChoice(_Strict):
         None, description="A CSV file with the columns release_s, stops (parted by blanks), and more of a task's keys."
     )
     streams: tuple[StreamChoice, ...] = ()
+    open: Annotated[int, Field(ge=1)] | None = Field(
+        None,
+        description="So many tasks of all streams together are always known and not done, in the order of their arrival.",
+    )
     planning_budget_s: NotNegative = Field(1.0, description="Simulated time that the planner is given for each answer.")
 
     @model_validator(mode="before")
@@ -173,7 +177,7 @@ def sources_of(
     if choice.file is not None:
         found.append(_listed(_read(names, folder / choice.file, at("tasks", "file"))))
     found += [_stream(names, ("tasks", "streams", i), stream, i, seed, step_s) for i, stream in enumerate(choice.streams)]
-    return tuple(found)
+    return tuple(found) if choice.open is None else (ClosedLoop(tuple(found), choice.open),)
 
 
 class _Names:

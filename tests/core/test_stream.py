@@ -5,7 +5,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream, zipf_weights
+from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import PlanError
 
@@ -90,3 +90,12 @@ def test_stops_are_made_at_a_place_of_their_station():
         Task(3, ())
     with pytest.raises(PlanError, match="station 'pack' has no places"):
         Station("pack", ())
+
+
+def test_a_closed_loop_keeps_the_order_of_arrival_and_the_mix():
+    rates = [stream(Arrivals("poisson", rate_per_h=rate), number=k, priority=k) for k, rate in enumerate((300, 100))]
+    loop = first(400, ClosedLoop(tuple(rates), 8))
+    assert [task.release_s for task in loop] == sorted(task.release_s for task in loop)
+    assert 0.65 < sum(task.priority == 0 for task in loop) / 400 < 0.85
+    turns = [stream(Arrivals("open", num_open=n), number=k, priority=k) for k, n in enumerate((2, 1))]
+    assert sum(task.priority for task in first(30, ClosedLoop(tuple(turns), 4))) == 10

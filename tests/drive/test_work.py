@@ -6,7 +6,7 @@ from worlds import BURGER, drive, line, square_grid
 
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskStream
+from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.metrics.audit import audit
 
@@ -172,3 +172,10 @@ def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], count=8, service_s=2.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning_budget_s=1.0)
     assert set(run.tasks.state) == {"done"}
+
+
+def test_orders_in_a_closed_loop_are_due_after_they_become_known(tmp_path):
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=1.0), due_after_s=50.0)
+    run = work(tmp_path, square_grid(3), [1, 4], ClosedLoop((stream,), 2), time_limit_s=100.0)
+    done = run.tasks.done_s[run.stops.task]
+    assert (run.stops.due_s == run.tasks.released_s[run.stops.task] + 50.0).all() and np.isfinite(done).any()
