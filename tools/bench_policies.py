@@ -59,7 +59,7 @@ def planned(options: argparse.Namespace, map_name: str, robots: int, maps: MapCa
             **CASE,
             "map": map_name,
             "robots": {**CASE["robots"], "count": robots},
-            "seed": 3000 + seed,
+            "seed": options.seed + seed,
             "planner": {"name": options.planner, "time_limit_s": 30},
             "execution": {"engine": options.engine, "time_limit_s": 3000},
         }
@@ -75,7 +75,7 @@ def planned(options: argparse.Namespace, map_name: str, robots: int, maps: MapCa
             yield solution.problem, plan, with_time_limit(setup, plan).settings, network
             found += 1
         except MrpSumoError as error:
-            print(f"{map_name}, {robots} robots, seed {3000 + seed}: {error}")
+            print(f"{map_name}, {robots} robots, seed {options.seed + seed}: {error}")
 
 
 def losses(case: Case, policies: Sequence[tuple[str, dict[str, Any]]], rate: float, draws: int) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -162,6 +162,7 @@ def main() -> None:
     parser.add_argument("--roadmap", action="store_true", help="drive on the map's own lanes instead of a grid of 0.4 m")
     parser.add_argument("--engine", default="kinematic", choices=("kinematic", "sumo"))
     parser.add_argument("--plans", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=3000, help="after which the seeds of the plans come (default: 3000)")
     parser.add_argument("--draws", type=int, default=4, help="of delays for each plan")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()

@@ -7,9 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 import mrp_sumo
 from mrp_sumo.cli.main import main
@@ -17,6 +19,7 @@ from mrp_sumo.experiments import batch as batches
 from mrp_sumo.io.results import MACHINE_COLUMNS
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
+SUITES = sorted((Path(__file__).parents[2] / "scenarios/suites").glob("*.yaml"))
 SUITE = """
 name: study
 description: Two planners.
@@ -89,6 +92,15 @@ def test_query_answers_sql_and_views(study, capsys):
     assert capsys.readouterr().out.split()[:2] == ["planner", "cost"]
     assert main(["query", str(study / "out")]) == 0
     assert "view cost: select planner" in capsys.readouterr().out
+
+
+def test_views_of_bundled_suites_name_columns_that_there_are(study):
+    suites = {path.stem: yaml.safe_load(path.read_text()) for path in SUITES}
+    planned = {name: suite.get("views", {}) for name, suite in suites.items() if suite.get("until") != "map"}
+    views = {(suite, name): sql for suite, of_suite in planned.items() for name, sql in of_suite.items()}
+    assert views
+    for (suite, name), sql in views.items():
+        assert main(["query", str(study / "out"), sql, "--csv"]) == 0, f"{suite}: {name}"
 
 
 @pytest.mark.parametrize(
