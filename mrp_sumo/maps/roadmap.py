@@ -4,10 +4,11 @@ Refuses cells that are not above 0 or so short that no plan could be computed on
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, NavGraph, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
 
 MAX_VERTICES = 2_000_000
@@ -38,52 +39,27 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
     if isinstance(nav, PlanGraph):
         return nav
     check_cell(cell_m)
-    num_vertices, num_lanes = nav.num_vertices, nav.num_lanes
-    steps = np.maximum(np.rint(nav.length_m / cell_m), 1)  # [L]
-    lane = np.arange(num_lanes)
-    apart = np.zeros(num_lanes, np.bool_)  # [L] has a track of its own beside its reverse
-    if two_way:
-        apart = (nav.reverse >= 0) & (steps > 1) & np.array(["lift" not in options for options in nav.lane_options], np.bool_)
-    shared = (nav.reverse >= 0) & (nav.reverse < lane) & ~apart
-    owner = np.where(shared, nav.reverse, lane)  # [L] the lane of a pair that cuts are counted along
-    own = owner == lane
-    if steps[own].sum() + num_vertices > MAX_VERTICES:
-        raise MapError(f"cells of {cell_m:g} m would cut '{nav.name}' into more than {MAX_VERTICES:.0e} pieces")
-    steps = steps[owner].astype(np.int64)
-    first_cut = np.zeros(num_lanes, np.int64)  # [L] the first vertex between the ends, along the owner
-    first_cut[own] = num_vertices + np.concatenate([[0], np.cumsum(steps[own] - 1)[:-1]]) if num_lanes else 0
-    first_cut = first_cut[owner]
-
-    cut_lane = np.repeat(lane[own], steps[own] - 1)  # [C] the owner of each cut
-    k = np.arange(len(cut_lane)) - (first_cut[cut_lane] - num_vertices) + 1  # [C] its step along it, from 1
-    share = k / steps[cut_lane]
-    way = nav.xy[nav.head[cut_lane]] - nav.xy[nav.tail[cut_lane]]  # [C, 2]
-    xy = nav.xy[nav.tail[cut_lane]] + share[:, None] * way
-    right = way[:, ::-1] * [1, -1] / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-    xy += np.where(apart[cut_lane], cell_m / 2, 0.0)[:, None] * right
-
-    of = np.repeat(lane, steps)  # [S] the lane of each step
-    i = np.arange(len(of)) - np.repeat(np.cumsum(steps) - steps, steps)  # [S] its number along the lane, from 0
-    n = steps[of]
-    along = own[of]  # counted along the owner, or against it
-
+    cuts = _cuts(nav, cell_m, two_way)
+    of = np.repeat(np.arange(nav.num_lanes), cuts.steps)  # [S] the lane of each step
+    i = np.arange(len(of)) - np.repeat(np.cumsum(cuts.steps) - cuts.steps, cuts.steps)  # [S] its number along the lane, from 0
+    n = cuts.steps[of]
     length_m = nav.length_m[of] / n
-    aslant = apart[of] & ((i == 0) | (i == n - 1))  # from a vertex to its own track, and back
+    aslant = cuts.apart[of] & ((i == 0) | (i == n - 1))  # from a vertex to its own track, and back
     length_m = np.where(aslant, np.hypot(length_m, cell_m / 2), length_m)
 
     def place(j: np.ndarray) -> np.ndarray:
-        """[S] vertex after j steps of the lane."""
-        between = first_cut[of] + np.where(along, j, n - j) - 1
+        """[S] vertex after j steps of the lane, whose cuts are counted along its owner, or against it."""
+        between = cuts.first[of] + np.where(cuts.own[of], j, n - j) - 1
         return np.where(j == 0, nav.tail[of], np.where(j == n, nav.head[of], between))
 
     graph = nav_graph(
         name=nav.name,
-        xy=np.concatenate([nav.xy, xy]),
+        xy=np.concatenate([nav.xy, _places(nav, cuts, cell_m)]),
         lanes=np.stack([place(i), place(i + 1)], axis=1),
         level_names=nav.level_names,
-        level=np.concatenate([nav.level, nav.level[nav.tail[cut_lane]]]),
-        vertex_name=nav.vertex_name + ("",) * len(cut_lane),
-        vertex_options=nav.vertex_options + (NO_OPTIONS,) * len(cut_lane),
+        level=np.concatenate([nav.level, nav.level[nav.tail[cuts.lane]]]),
+        vertex_name=nav.vertex_name + ("",) * len(cuts.lane),
+        vertex_options=nav.vertex_options + (NO_OPTIONS,) * len(cuts.lane),
         length_m=length_m,
         speed_mps=nav.speed_mps[of],
         lane_options=[nav.lane_options[j] for j in of],
@@ -94,9 +70,49 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
         kind="roadmap",
         cell_m=cell_m,
         vertex_of_station=_stations(nav),
-        nav_lane=np.concatenate([np.full(num_vertices, -1), cut_lane]),
-        offset_m=np.concatenate([np.zeros(num_vertices), share * nav.length_m[cut_lane]]),
+        nav_lane=np.concatenate([np.full(nav.num_vertices, -1), cuts.lane]),
+        offset_m=np.concatenate([np.zeros(nav.num_vertices), cuts.share * nav.length_m[cuts.lane]]),
     )
+
+
+class _Cuts(NamedTuple):
+    """Where lanes are cut. Of a lane and its reverse on a single track one owns the cuts."""
+
+    steps: IntArray  # [L] of each lane
+    first: IntArray  # [L] the first vertex between its ends, along the owner
+    own: BoolArray  # [L] whether it owns its cuts
+    apart: BoolArray  # [L] whether it has a track of its own beside its reverse
+    lane: IntArray  # [C] the owner of each cut
+    share: FloatArray  # [C] of the owner's length that lies before it
+
+
+def _cuts(nav: NavGraph, cell_m: float, two_way: bool) -> _Cuts:
+    num_vertices, num_lanes = nav.num_vertices, nav.num_lanes
+    steps = np.maximum(np.rint(nav.length_m / cell_m), 1)
+    lane = np.arange(num_lanes)
+    apart = np.zeros(num_lanes, np.bool_)
+    if two_way:
+        apart = (nav.reverse >= 0) & (steps > 1) & np.array(["lift" not in options for options in nav.lane_options], np.bool_)
+    shared = (nav.reverse >= 0) & (nav.reverse < lane) & ~apart
+    owner = np.where(shared, nav.reverse, lane)
+    own = owner == lane
+    if steps[own].sum() + num_vertices > MAX_VERTICES:
+        raise MapError(f"cells of {cell_m:g} m would cut '{nav.name}' into more than {MAX_VERTICES:.0e} pieces")
+    steps = steps[owner].astype(np.int64)
+    first = np.zeros(num_lanes, np.int64)
+    first[own] = num_vertices + np.concatenate([[0], np.cumsum(steps[own] - 1)[:-1]]) if num_lanes else 0
+    first = first[owner]
+    cut_lane = np.repeat(lane[own], steps[own] - 1)
+    k = np.arange(len(cut_lane)) - (first[cut_lane] - num_vertices) + 1  # [C] its step along the owner, from 1
+    return _Cuts(steps, first, own, apart, cut_lane, k / steps[cut_lane])
+
+
+def _places(nav: NavGraph, cuts: _Cuts, cell_m: float) -> FloatArray:
+    """[C, 2] of the cuts, in m: on the lane, or half a cell to its right."""
+    way = nav.xy[nav.head[cuts.lane]] - nav.xy[nav.tail[cuts.lane]]
+    right = way[:, ::-1] * [1, -1] / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    xy = nav.xy[nav.tail[cuts.lane]] + cuts.share[:, None] * way
+    return np.asarray(xy + np.where(cuts.apart[cuts.lane], cell_m / 2, 0.0)[:, None] * right)
 
 
 def cell_that_fits(length_m: FloatArray, step_m: float) -> float:

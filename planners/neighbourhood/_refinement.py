@@ -8,6 +8,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.clashes import clashes_of
 from planners._world import SLICE_S
 from planners.neighbourhood import _lns
+from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
 from planners.neighbourhood._sipps import Labels, room_for_labels
 from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, path_of, traffic_of
@@ -16,6 +17,8 @@ SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
 MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
 
+Room = tuple[Traffic, Labels, Neighbourhood]
+
 
 def task_of(problem: Problem, table: np.ndarray) -> Task:
     """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
@@ -23,14 +26,31 @@ def task_of(problem: Problem, table: np.ndarray) -> Task:
     return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table, clashes_of(problem))
 
 
-def room_to_repair(
-    task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True
-) -> tuple[Traffic, Labels, Neighbourhood]:
+def room_to_repair(task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True) -> Room:
     """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time."""
     horizon = (horizon + WORD - 1) // WORD * WORD
     traffic = empty_traffic(task, horizon, following=following, rotations=rotations)
     labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
     return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
+
+
+def plan_in_order(task: Task, room: Room, order: np.ndarray, deadline_s: float) -> int:
+    """Plan robots one after another, crossing others where it has to be; how many have a path when one has none, or no time is left."""
+    traffic, labels, _ = room
+    for a in range(len(order)):
+        if perf_counter() > deadline_s or not _lns.plan_all(task, traffic, labels, order, a, a + 1):
+            return a
+    return len(order)
+
+
+def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline_s: float) -> tuple[int, int]:
+    """Replan neighbourhoods of `size` robots until nobody collides; how many pairs did, and how many are left when time is up."""
+    first = pairs = find_collisions(task, room[0], room[2])
+    at_once = 1  # neighbourhoods between two looks at the clock
+    while pairs and (slice_s := perf_counter()) <= deadline_s:
+        pairs = _lns.repair(task, *room, size, pairs, at_once, rng)
+        at_once = max(1, int(at_once * min(SLICE_S / max(perf_counter() - slice_s, 1e-6), 2.0)))
+    return first, pairs
 
 
 def room_bytes(task: Task, horizon: int) -> int:

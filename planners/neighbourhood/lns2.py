@@ -58,7 +58,6 @@ class Lns2:
         """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
         from mrp_sumo.search.distance import UNREACHABLE
         from planners._world import (
-            SLICE_S,
             checked_deadline,
             gave_up,
             solved,
@@ -67,9 +66,15 @@ class Lns2:
             timed_out,
             without_search,
         )
-        from planners.neighbourhood import _lns
-        from planners.neighbourhood._collisions import find_collisions
-        from planners.neighbourhood._refinement import Refinement, polishing_labels, room_bytes, room_to_repair, task_of
+        from planners.neighbourhood._refinement import (
+            Refinement,
+            plan_in_order,
+            polishing_labels,
+            repair,
+            room_bytes,
+            room_to_repair,
+            task_of,
+        )
         from planners.neighbourhood._traffic import path_of
 
         begin_s = perf_counter()
@@ -94,28 +99,23 @@ class Lns2:
                 begin_s, lower_bound, f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
             )
         kind = {"following": self.following, "rotations": self.rotations}
-        traffic, labels, hood = room_to_repair(task, horizon, self.neighbourhood, **kind)
+        room = room_to_repair(task, horizon, self.neighbourhood, **kind)
         order = rng.permutation(problem.num_robots)
-        for a in range(problem.num_robots):
+        planned = plan_in_order(task, room, order, deadline_s)
+        if planned < len(order):
             if perf_counter() > deadline_s:
                 return timed_out(begin_s, lower_bound, f"no solution within {time_limit_s:g} s")
-            if not _lns.plan_all(task, traffic, labels, order, a, a + 1):
-                name = problem.fleet.robot_name[order[a]]
-                return gave_up(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
-        pairs = find_collisions(task, traffic, hood)
-        stats = {"initial_pairs": float(pairs)}
-        at_once = 1
-        while pairs:
-            slice_s = perf_counter()
-            if slice_s > deadline_s:
-                message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
-                return timed_out(begin_s, lower_bound, message, pairs=float(pairs), **stats)
-            pairs = _lns.repair(task, traffic, labels, hood, self.neighbourhood, pairs, at_once, rng)
-            at_once = max(1, int(at_once * min(SLICE_S / max(perf_counter() - slice_s, 1e-6), 2.0)))
-        path = path_of(traffic)
+            name = problem.fleet.robot_name[order[planned]]
+            return gave_up(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
+        first_pairs, pairs = repair(task, room, self.neighbourhood, rng, deadline_s)
+        stats = {"initial_pairs": float(first_pairs)}
+        if pairs:
+            message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
+            return timed_out(begin_s, lower_bound, message, pairs=float(pairs), **stats)
+        path = path_of(room[0])
         cost = sum_of_costs(path, task.goal)
         stats |= {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
-        del traffic, labels, hood
+        del room
         if (self.polish or self.anytime) and cost > lower_bound:
             refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, **kind)
             refinement.until(deadline_s, most_labels=polishing_labels(self.polish, problem.num_robots))

@@ -55,7 +55,47 @@ def read_building(path: Path, meters_per_pixel: float | None = None) -> Building
 
 def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
     """The building of a parsed document; see `read_building`."""
+    name, system, reference, given = _header(document, source, meters_per_pixel)
     reader = LevelReader(source, Notes())
+    parameters = reader.options(document.get("parameters"), "parameters", ("parameters",))
+
+    drafts = {str(key): draft_of(reader, str(key), value, key, system) for key, value in given.items()}
+    placements = placements_of(reader, drafts, reference, system, meters_per_pixel)
+    crs_name, offset = georeference(reader, system, parameters)
+    world = {n: project(source, d.raw_xy, crs_name) if system == "wgs84" else placements[n].apply(d.raw_xy) for n, d in drafts.items()}
+    on_lanes = [world[n][[lane.start, lane.end]] for n, d in drafts.items() for lane in d.lanes]
+    origin = origin_of(np.concatenate(on_lanes) if on_lanes else np.zeros((0, 2)), offset)
+    levels = {n: d.level(world[n], origin) for n, d in drafts.items()}
+    lifts = _lifts(
+        reader,
+        document.get("lifts"),
+        drafts,
+        placements,
+        reference,
+        crs_name if system == "wgs84" else "",
+        -1.0 if system == "reference_image" else 1.0,
+    )
+    _note_lanes(reader.notes, drafts)
+    _note_names(reader.notes, drafts)
+    if system != "reference_image":
+        moved = f", {origin[0]:g}, {origin[1]:g} m subtracted" if any(origin) else ""
+        reader.notes.add("not_reference_image", f"{system}{moved}")
+    return Building(
+        name=name,
+        path=source.path,
+        coordinate_system=system,
+        reference_level=reference,
+        levels=levels,
+        lifts=lifts,
+        crs_name=crs_name,
+        offset=offset,
+        origin_m=origin,
+        findings=reader.notes.findings(),
+    )
+
+
+def _header(document: Any, source: Text, meters_per_pixel: float | None) -> tuple[str, str, str, Mapping[Any, Any]]:
+    """Name, coordinate system, reference level, and levels as they are given, where all four have a meaning."""
     if not isinstance(document, Mapping):
         raise source.fault(f"a building is a mapping with 'levels', this is {told(document)}")
     name = document.get("building_name", document.get("name"))
@@ -84,41 +124,7 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
         raise source.fault(
             f"reference_level_name '{reference}' is not a level{nearest(reference, map(str, given))}", "reference_level_name"
         )
-    parameters = reader.options(document.get("parameters"), "parameters", ("parameters",))
-
-    drafts = {str(key): draft_of(reader, str(key), value, key, system) for key, value in given.items()}
-    placements = placements_of(reader, drafts, reference, system, meters_per_pixel)
-    crs_name, offset = georeference(reader, system, parameters)
-    world = {n: project(source, d.raw_xy, crs_name) if system == "wgs84" else placements[n].apply(d.raw_xy) for n, d in drafts.items()}
-    on_lanes = [world[n][[lane.start, lane.end]] for n, d in drafts.items() for lane in d.lanes]
-    origin = origin_of(np.concatenate(on_lanes) if on_lanes else np.zeros((0, 2)), offset)
-    levels = {n: d.level(world[n], origin) for n, d in drafts.items()}
-    lifts = _lifts(
-        reader,
-        document.get("lifts"),
-        drafts,
-        placements,
-        reference,
-        crs_name if system == "wgs84" else "",
-        -1.0 if system == "reference_image" else 1.0,
-    )
-    _note_lanes(reader.notes, drafts)
-    _note_names(reader.notes, drafts)
-    if system != "reference_image":
-        moved = f", {origin[0]:g}, {origin[1]:g} m subtracted" if any(origin) else ""
-        reader.notes.add("not_reference_image", f"{system}{moved}")
-    return Building(
-        name=str(name),
-        path=source.path,
-        coordinate_system=system,
-        reference_level=reference,
-        levels=levels,
-        lifts=lifts,
-        crs_name=crs_name,
-        offset=offset,
-        origin_m=origin,
-        findings=reader.notes.findings(),
-    )
+    return str(name), system, reference, given
 
 
 def _lifts(
