@@ -15,14 +15,14 @@ STRAIGHT_RAD = 0.2  # lesser bends are driven through
 ARRIVED_M = 0.002  # and has arrived this close to it
 
 
-@kernel
+@kernel(allocates=False)
 def steps_of_turn(angle_rad, turn_rad):
     """Steps of a turn in place, at `turn_rad` a step. Lesser bends are driven through; an angle that is not known (NaN) is none."""
     angle = abs((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
     return turn_steps(angle, turn_rad, 1.0) if angle > STRAIGHT_RAD else 0
 
 
-@kernel
+@kernel(allocates=False)
 def steps_of_turns(first, head, heading_rad, turn_first, turn_rad, out):
     """Of turns from each lane to each that leaves its head."""
     for lane in range(len(head)):
@@ -31,7 +31,7 @@ def steps_of_turns(first, head, heading_rad, turn_first, turn_rad, out):
             out[turn_first[lane] + following - first[v]] = steps_of_turn(heading_rad[following] - heading_rad[lane], turn_rad)
 
 
-@kernel
+@kernel(allocates=False)
 def next_speed(s, v, here, dist, limit, num, top, accel, decel, dt):
     """Speed in the next step where nothing ends: acceleration, top speed, the limit of this lane and those of the lanes ahead."""
     v = min(v + accel * dt, min(top, limit[here]))
@@ -44,7 +44,7 @@ def next_speed(s, v, here, dist, limit, num, top, accel, decel, dt):
     return v
 
 
-@kernel
+@kernel(allocates=False)
 def lay_course(dist, limit, top, accel, decel, dt, s_out, v_out):
     """Positions after 0, 1, ... steps from rest, and the speed of the step that follows, until the ray's end is passed.
 
@@ -65,7 +65,7 @@ def lay_course(dist, limit, top, accel, decel, dt, s_out, v_out):
     return -1
 
 
-@kernel
+@kernel(allocates=False)
 def lay_tails(dist, limit, top, accel, decel, dt, s_in, v_in, brake, time, tail_first, tail_s):
     """Of each run: the step before which it brakes, the step after which it has arrived, and its positions from the first to the second.
 

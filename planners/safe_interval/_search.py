@@ -42,7 +42,7 @@ class Scratch(NamedTuple):
     place: np.ndarray  # [H] its number
     stamp: np.ndarray  # [H] the search that wrote it
     searches: np.ndarray  # [1]
-    gap: np.ndarray  # [2, MOST_GAPS] steps from which on and until when the robot may set out
+    gap: np.ndarray  # [4, MOST_GAPS] steps from which on and until when the robot may set out; room for those still to be split
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
     work: np.ndarray  # [3] states and entries so far, over all searches; from which step on the goal is free for ever
@@ -60,7 +60,7 @@ def new_scratch(states: int) -> Scratch:
         place=np.zeros(places, np.int64),
         stamp=np.zeros(places, np.int64),
         searches=np.zeros(1, np.int64),
-        gap=np.zeros((2, MOST_GAPS), np.int64),
+        gap=np.zeros((4, MOST_GAPS), np.int64),
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
         work=np.zeros(3, np.int64),
@@ -124,7 +124,7 @@ def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, heap):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def step_at(moves, ray, at_m):
     """The step after which a robot that drives along a ray without end is at a place or beyond."""
     a = moves.along_first[moves.course[ray]]
@@ -139,7 +139,7 @@ def step_at(moves, ray, at_m):
     return a - begin
 
 
-@kernel
+@kernel(allocates=False)
 def step_of_run(moves, ray, lanes, at_m):
     """The same of a run of so many lanes."""
     run = moves.run_first[moves.course[ray]] + lanes - 1
@@ -154,13 +154,13 @@ def step_of_run(moves, ray, lanes, at_m):
     return time
 
 
-@kernel
+@kernel(allocates=False)
 def taken_at(moves, ray, lanes):
     """The step at which a robot has to be let on to the last of so many lanes of a ray."""
     return 0 if lanes == 1 else moves.brake[moves.run_first[moves.course[ray]] + lanes - 2]
 
 
-@kernel
+@kernel(allocates=False)
 def safe_until(moves, table, v, t):
     """The end of the safe interval of a vertex that step t is in; t or less if it is not in one."""
     until = FOREVER
@@ -169,7 +169,7 @@ def safe_until(moves, table, v, t):
     return until
 
 
-@kernel
+@kernel(allocates=False)
 def free_for_ever(moves, table, v):
     """The step from which on nobody else needs a vertex, FOREVER if somebody stays."""
     free = 0
@@ -180,7 +180,7 @@ def free_for_ever(moves, table, v):
     return free
 
 
-@kernel
+@kernel(allocates=False)
 def without(table, q, taken, left, gap, num):
     """Take away from the gaps what a reservation of a resource forbids that is needed from `taken` until `left`. Returns their number."""
     count = 0
@@ -197,13 +197,15 @@ def without(table, q, taken, left, gap, num):
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def split(table, q, taken, left, gap, num, i, count):
     """The rest of `without`, from gap i on, where some has to be taken away."""
-    rest = gap[:, i:num].copy()
+    for j in range(i, num):
+        gap[2, j] = gap[0, j]
+        gap[3, j] = gap[1, j]
     last = table.row[q] + table.count[q]
-    for j in range(num - i):
-        low, high = rest[0, j], rest[1, j]
+    for j in range(i, num):
+        low, high = gap[2, j], gap[3, j]
         k = first_after(table, q, low + taken)
         while low <= high and count < MOST_GAPS:
             if k >= last or table.begin[k] - left >= high:
@@ -220,7 +222,7 @@ def split(table, q, taken, left, gap, num, i, count):
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def holds(array, begin, end, q):
     """Whether q is in a part of an array."""
     for k in range(begin, end):  # noqa: SIM110  numba knows no any()
@@ -229,7 +231,7 @@ def holds(array, begin, end, q):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def latest_start(moves, table, scratch, state, ray, lanes):
     """The last step at which a robot in this state may set out on a run: it is off its vertex before that is reserved."""
     came_by, t, v = scratch.lane[state], scratch.arrived[state], moves.tail[ray]
@@ -251,7 +253,7 @@ def latest_start(moves, table, scratch, state, ray, lanes):
     return latest
 
 
-@kernel
+@kernel(allocates=False)
 def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest, weight, scratch):
     """The earliest way to a goal, to stay, for a robot that stands at its start from step 0 on.
 
@@ -345,19 +347,19 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
     return NO_WAY, 0
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def priority(spent, left, weight, floor):
     """What a state is expanded by: when the robot can be at its goal, which is not before that is free; then what is left."""
     return (np.int64(min(max(spent + np.int64(weight * left), floor), NEVER)) << 16) | np.int64(min(left, 0xFFFF))
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def state_key(lane, until):
     """A state as a number."""
     return (lane << 31) | until
 
 
-@kernel
+@kernel(allocates=False)
 def key_place(scratch, key, now, mask):
     """Where a state is in the table of states, or would be."""
     h = ((key >> 31) * 2654435761 + (key & 0x7FFFFFFF) * 40503) & mask
@@ -366,7 +368,7 @@ def key_place(scratch, key, now, mask):
     return h
 
 
-@kernel
+@kernel(allocates=False)
 def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch):
     """Add the states at the ends of those runs of a ray that could be the best by now, and an entry for the others."""
     state, ray, only = scratch.entry[e, 0], scratch.entry[e, 1], scratch.entry[e, 2]
@@ -450,7 +452,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
     return states, entries, count
 
 
-@kernel
+@kernel(allocates=False)
 def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch):
     """Add the earliest state at the end of one run, and an entry for the later ones."""
     run = moves.run_first[moves.course[ray]] + lanes - 1
@@ -582,7 +584,7 @@ def needs_along(moves, start, runs, num_runs, resource, begin, end):
     return kept + 1
 
 
-@kernel
+@kernel(allocates=False)
 def runs_to(state, scratch, runs):
     """The runs that led to a state, in order. Returns their number, or -1 where there is no room for them."""
     num, at = 0, state

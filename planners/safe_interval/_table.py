@@ -27,7 +27,7 @@ def empty_table(num_resources: int, places: int) -> Table:
     return Table(index, index.copy(), index.copy(), *(np.zeros(max(places, 16), np.int64) for _ in range(3)), np.zeros(1, np.int64))
 
 
-@kernel
+@kernel(allocates=False)
 def clear(table):
     """Nobody holds anything."""
     table.row[:] = 0
@@ -52,7 +52,7 @@ def copied(table, into):
     into.used[0] = used
 
 
-@kernel
+@kernel(allocates=False)
 def first_after(table, q, t):
     """The place of the first reservation of a resource that ends after step t; may be one beyond the last."""
     a = table.row[q]
@@ -67,7 +67,7 @@ def first_after(table, q, t):
     return a
 
 
-@kernel
+@kernel(allocates=False)
 def next_begin(table, q, t):
     """When the first reservation that ends after step t begins."""
     k = first_after(table, q, t)
@@ -104,7 +104,7 @@ def reserve(table, resource, begin, end, num, robot):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def settle(table):
     """Let searches see reservations that overlap as one that grows: they rely on ends in order. Nothing can be released then."""
     for q in range(len(table.row)):
@@ -112,7 +112,7 @@ def settle(table):
             table.end[k] = max(table.end[k], table.end[k - 1])
 
 
-@kernel
+@kernel(allocates=False)
 def release(table, resource, num, robot):
     """Take a robot's reservations of these resources away."""
     for i in range(num):
@@ -128,7 +128,7 @@ def release(table, resource, num, robot):
         table.count[q] = kept - a
 
 
-@kernel
+@kernel(allocates=False)
 def holders(table, resource, begin, end, num, robot, found):
     """Mark in `found` [R] the robots but this one whose reservations overlap with these. Returns the number of overlaps."""
     overlaps = 0
@@ -144,7 +144,7 @@ def holders(table, resource, begin, end, num, robot, found):
     return overlaps
 
 
-@kernel
+@kernel(allocates=False)
 def first_overlap(one_resource, one_begin, one_end, other_resource, other_begin, other_end):
     """The first step at which two robots hold one resource, FOREVER if never. Both are in order of resources, then of time."""
     i, j, first = 0, 0, FOREVER
