@@ -52,6 +52,7 @@ class Moves(NamedTuple):
     along_m: FloatArray
     turn_rad: float  # in a step
     concave: bool  # whether all lanes are driven at one top speed
+    steps_per_m: float  # at the highest speed
 
 
 def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, float, float], dt: float) -> Moves:
@@ -125,6 +126,7 @@ def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, 
         along_m=_joined([run[5] for run in runs]),
         turn_rad=turn_rate * dt,
         concave=bool((limit == limit[:1]).all()),
+        steps_per_m=1.0 / (float(limit.max(initial=1e-9)) * dt),
     )
 
 

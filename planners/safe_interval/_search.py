@@ -20,6 +20,7 @@ GUARD = 2  # steps before which what is needed is taken
 FAR = 1 << 29  # no way to the goal
 LAST_ENTRY = 0xFFFFFF
 NEVER = 1 << 22  # steps no plan takes
+ROUNDED = 2  # steps by which two runs may differ from what they take without steps
 AT_ONCE = 40  # runs that are worse by so many steps are looked at together
 FOUND, NO_WAY, FULL, ENOUGH = 0, 1, 2, 3
 MOST_GAPS = 64
@@ -45,11 +46,12 @@ class Scratch(NamedTuple):
     gap: np.ndarray  # [4, MOST_GAPS] steps from which on and until when the robot may set out; room for those still to be split
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
+    seen: np.ndarray  # [L, 3] of the last state at the end of each lane: search, step, end of the safe interval
     work: np.ndarray  # [3] states and entries so far, over all searches; from which step on the goal is free for ever
 
 
-def new_scratch(states: int) -> Scratch:
-    """Room for so many states, and four times as many entries."""
+def new_scratch(states: int, num_lanes: int) -> Scratch:
+    """Room for so many states, and four times as many entries, on a graph of so many lanes."""
     index = [np.zeros(states, np.int64) for _ in range(7)]
     places = 1 << (4 * states - 1).bit_length()
     return Scratch(
@@ -63,18 +65,20 @@ def new_scratch(states: int) -> Scratch:
         gap=np.zeros((4, MOST_GAPS), np.int64),
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
+        seen=np.zeros((num_lanes, 3), np.int64),
         work=np.zeros(3, np.int64),
     )
 
 
-@kernel
-def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, heap):
+@kernel(allocates=False)
+def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, stack, heap):
     """Steps to the goal without others: `at_rest` [L] after each lane, `facing` [L] at its tail and turned towards it.
 
-    `goal_heading` is NaN where any will do; `lanes_best` [L] is scratch. Returns False where the heap has no room.
+    `goal_heading` is NaN where any will do; `lanes_best` [L] and `stack` [L + 1] are scratch. Returns False where the heap has no room.
 
-    Where all lanes have one speed limit, a longer run takes fewer steps for each lane more. So where a run along a ray is no better than a
-    longer one, neither is it from any place behind.
+    Where all lanes have one speed limit, a longer run takes fewer steps for each lane more, and no run fewer than at top speed. So where
+    a run along a ray is no better than a longer one, neither is it from any place behind; nor where it is worse than a shorter one by
+    more than the latter has saved by not driving at top speed yet.
     """
     at_rest[:] = FAR
     facing[:] = FAR
@@ -84,25 +88,27 @@ def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, heap):
         at_rest[lane] = steps_of_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
         push(heap, count, (np.int64(at_rest[lane]) << 32) | lane)
         count += 1
-    stack = np.empty((len(facing) + 1, 2), np.int64)
     while count:
         key = pop(heap, count)
         count -= 1
         steps, end = key >> 32, key & 0xFFFFFFFF
         if steps != at_rest[end]:
             continue
-        stack[0, 0] = end
-        stack[0, 1] = 1
+        stack[0] = (end << 32) | 1
         depth = 1
         while depth:
             depth -= 1
-            ray, lanes = stack[depth, 0], stack[depth, 1]
+            ray, lanes = stack[depth] >> 32, stack[depth] & 0xFFFFFFFF
             if lanes > moves.length[ray]:
                 continue
-            now = steps + moves.time[moves.run_first[moves.course[ray]] + lanes - 1]
+            run = moves.run_first[moves.course[ray]] + lanes - 1
+            now = steps + moves.time[run]
             if now >= facing[ray]:
-                if moves.concave and lanes_best[ray] >= lanes:
-                    continue
+                if moves.concave:
+                    best = run - lanes + lanes_best[ray]
+                    saved = moves.time[run] - moves.time[best] - (moves.end_m[run] - moves.end_m[best]) * moves.steps_per_m
+                    if best >= run or now - facing[ray] > saved + ROUNDED:
+                        continue
             else:
                 facing[ray] = now
                 lanes_best[ray] = lanes
@@ -118,8 +124,7 @@ def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, heap):
                         count += 1
             for k in range(moves.behind_first[ray], moves.behind_first[ray + 1]):
                 if depth < len(stack):
-                    stack[depth, 0] = moves.behind[k]
-                    stack[depth, 1] = lanes + 1
+                    stack[depth] = (moves.behind[k] << 32) | (lanes + 1)
                     depth += 1
     return True
 
@@ -148,10 +153,14 @@ def step_of_run(moves, ray, lanes, at_m):
     if moves.along_m[begin + brake] >= at_m:
         return step_at(moves, ray, at_m)
     tail = moves.tail_first[run] - brake
-    for n in range(brake + 1, time):
-        if moves.tail_m[tail + n] >= at_m:
-            return n
-    return time
+    a, b = brake + 1, time
+    while a < b:
+        m = (a + b) >> 1
+        if moves.tail_m[tail + m] >= at_m:
+            b = m
+        else:
+            a = m + 1
+    return a
 
 
 @kernel(allocates=False)
@@ -195,6 +204,13 @@ def without(table, q, taken, left, gap, num):
             continue
         return split(table, q, taken, left, gap, num, i, count)
     return count
+
+
+@kernel(inline="always", allocates=False)
+def is_held_after(table, q, t):
+    """Whether somebody holds a resource after step t."""
+    last = table.row[q] + table.count[q] - 1
+    return last >= table.row[q] and table.end[last] > t
 
 
 @kernel(allocates=False)
@@ -422,7 +438,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         kept = 0
         for i in range(waiting):  # what is left before the robot could brake is left at that step by all longer runs too
             if pending_m[i] <= brake_m:
-                if num:
+                if num and is_held_after(table, pending[0, i], gap[0, 0] + pending[1, i]):
                     num = without(table, pending[0, i], pending[1, i], step_at(moves, ray, pending_m[i]), gap, num)
             else:
                 pending[0, kept] = pending[0, i]
@@ -434,9 +450,15 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
             return states, entries, count
         found = ready + moves.time[run] + at_rest[lane]
         if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= bound + AT_ONCE)):
-            states, entries, count = arrive(
-                moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch
-            )
+            earliest = gap[0, 0] + moves.time[run]
+            if scratch.seen[lane, 0] == now and scratch.seen[lane, 1] <= earliest < scratch.seen[lane, 2]:  # no better than that one
+                later = scratch.seen[lane, 2] + 1 - taken
+                if later <= gap[1, num - 1]:
+                    entries, count = push_later(scratch, state, ray, lanes, later, moves.time[run], at_rest[lane], weight, entries, count)
+            else:
+                states, entries, count = arrive(
+                    moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch
+                )
         begin_m = end_m
         before = lane
         lane = moves.onward[lane]
@@ -466,8 +488,10 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
             moved = False
             for k in range(waiting):
                 q = pending[0, k]
+                if not is_held_after(table, q, at + pending[1, k]):
+                    continue
                 j = first_after(table, q, at + pending[1, k])
-                if j < table.row[q] + table.count[q] and table.begin[j] < at + step_of_run(moves, ray, lanes, pending_m[k]):
+                if table.begin[j] < at + time and table.begin[j] < at + step_of_run(moves, ray, lanes, pending_m[k]):
                     at = table.end[j] - pending[1, k]
                     moved = True
             until = FOREVER
@@ -501,24 +525,29 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
                 scratch.entry[entries, 0] = states
                 scratch.entry[entries, 1] = -1
                 push(scratch.heap, count, (priority(there, at_rest[lane], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
+                scratch.seen[lane, 0] = now
+                scratch.seen[lane, 1] = there
+                scratch.seen[lane, 2] = until
                 states += 1
                 entries += 1
                 count += 1
-            if until < FOREVER:
-                scratch.entry[entries, 0] = state
-                scratch.entry[entries, 1] = ray
-                scratch.entry[entries, 2] = lanes
-                later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
-                scratch.entry[entries, 4] = later
-                scratch.entry[entries, 3] = later + time + at_rest[lane]
-                if later <= latest:
-                    push(
-                        scratch.heap, count, (priority(later + time, at_rest[lane], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries)
-                    )
-                    entries += 1
-                    count += 1
+            later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
+            if later <= latest and until < FOREVER:
+                entries, count = push_later(scratch, state, ray, lanes, later, time, at_rest[lane], weight, entries, count)
             return states, entries, count
     return states, entries, count
+
+
+@kernel(inline="always", allocates=False)
+def push_later(scratch, state, ray, lanes, later, time, left, weight, entries, count):
+    """Add an entry for a run that sets out at a step or later, takes so long, and after which so much is left."""
+    scratch.entry[entries, 0] = state
+    scratch.entry[entries, 1] = ray
+    scratch.entry[entries, 2] = lanes
+    scratch.entry[entries, 3] = later + time + left
+    scratch.entry[entries, 4] = later
+    push(scratch.heap, count, (priority(later + time, left, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
+    return entries + 1, count + 1
 
 
 @kernel

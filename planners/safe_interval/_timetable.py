@@ -44,12 +44,12 @@ class Timetable:
         self.alone = np.zeros(num_robots, np.int64)  # [R] steps without others, FAR: no way
         self.way: list[Way | None] = [None] * num_robots
         self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
-        self.scratch = _search.new_scratch(1 << 14)
+        self.scratch = _search.new_scratch(1 << 14, num_lanes)
         self.work = 0  # entries that searches have looked at
         self.exhausted = False  # whether the last search has looked at everything
         self._protected_steps = 0
         self._heap = np.zeros(64 * num_lanes + 64, np.int64)
-        self._lanes = np.zeros(num_lanes, np.int64)
+        self._lanes, self._stack = np.zeros(num_lanes, np.int64), np.zeros(num_lanes + 1, np.int64)
 
     @property
     def num_robots(self) -> int:
@@ -73,7 +73,8 @@ class Timetable:
     def look_back(self, robot: int) -> None:
         """Find out how far it is to a robot's goal from everywhere, without others."""
         moves, start, goal = self.moves[self.kind[robot]], int(self.problem.start[robot]), int(self.problem.target[robot])
-        while not _search.steps_left(moves, goal, np.nan, self.at_rest[robot], self.facing[robot], self._lanes, self._heap):
+        room = self.at_rest[robot], self.facing[robot], self._lanes, self._stack
+        while not _search.steps_left(moves, goal, np.nan, *room, self._heap):
             self._heap = np.zeros(2 * len(self._heap), np.int64)
         ahead = self.facing[robot, moves.first[start] : moves.first[start + 1]]
         self.alone[robot] = 0 if start == goal else ahead.min(initial=_search.FAR)
@@ -108,7 +109,7 @@ class Timetable:
             self.work += int(self.scratch.work[1]) - before
             if code != _search.FULL:
                 break
-            self.scratch = _search.new_scratch(4 * len(self.scratch.lane))
+            self.scratch = _search.new_scratch(4 * len(self.scratch.lane), len(self.scratch.seen))
         self.exhausted = code == _search.NO_WAY
         if code != _search.FOUND:
             return None

@@ -59,7 +59,8 @@ def test_steps_left_are_the_least_over_all_sequences_of_runs_and_turns(limits):
     graph = square_grid(4, 1.0)
     moves = moves_of(graph, resources_of(graph, 0.5), limits, 0.1)
     at_rest, facing, lanes_best = (np.zeros(graph.num_lanes, np.int64) for _ in range(3))
-    assert steps_left(moves, 5, np.nan, at_rest, facing, lanes_best, np.zeros(4000, np.int64))
+    stack = np.zeros(graph.num_lanes + 1, np.int64)
+    assert steps_left(moves, 5, np.nan, at_rest, facing, lanes_best, stack, np.zeros(4000, np.int64))
     expected = np.where(graph.head == 5, 0, FAR)
     for _ in range(40):  # Bellman's equations, over and over
         for lane in range(graph.num_lanes):
