@@ -1,25 +1,34 @@
 #!/usr/bin/env python3
-"""Measures step-wise planners on lifelong problems beside published figures. Prints a table, or JSON lines.
+"""Measures step-wise planners on lifelong problems beside published figures, or dispatchers on MAPD. Prints a table, or JSON lines.
 
     tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...] [--json]
+    tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F] [--json]
 
 DATA is a folder with `epibt_random` (a map of 819 free cells, robots in agents_0.csv to agents_7.csv, goals in tasks_one.csv: robot r
 of R has the goals r, r + R, ...; 1,000 steps) and `lorr2024/example_problems` (three problems of the League of Robot Runners of 2024).
 `done` counts goals or tasks; `published` is EPIBT's count (without guidance) or the best of the League; with other --steps it is not
 printed. `cpu_ms` is the planner's CPU time a step on one core, kernels loaded; `max_ms` the slowest step's. Every solution is judged.
+
+With `--mapd` the bundled scenario `mapd_lifelong` is run: 500 tasks, F a step (default: 1), robots at N of the 50 places without tasks,
+drawn by the seed, every dispatcher with the same tasks. `makespan` is when the last task is done, `service` the mean time from a task's
+release to its end, `p95` and `max` of the same (steps, which are seconds there); `empty` the mean way to a pick-up; `cpu_s` of the whole
+run, the planner's and the checks' included.
 """
 
 import argparse
 import csv
 import json
 from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
 from typing import Any
 
 import numpy as np
 
+import mrp_sumo as ms
 from mrp_sumo.cli.scenario_choice import pairs
 from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.formats.lorr import read_map, read_problem
+from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
@@ -30,13 +39,20 @@ LEAGUE = {  # problem -> steps, tasks of the best entry
     "city.domain/paris_1_256_250": (500, 456),
     "warehouse.domain/sortation_large_2000": (2000, 15508),
 }
+DISPATCHERS = ("nearest", "token_passing", "tpts", "regret", "central", "hungarian", "min_cost_flow")
+MAPD_WIDTH = {"robots": 6, "dispatcher": 13, "seed": 4, "makespan": 8, "service": 8, "p95": 7, "max": 7, "empty": 6, "calls": 6, "cpu_s": 6}
 WIDTH = {"problem": 22, "robots": 6, "planner": 8, "steps": 6, "done": 7, "published": 9, "ratio": 6, "cpu_ms": 8, "max_ms": 8, "valid": 6}
 
 
 def main() -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path)
+    parser.add_argument("data", type=Path, nargs="?")
+    parser.add_argument("--mapd", action="store_true", help="compare dispatchers")
+    parser.add_argument("--robots", type=int, action="append", metavar="N", help="may be repeated (default: 10, 20, 30, 40, 50)")
+    parser.add_argument("--dispatcher", action="append", metavar="NAME", help="may be repeated (default: all)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="0 to N - 1")
+    parser.add_argument("--frequency", type=float, default=1.0, metavar="F", help="tasks a step")
     parser.add_argument("--only", default="", metavar="TEXT", help="problems whose name has it")
     parser.add_argument("--planner", action="append", metavar="NAME", help="may be repeated (default: epibt)")
     parser.add_argument("--steps", type=int, metavar="N", help="instead of those that are published")
@@ -44,6 +60,10 @@ def main() -> int:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the planner")
     parser.add_argument("--json", action="store_true", help="print a JSON line per row")
     options = parser.parse_args()
+    if options.mapd:
+        return _mapd(options)
+    if options.data is None:
+        parser.error("DATA or --mapd is needed")
     if not options.json:
         print(" ".join(f"{key:>{width}}" for key, width in WIDTH.items()))
     faults = 0
@@ -59,6 +79,48 @@ def main() -> int:
             for planner in options.planner or ["epibt"]:
                 faults += not _measure(options, problem, planner, steps, tasks, {})
     return 1 if faults else 0
+
+
+def _mapd(options: argparse.Namespace) -> int:
+    """A row for each fleet, seed and dispatcher."""
+    if not options.json:
+        print(" ".join(f"{key:>{width}}" for key, width in MAPD_WIDTH.items()))
+    base = ms.Scenario.read("mapd_lifelong")
+    lines = (bundled_folder("networks") / "mapd" / "mapd.map.pd").read_text().split()[::-1]  # from the lowest row
+    letters = [letter for line in lines for letter in line if letter in "se."]  # those of free cells, which are numbered so
+    home = [f"v{v}" for v, letter in enumerate(letters) if letter == "e"]
+    task = {**base.values["tasks"]["streams"][0], "arrivals": {"per_step": options.frequency}}
+    for robots in options.robots or range(10, 51, 10):
+        for seed in range(options.seeds):
+            starts = [home[k] for k in np.random.default_rng([seed, robots]).choice(len(home), robots, replace=False)]
+            fleet = base.replace(robots={"starts": starts, "goals": starts}, seed=seed, tasks={"streams": [task]}, record={"bag": False})
+            for name in options.dispatcher or DISPATCHERS:
+                before = getrusage(RUSAGE_SELF)
+                run = ms.run(fleet.replace(execution={"dispatcher": name}))
+                after = getrusage(RUSAGE_SELF)
+                cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+                _print_mapd(options, run, robots, name, seed, cpu_s)
+    return 0
+
+
+def _print_mapd(options: argparse.Namespace, run: ms.Run, robots: int, name: str, seed: int, cpu_s: float) -> None:
+    tasks, metrics = run.kept.execution.tasks, run.metrics
+    row = {
+        "robots": robots,
+        "dispatcher": name,
+        "seed": seed,
+        "makespan": round(float(tasks.done_s.max()), 1),
+        "service": round(float(tasks.service_time_s.mean()), 1),
+        "p95": round(float(np.quantile(tasks.service_time_s, 0.95)), 1),
+        "max": round(float(tasks.service_time_s.max()), 1),
+        "empty": round(metrics["cycle_empty_travel_s"], 1),
+        "calls": metrics["planner_calls"],
+        "cpu_s": round(cpu_s, 1),
+    }
+    if options.json:
+        print(json.dumps(row), flush=True)
+    else:
+        print(" ".join(f"{row[key]!s:>{width}}" for key, width in MAPD_WIDTH.items()), flush=True)
 
 
 def _own_goals(folder: Path, robots: int, name: str) -> StepWiseProblem:

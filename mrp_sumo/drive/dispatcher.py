@@ -9,8 +9,13 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.assigning import Hungarian, Regret, TokenPassing
-from mrp_sumo.drive.nearest import Nearest
+from mrp_sumo.drive.dispatchers.central import Central
+from mrp_sumo.drive.dispatchers.hungarian import Hungarian
+from mrp_sumo.drive.dispatchers.min_cost_flow import MinCostFlow
+from mrp_sumo.drive.dispatchers.nearest import Nearest
+from mrp_sumo.drive.dispatchers.regret import Regret
+from mrp_sumo.drive.dispatchers.token_passing import TokenPassing
+from mrp_sumo.drive.dispatchers.tpts import Tpts
 from mrp_sumo.drive.outside_dispatcher import OutsideDispatcher
 from mrp_sumo.drive.replanning import request_for
 from mrp_sumo.drive.reroute import Replan
@@ -63,9 +68,12 @@ NEAREST = "nearest"
 OURS: Mapping[str, type] = {
     ONE_SHOT: OneShot,
     NEAREST: Nearest,
+    "central": Central,
     "hungarian": Hungarian,
+    "min_cost_flow": MinCostFlow,
     "regret": Regret,
     "token_passing": TokenPassing,
+    "tpts": Tpts,
 }
 
 

@@ -29,8 +29,8 @@ class Distances:
 
     def to(self, goal: int) -> StepArray:
         """[V] steps from each vertex to `goal`, `UNREACHABLE` where there is no way; read-only."""
-        table: StepArray = self.to_all(np.array([goal], np.int64))[0]
-        return table
+        table = self._table.get(goal)
+        return self.to_all(np.array([goal], np.int64))[0] if table is None else table
 
     def to_all(self, goals: IntArray) -> StepArray:
         """[G, V] steps from each vertex to each goal; read-only.

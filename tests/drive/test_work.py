@@ -160,14 +160,7 @@ def test_a_task_that_is_kept_stays_with_its_robot(tmp_path):
     assert run.tasks.robot.tolist()[0] == 1 and run.tasks.assigned_s[0] == 0.0
 
 
-def test_with_tokens_two_tasks_with_one_end_are_done_one_after_the_other(tmp_path):
-    stream = orders([(0, 8), (2, 8)], count=4, service_s=1.0)
-    token, other = (work(tmp_path, square_grid(3), [1, 7], stream, dispatcher=name) for name in ("token_passing", "regret"))
-    assert (token.tasks.assigned_s[1:] >= token.tasks.done_s[:-1] - 1e-9).all()
-    assert other.tasks.assigned_s[1] < other.tasks.done_s[0]
-
-
-@pytest.mark.parametrize("dispatcher", ["nearest", "hungarian", "regret", "token_passing"])
+@pytest.mark.parametrize("dispatcher", ["nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts"])
 def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], count=8, service_s=2.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning_budget_s=1.0)

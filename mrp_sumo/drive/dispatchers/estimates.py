@@ -1,0 +1,107 @@
+"""What dispatchers know and estimate: tasks that can be given, robots that can take them, and how long each would be.
+
+Times are steps along shortest ways, each the planned time of a step, and service times: others on the way cost nothing.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.task import Task
+from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.search.distance import UNREACHABLE, distances
+
+FAR_S = 1e7  # of what cannot be reached
+LESS_URGENT_S = 1e5  # what a task counts later for each more urgent priority that others have
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """K tasks that can be given to R robots."""
+
+    task: Sequence[int]  # [K]
+    holder: Mapping[int, int]  # robots that are on their way to the first stop of a task, by the task
+    able: IntArray  # robots that can be given one of them now, ascending
+    pick_up_s: FloatArray  # [R, K] until each robot would be at each task's first stop, when it has done what it has
+    ready_s: FloatArray  # [R] until then, without the way there
+    rest_s: FloatArray  # [K] from a task's first stop to its end, the services included
+    between_s: FloatArray  # [K] mean from the ends of these tasks to the task's first stop
+    later_s: FloatArray  # [K] more for tasks that are less urgent than others
+
+
+def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
+    """What can be decided now.
+
+    Parameters
+    ----------
+    most
+        Tasks; those of one priority are taken or left together, the most urgent first.
+    reassign
+        Whether tasks may be given to others until their first stops are made.
+    busy
+        Whether robots at work count from when they will be done; `FAR_S` otherwise.
+    """
+    work = around.work
+    num_robots, at = len(work.current), starts(around).copy()
+    holder = {int(work.current[r]): r for r in range(num_robots) if reassign and work.may_pass_on(r)}
+    able = np.array(sorted({*work.free.tolist(), *holder.values()}), np.int64)
+    ready_s = np.zeros(num_robots)
+    for r in sorted(set(range(num_robots)) - set(able.tolist())):
+        ready_s[r], at[r] = _remaining(now_s, around, r) if busy else (FAR_S, at[r])
+    waiting = sorted([*holder, *work.unassigned], key=lambda k: (-work.tasks[k].priority, k))
+    if len(waiting) > most:
+        waiting = [k for k in waiting if work.tasks[k].priority >= work.tasks[waiting[most]].priority]
+    pick_up_s = np.minimum(ready_s[:, None] + steps_to(around, at, waiting) * around.ledger.problem.step_s, FAR_S)
+    priority = np.array([work.tasks[k].priority for k in waiting], np.int64)
+    later_s: FloatArray = np.multiply(np.unique(-priority, return_inverse=True)[1].reshape(-1), LESS_URGENT_S, dtype=np.float64)
+    step_s, ends = around.ledger.problem.step_s, np.array([work.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
+    between_s = steps_to(around, ends, waiting).mean(0) * step_s if waiting else np.zeros(0)
+    rest_s = np.array([task_s(around, work.tasks[k]) for k in waiting], np.float64)
+    return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s)
+
+
+def starts(around: Surroundings) -> IntArray:
+    """[R] vertices that robots are committed to reach."""
+    visits = around.ledger.visits
+    start: IntArray = visits.vertex[visits.granted]
+    return start
+
+
+def steps_to(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
+    """[N, K] steps from vertices to the first stops of tasks; `FAR_S` where there is no way."""
+    steps, found = distances(around.graph), np.empty((len(at), len(tasks)))
+    for column, k in enumerate(tasks):
+        found[:, column] = np.minimum.reduce([steps.to(v)[at] for v in around.work.tasks[k].stops[0].places])
+    return np.where(found < UNREACHABLE, found, FAR_S)
+
+
+def task_s(around: Surroundings, task: Task) -> float:
+    """Time in s from the beginning of a task's first service to the end of its last."""
+    place = task.stops[0].places[0]
+    return task.stops[0].service_s + _onward(around, place, task, 1)[0]
+
+
+def kept(given: Mapping[int, int], around: Surroundings) -> dict[int, int]:
+    """What is given without what robots have already."""
+    return {r: k for r, k in given.items() if int(around.work.current[r]) != k}
+
+
+def _remaining(now_s: float, around: Surroundings, robot: int) -> tuple[float, int]:
+    """Time in s until a robot is done with its task, and where that is."""
+    work, at = around.work, int(starts(around)[robot])
+    task, stop = work.tasks[int(work.current[robot])], int(work.stop[robot])
+    if not work.serving[robot]:
+        return _onward(around, at, task, stop)
+    onward_s, place = _onward(around, at, task, stop + 1)
+    return work.serving_until_s(robot) - now_s + onward_s, place
+
+
+def _onward(around: Surroundings, at: int, task: Task, stop: int) -> tuple[float, int]:
+    """Time in s from a vertex through the stops of a task from one on, and where that ends."""
+    steps, step_s, total_s = distances(around.graph), around.ledger.problem.step_s, 0.0
+    for each in task.stops[stop:]:
+        away, place = min((int(steps.to(v)[at]), v) for v in each.places)
+        total_s, at = total_s + min(away * step_s, FAR_S) + each.service_s, place
+    return total_s, at

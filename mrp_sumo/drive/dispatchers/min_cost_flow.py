@@ -1,0 +1,63 @@
+"""The dispatcher `min_cost_flow`: each robot gets a row of tasks, so that the sum of the times at which tasks will be done is least.
+
+A task that is the k-th from the last of n in a row makes k of them later, itself included: it costs k times its own time. So the best rows
+are a flow from tasks to slots (robot, k), one unit each: Horn, "Minimizing average flow time with parallel machines", Operations
+Research 21, 1973. Its own time is the way from where the robot will be free, and the task; only the first of a row is given, all are laid
+out again when something has changed.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept, starts
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.plugins import registry
+
+
+@dataclass(frozen=True)
+class MinCostFlow:
+    """Rows of several tasks for each robot, busy robots included, as a flow for which the sum of times until tasks are done is least."""
+
+    depth: int = 3  # tasks in a row at most
+    reassign: bool = True  # tasks may go to others until their first stops are made
+
+    def __post_init__(self) -> None:
+        if self.depth < 1:
+            raise ScenarioError(f"depth is {self.depth}, expected 1 or more")
+
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See Dispatcher."""
+        return around.work.all_done
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See Dispatcher."""
+        if not around.work.news:
+            return
+        num_robots = len(around.work.current)
+        found = choice(now_s, around, self.depth * num_robots, reassign=self.reassign, busy=True)
+        depth = max(1, min(self.depth, -(-len(found.task) // num_robots)))  # no longer rows than all need
+        first_s = found.pick_up_s - found.ready_s[:, None]  # [R, K]
+        after_s = np.broadcast_to(found.between_s, first_s.shape)  # from the end of a task that is not known yet
+        way_s = np.stack([first_s if k == depth else after_s for k in range(depth, 0, -1)], 1)
+        last = np.arange(depth, 0, -1)[None, :, None]  # a slot's number from the last
+        cost_s = found.ready_s[:, None, None] + last * (way_s + found.rest_s)  # [R, slot, K]
+        for column, task in enumerate(found.task):
+            if task in found.holder:  # of equals the robot that is on its way
+                cost_s[found.holder[task], :, column] -= around.ledger.problem.step_s
+        slots = (np.minimum(cost_s, FAR_S) + found.later_s).reshape(num_robots * depth, len(found.task))
+        column_of = registry.make("assigners", "min_cost_flow", {}).assign(slots, np.inf).reshape(num_robots, depth)
+        given = {}
+        for r in found.able.tolist():
+            row = [c for c in column_of[r].tolist() if c >= 0 and found.pick_up_s[r, c] < FAR_S]
+            if row:
+                given[r] = found.task[min(row, key=lambda c: found.later_s[c])]  # the first in the row of the most urgent
+        yield around.work.request(now_s, starts(around), around.closed, kept(given, around))
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See Dispatcher."""
+        return around.plan(request)

@@ -1,0 +1,46 @@
+"""The dispatcher `regret`: task by task, first the one that loses most if it does not get its best robot.
+
+The insertion rule of Potvin and Rousseau, "A parallel route building algorithm for the vehicle routing and scheduling problem with time
+windows", European Journal of Operational Research 66, 1993.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, starts
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.surroundings import Surroundings
+
+
+@dataclass(frozen=True)
+class Regret:
+    """Of the tasks that free robots can do soonest, the one that loses most with its second best robot goes first."""
+
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See Dispatcher."""
+        return around.work.all_done
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See Dispatcher."""
+        if not around.work.news:
+            return
+        found, given = choice(now_s, around, len(around.work.free), reassign=False), dict[int, int]()
+        free = found.able.tolist()
+        done_s = found.pick_up_s + found.rest_s + found.later_s
+        soonest = done_s[free].min(0, initial=FAR_S).argsort(kind="stable")
+        left = sorted(soonest[: len(free)].tolist())  # as many tasks as robots
+        while left and free:
+            ranked = {c: sorted((float(done_s[r, c]), r) for r in free) for c in left}
+            second = {c: of[1][0] if len(of) > 1 else FAR_S for c, of in ranked.items()}
+            c = max(left, key=lambda c: (second[c] - ranked[c][0][0], -c))
+            left.remove(c)
+            robot = ranked[c][0][1]
+            if found.pick_up_s[robot, c] < FAR_S:
+                given[robot] = found.task[c]
+                free.remove(robot)
+        yield around.work.request(now_s, starts(around), around.closed, given)
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See Dispatcher."""
+        return around.plan(request)

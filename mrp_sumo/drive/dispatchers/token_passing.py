@@ -1,0 +1,58 @@
+"""The dispatcher `token_passing`: free robots in turn take the nearest task, those that are nearest to one first.
+
+The choice of TP: Ma, Li, Kumar and Koenig, "Lifelong multi-agent path finding for online pickup and delivery tasks", AAMAS 2017,
+algorithm 1. There a robot only takes a task if no other's way ends at its pick-up or delivery, since ways are planned one by one and end
+there for good. Here the run's planner plans all together and makes room, so such tasks are merely taken last: where many tasks end at
+few stations, the paper's rule leaves most robots without work.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.request import Request
+from mrp_sumo.core.task import Task
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, starts, steps_to
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.surroundings import Surroundings
+
+
+@dataclass(frozen=True)
+class TokenPassing:
+    """Free robots in turn take the most urgent and nearest task, best one at whose ends no other robot's task ends."""
+
+    exclusive: bool = False  # as in the paper, never another
+
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See Dispatcher."""
+        return around.work.all_done
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See Dispatcher."""
+        work = around.work
+        if not work.news:
+            return
+        start, given, waiting = starts(around), dict[int, int](), list(work.unassigned)
+        away = dict(zip(waiting, steps_to(around, start, waiting).T))
+        ends = [work.tasks[k].stops[-1].places for k in work.current.tolist() if k >= 0]
+        nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))
+        for r in sorted(work.free.tolist(), key=lambda r: (nearest[r], r)):
+            token = {v for places in ends for v in places}
+            near = [k for k in waiting if away[k][r] < FAR_S]
+            free = [k for k in near if not _touches(work.tasks[k], token)]
+            best = min(free or ([] if self.exclusive else near), key=lambda k: (-work.tasks[k].priority, away[k][r], k), default=None)
+            if best is not None:
+                given[r] = best
+                waiting.remove(best)
+                ends.append(work.tasks[best].stops[-1].places)
+        yield work.request(now_s, start, around.closed, given)
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See Dispatcher."""
+        return around.plan(request)
+
+
+def _touches(task: Task, token: set[int]) -> bool:
+    """Whether all places of its first or of its last stop are ends of others."""
+    return token.issuperset(task.stops[0].places) or token.issuperset(task.stops[-1].places)

@@ -1,0 +1,50 @@
+"""The dispatcher `tpts`: token passing with task swaps. A robot may take a task from another that would be at its pick-up later.
+
+Source: Ma, Li, Kumar and Koenig, "Lifelong multi-agent path finding for online pickup and delivery tasks", AAMAS 2017, algorithm 2, with
+the run's planner for ways, and without the rule on ends (see `token_passing`).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, starts, steps_to
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.surroundings import Surroundings
+
+
+@dataclass(frozen=True)
+class Tpts:
+    """Free robots in turn take the nearest task, also from a robot that would be at its first stop later; that one is next."""
+
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See Dispatcher."""
+        return around.work.all_done
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See Dispatcher."""
+        work = around.work
+        if not work.news:
+            return
+        start = starts(around)
+        holder = {int(work.current[r]): r for r in range(len(work.current)) if work.may_pass_on(r)}
+        tasks = [*holder, *work.unassigned]
+        away = dict(zip(tasks, steps_to(around, start, tasks).T))
+        turn = work.free.tolist()
+        while turn:
+            r = turn.pop(0)
+            for task in sorted(tasks, key=lambda k: (-work.tasks[k].priority, away[k][r], k)):
+                if away[task][r] >= FAR_S:
+                    continue
+                if task in holder and away[task][holder[task]] <= away[task][r]:
+                    continue
+                if task in holder:
+                    turn.insert(0, holder[task])  # it has the token next
+                holder[task] = r
+                break
+        given = {r: k for k, r in holder.items()}
+        yield work.request(now_s, start, around.closed, kept(given, around))
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See Dispatcher."""
+        return around.plan(request)

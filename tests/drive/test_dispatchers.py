@@ -1,0 +1,85 @@
+"""Who is given which task: by hand, on a line, where what robots drive is left out."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from worlds import line, problem_on
+
+from mrp_sumo.core.execution import BOOKINGS
+from mrp_sumo.core.stream import TaskList
+from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.drive.dispatcher import dispatcher_of
+from mrp_sumo.drive.work import Work
+
+ALL = ("nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts")
+REASSIGN = ("hungarian", "central", "min_cost_flow", "tpts")
+
+
+class Fleet:
+    """Robots on a line of 20 vertices, a step of a second each, and the tasks that they have or could have."""
+
+    def __init__(self, at, *tasks, service_s=1.0):
+        problem = problem_on(line(20), at, at)
+        visits = SimpleNamespace(vertex=np.array(at), granted=np.arange(len(at)))
+        stations = [[Station(f"at {v}", (v,)) for v in stops] for _, stops, *_ in tasks]
+        listed = [
+            Task(k, tuple(Stop(s.places[0], service_s, "", s) for s in of), task[0], priority=task[2] if len(task) > 2 else 0)
+            for k, (task, of) in enumerate(zip(tasks, stations))
+        ]
+        self.booked_s = np.zeros((len(at), len(BOOKINGS)))
+        self.work = Work([TaskList(tuple(listed))], problem)
+        ledger = SimpleNamespace(problem=problem, visits=visits)
+        self.around = SimpleNamespace(
+            work=self.work, ledger=ledger, graph=problem.graph, closed=np.zeros(problem.graph.num_lanes, np.bool_)
+        )
+
+    def decides(self, dispatcher, now_s=0.0, **parameters):
+        """Who has which task after a decision, before anybody moves."""
+        self.work._reveal(now_s)
+        self.work.news = True
+        (request,) = dispatcher_of(dispatcher, parameters).due(now_s, self.around)
+        self.work.accepted(request, now_s, self.booked_s)
+        return {r: k for r, k in enumerate(self.work.current.tolist()) if k >= 0}
+
+
+@pytest.mark.parametrize("dispatcher", [name for name in ALL if name != "nearest"])
+def test_of_more_tasks_than_robots_the_near_one_goes_first_and_only_nearest_takes_the_oldest(dispatcher):
+    tasks = [(0.0, (19, 18)), (0.0, (3, 4)), (0.0, (12, 13))]
+    assert Fleet([2], *tasks).decides(dispatcher) == {0: 1}
+    assert Fleet([2], *tasks).decides("nearest") == {0: 0}
+
+
+@pytest.mark.parametrize("dispatcher", ALL)
+def test_the_urgent_one_goes_before_the_near_one(dispatcher):
+    assert Fleet([2], (0.0, (3, 4)), (0.0, (19, 18), 1)).decides(dispatcher) == {0: 1}
+    assert Fleet([2], (9.0, (3, 4))).decides(dispatcher) == {}  # nothing is known yet
+
+
+@pytest.mark.parametrize("dispatcher", ["hungarian", "min_cost_flow", "regret"])
+def test_of_equally_near_tasks_the_short_one_goes_first(dispatcher):
+    assert Fleet([5], (0.0, (6, 19)), (0.0, (4, 3))).decides(dispatcher) == {0: 1}
+
+
+@pytest.mark.parametrize("dispatcher", REASSIGN)
+def test_a_robot_that_comes_free_takes_the_task_that_another_is_far_from(dispatcher):
+    fleet = Fleet([10, 19], (0.0, (0, 1)), (5.0, (19, 18)))
+    assert fleet.decides(dispatcher) == {0: 0}
+    fleet.around.ledger.visits.vertex[:] = [9, 3]  # robot_1 has come nearer meanwhile
+    assert fleet.decides(dispatcher, 1.0) == {1: 0}
+    assert fleet.decides(dispatcher, 5.0) == {0: 1, 1: 0}
+
+
+def test_token_passing_avoids_the_ends_of_others_and_as_in_the_paper_waits_for_them():
+    tasks = [(0.0, (2, 10)), (0.0, (4, 10)), (0.0, (9, 11))]
+    assert Fleet([1, 5], *tasks).decides("token_passing") == {0: 0, 1: 2}
+    assert Fleet([1, 5], *tasks[:2]).decides("token_passing") == {0: 0, 1: 1}
+    assert Fleet([1, 5], *tasks[:2]).decides("token_passing", exclusive=True) == {0: 0}
+
+
+def test_min_cost_flow_looks_beyond_the_next_task_of_each_robot():
+    # three short tasks near robot_0, the oldest far from both
+    tasks = [(0.0, (19, 18)), (0.0, (0, 5)), (0.0, (2, 1)), (0.0, (3, 2))]
+    assert Fleet([1, 10], *tasks).decides("hungarian") == {0: 2, 1: 3}
+    assert Fleet([1, 10], *tasks).decides("min_cost_flow") == {0: 2, 1: 0}
+    assert Fleet([1, 10], *tasks).decides("min_cost_flow", depth=1) == {0: 2, 1: 3}
