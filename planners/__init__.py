@@ -18,6 +18,7 @@ PLUGINS = {
         "lns2": "planners.neighbourhood.lns2:Lns2",
         "pbs": "planners.safe_interval.pbs:Pbs",
         "pibt": "planners.configuration.pibt:Pibt",
+        "plan_file": "planners.plan_file:PlanFile",
     },
     "step_planners": {
         "epibt": "planners.step_wise.epibt:Epibt",

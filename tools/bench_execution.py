@@ -9,20 +9,24 @@
                                                            how far from them SUMO and the kinematic engine drive 100 and 300
     python tools/bench_execution.py --memory               200 runs in one process
     python tools/bench_execution.py --robots 300 --dt 0.2 --seconds 60
+    python tools/bench_execution.py --against DIR          each case three times here and in another checkout, in turn: ratios
     python tools/bench_execution.py --json                 a line a case, for machines
 
 The warehouse has the layout of the MovingAI benchmark's warehouse-10-20-10-2-1: 10 x 20 racks of 10 x 2 cells,
 aisles one cell wide. `robot_s_per_cpu_s` is of the loop with recording, `with_all` also counts the schedule, the
-start of SUMO, the trajectory, the audit and the metrics; planning and netconvert are left out. `smart` is what SMART
-was measured to do on the same machine. Kernels are loaded before the first case.
+start of SUMO, the trajectory, the audit and the metrics; planning and netconvert are left out. Kernels are loaded before the first
+case. Machines differ: compare with `--against DIR`, another checkout whose bench is run in turn with this one.
 """
 
 import argparse
 import json
 import os
+import statistics
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +59,9 @@ ROBOTS = {
 }
 WAREHOUSE = (50, 100, 200, 500, 1000)
 GRID = ((5000, 0.2, 120.0, None), (10000, 0.5, np.inf, 20))  # robots, step length, simulated seconds at most, goals within
-SMART = {50: 1820, 100: 1764, 200: 1820, 500: 1844, 1000: 1900}  # robot-seconds a CPU-second
-TARGET = {100: 15000, 1000: 10000}
 RUNS = 200
+
+ROOT = Path(__file__).resolve().parents[1]
 
 Row = dict[str, Any]
 
@@ -130,8 +134,6 @@ def drive(
         "metrics_cpu_s": round(done - audited, 2),
         "robot_s_per_cpu_s": round(robot_s / run.cpu_time_s),
         "with_all": round(robot_s / (done - cpu)),
-        "target": TARGET.get(num_robots) if case == "warehouse" else None,
-        "smart": SMART.get(num_robots) if case == "warehouse" else None,
         "us_per_robot_step": round(run.cpu_time_s / (robot_s / dt) * 1e6, 2),
         "real_time_factor": round(run.sim_time_s / run.cpu_time_s, 2),
         "peak_rss_mb": memory_mb("VmHWM"),
@@ -212,7 +214,6 @@ def rows_of_schedules(options: argparse.Namespace) -> Iterator[Row]:
             "needs_cpu_s": round(needed - begun, 2),
             "schedule_cpu_s": round(done - needed, 2),
             "target": 2.0,
-            "smart": 31.6,
             "valid": judge(problem, plan).valid,
         }
 
@@ -277,6 +278,19 @@ def memory_mb(which: str) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith(which)) // 1024
 
 
+def compare(other: Path, robots: Sequence[int]) -> None:
+    """Speeds of the loop here and in another checkout, with the options that were given: medians of three, in turn."""
+    given = [word for k, word in enumerate(sys.argv[1:]) if "--against" not in (word, sys.argv[k])]
+    for num_robots in robots:
+        speeds: dict[Path, list[float]] = {ROOT: [], other.resolve(): []}
+        for root, found in [*speeds.items()] * 3:
+            command = [sys.executable, "tools/bench_execution.py", *given, "--robots", str(num_robots), "--json"]
+            ran = subprocess.run(command, cwd=root, env={**os.environ, "PYTHONPATH": str(root)}, capture_output=True, text=True, check=True)
+            found.append(json.loads(ran.stdout.splitlines()[-1])["robot_s_per_cpu_s"])
+        here, there = (statistics.median(found) for found in speeds.values())
+        print(f"{num_robots:6} robots: {here:9.0f} here, {there:9.0f} there, ratio {here / there:.2f}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     what = parser.add_mutually_exclusive_group()
@@ -290,8 +304,12 @@ def main() -> None:
     parser.add_argument("--record", type=float, default=0.1, help="recording period, s (not below dt)")
     parser.add_argument("--seconds", type=float, help="simulated, at most")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout of this project")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
+    if options.against:
+        compare(options.against, options.robots or WAREHOUSE)
+        return
     warm.prepare()
     other = {"startup": rows_of_starts, "schedule": rows_of_schedules, "retime": rows_of_retiming, "memory": rows_of_memory}
     rows = next((made for name, made in other.items() if getattr(options, name)), rows_of_drives)

@@ -40,10 +40,11 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
     """Cells are copied as they are; between cells and this program's vertices the map is needed."""
     from dataclasses import replace
 
-    from mrp_sumo.cli.plan_choice import is_json, kind_of, read, step_of, text_of, write, write_text
+    from mrp_sumo.cli.plan_choice import kind_of, step_of, write, write_text
     from mrp_sumo.errors import PlanError
     from mrp_sumo.formats.instances import problem_of_places, read_instance
     from mrp_sumo.formats.peers import print_places, read_places
+    from mrp_sumo.formats.plan_files import is_json, read_plan_file, text_of
     from mrp_sumo.formats.plan_json import read_plan
 
     text, kind = text_of(source), kind_of(destination, chosen)
@@ -61,4 +62,4 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
         write(destination, kind, replace(instance.problem, step_s=step_of(text)), plan, instance.cells)
         return
     problem = problem_of_places(instance, read_places(text, None, source.name), source.name)
-    write(destination, kind, problem, read(source, problem, instance.cells), instance.cells)
+    write(destination, kind, problem, read_plan_file(source, problem, instance.cells)[0], instance.cells)

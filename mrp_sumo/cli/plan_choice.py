@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.errors import MrpSumoError, PlanError, nearest, sentence
-from mrp_sumo.files.reading import read_text, require_regular, shortened
+from mrp_sumo.files.reading import require_regular, shortened
 
 if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan
@@ -36,21 +36,12 @@ def kind_of(path: Path, chosen: str | None) -> str:
     return SUFFIXES[path.suffix]
 
 
-def text_of(path: Path) -> str:
-    """The text of a plan file."""
-    return read_text(path, error=PlanError)
-
-
-def is_json(text: str) -> bool:
-    """Whether a text is meant as this program's plan file."""
-    return text.lstrip()[:1] == "{"
-
-
 def is_plan(path: Path) -> bool:
     """Whether a file is a plan rather than a map; False where there is no such file."""
     import re
 
     from mrp_sumo.formats.peers import format_of
+    from mrp_sumo.formats.plan_files import is_json
 
     try:
         require_regular(path)
@@ -71,17 +62,6 @@ def step_of(text: str) -> float:
     if not isinstance(step_s, int | float) or not 0 < step_s < 1e6:
         raise PlanError(f"step_s is {step_s!r:.20}, expected a number above 0, below a million")
     return float(step_s)
-
-
-def read(path: Path, problem: "Problem", cells: "Cells | None") -> "Plan":
-    """A plan for the problem, in any format."""
-    from mrp_sumo.formats.peers import read_paths
-    from mrp_sumo.formats.plan_json import read_plan
-
-    text = text_of(path)
-    if is_json(text):
-        return read_plan(path, problem.fleet.robot_name)
-    return read_paths(text, problem, cells, path.name)
 
 
 def write(path: Path, kind: str, problem: "Problem", plan: "Plan", cells: "Cells | None") -> None:

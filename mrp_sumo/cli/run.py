@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.failure import print_failure
+from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
@@ -21,7 +22,13 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo run`."""
-    parser.add_argument("scenario", help="scenario file, or the name of a bundled scenario such as office_9")
+    parser.add_argument("scenario", nargs="?", help="scenario file, or the name of a bundled scenario such as office_9")
+    parser.add_argument(
+        "--plan", type=Path, metavar="FILE", help="drive this plan, in any format that `validate` reads, instead of planning"
+    )
+    parser.add_argument("--map", type=Path, metavar="FILE", help="MovingAI .map instead of a scenario, with cells of 1 m")
+    parser.add_argument("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map (default: starts and goals are the plan's)")
+    parser.add_argument("--robot", metavar="NAME", help="another type of robot: a bundled one, or a YAML file")
     parser.add_argument("--out", metavar="DIR", help="run folder (default: runs/<scenario>)")
     scenario_choice.arguments(parser)
     parser.add_argument("--policy", metavar="NAME", help="another execution policy; FILE.py:CLASS for one of your own")
@@ -40,6 +47,10 @@ def run(options: argparse.Namespace) -> int:
     """Run the scenario and print a table."""
     from mrp_sumo.experiments.run import PLUG_IN_FAILED, run_scenario
 
+    if (options.scenario is None) == (options.map is None):
+        raise MrpSumoError("expected either a scenario or --map")
+    if options.scenario is not None and options.scen is not None:
+        raise MrpSumoError("a scenario says itself who goes where: --scen is for --map")
     file = scenario_choice.chosen_scenario(options)
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
     with _progress_bar() as progress:

@@ -10,6 +10,8 @@ from mrp_sumo.errors import MrpSumoError
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario import ScenarioFile
 
+INSTANCE_CELL_M = 1.0  # side of a cell where there is no scenario to say it
+
 Override = tuple[str, Any]  # the option, for messages, and the value
 
 
@@ -49,8 +51,34 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     require_sound(options)
     if options.trust:
         trust_everything()
-    file = changed(read_scenario(find_scenario(options.scenario)), _named(options))
+    chosen = read_scenario(find_scenario(options.scenario)) if options.scenario is not None else _of_instance(options)
+    file = changed(chosen, _named(options))
     return changed(file, _set(options, file))
+
+
+def _of_instance(options: argparse.Namespace) -> "ScenarioFile":
+    """The scenario that drives a MovingAI instance: of `--map`, and of `--scen` or the plan that is to be driven."""
+    from mrp_sumo.errors import PlanError
+    from mrp_sumo.formats.instances import problem_of_places, read_instance
+    from mrp_sumo.formats.peers import read_places
+    from mrp_sumo.formats.plan_files import is_json, text_of
+    from mrp_sumo.io.scenario import scenario_of
+
+    if options.scen is not None:
+        instance = read_instance(options.map, options.scen, options.robots)
+        problem = instance.problem
+    elif options.plan is None or is_json(text := text_of(options.plan)):
+        raise PlanError("--map: no starts and goals, expected --scen, or --plan with paths of cells")
+    else:
+        problem = problem_of_places(read_instance(options.map, None, 0), read_places(text, None, options.plan.name), options.plan.name)
+    values = {
+        "map": str(options.map.absolute()),
+        "discretisation": {"kind": "grid", "cell_m": INSTANCE_CELL_M},
+        "robots": {key: [f"v{v}" for v in of.tolist()] for key, of in (("starts", problem.start), ("goals", problem.target))},
+        "assignment": {"mode": "fixed"},
+        "planner": "lacam",
+    }
+    return scenario_of(values, Path.cwd(), (options.scen or options.plan or options.map).stem)
 
 
 def chosen_planner(options: argparse.Namespace, default: str) -> tuple[str, dict[str, Any]]:
@@ -105,6 +133,8 @@ def require_sound(options: argparse.Namespace) -> None:
         raise MrpSumoError(f"--time-limit is {options.time_limit:g}, expected a number of seconds above 0")
     if options.command and (options.planner or options.set):
         raise MrpSumoError("--command is a planner of its own: leave out --planner and --set")
+    if getattr(options, "plan", None) and (options.planner or options.command):
+        raise MrpSumoError("--plan is a plan that is there already: leave out --planner and --command")
 
 
 def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]:
@@ -116,11 +146,16 @@ def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]
         said["seed",] = ("--seed", options.seed)
     if options.robots is not None:
         said["robots", "count"] = ("--robots", options.robots)
+    if getattr(options, "robot", None) is not None:
+        said["robots", "type"] = ("--robot", _robot(options.robot))
     if options.planner is not None:
         said["planner", "name"] = ("--planner", resolved(options.planner, Path()))
     if options.command:
         said["planner", "name"] = ("--command", "external")
         said["planner", "parameters", "command"] = ("--command", options.command)
+    if getattr(options, "plan", None):
+        said["planner", "name"] = ("--plan", "plan_file")
+        said["planner", "parameters"] = ("--plan", {"path": str(Path(options.plan).absolute())})
     if options.time_limit is not None:
         said["planner", "time_limit_s"] = ("--time-limit", options.time_limit)
     if getattr(options, "policy", None) is not None:
@@ -128,6 +163,11 @@ def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]
     if getattr(options, "metric", None):
         said["record", "metrics"] = ("--metric", [resolved(name, Path()) for name in options.metric])
     return said
+
+
+def _robot(name: str) -> str:
+    """A bundled type as it is, a file wherever the scenario lies."""
+    return str(Path(name).absolute()) if Path(name).suffix in (".yaml", ".yml") else name
 
 
 def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | int, ...], Override]:

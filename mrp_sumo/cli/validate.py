@@ -12,6 +12,7 @@ code 0 for a valid plan, 1 for one with faults or conflicts (the first are print
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,10 +39,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Judge, print."""
-    from mrp_sumo.cli.plan_choice import read, text_of
     from mrp_sumo.core.plan import as_planned_in_steps
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.formats.peers import cells_of, goals_reached
+    from mrp_sumo.formats.plan_files import read_plan_file, text_of
     from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
     from mrp_sumo.traffic.referee import describe, judge
 
@@ -59,7 +60,9 @@ def run(options: argparse.Namespace) -> int:
     else:
         problem, step_length_s = _of_scenario(options)
         cells = cells_of(problem.graph)
-    plan = read(options.plan, problem, cells)
+    plan, note = read_plan_file(options.plan, problem, cells)
+    if note:
+        print(f"mrp-sumo: {note}", file=sys.stderr)
     goal_of = None if problem.is_assigned else goals_reached(problem, plan)
     in_steps = as_planned_in_steps(plan, problem.step_s)
     verdict = judge(problem, plan, goal_of, in_seconds=in_steps is None)
@@ -104,9 +107,9 @@ def _print_some(lines: list[str], limit: int) -> None:
 
 
 def _num_robots(path: Path) -> int:
-    from mrp_sumo.cli.plan_choice import is_json, text_of
     from mrp_sumo.errors import PlanError
     from mrp_sumo.formats.peers import read_places
+    from mrp_sumo.formats.plan_files import is_json, text_of
     from mrp_sumo.formats.plan_json import read_plan
 
     text = text_of(path)

@@ -140,6 +140,16 @@ class NavGraph:
         return nav_graph(**parts_of(graph, name))
 
 
+@dataclass(frozen=True)
+class Frame:
+    """The rectangle of cells that a grid was given as; not all of them need be free."""
+
+    x_m: float  # of the lower left corner
+    y_m: float
+    width: int  # in cells
+    height: int
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanGraph(NavGraph):
     """A NavGraph whose lanes are one time step each: what planners plan on and SUMO drives on.
@@ -152,6 +162,7 @@ class PlanGraph(NavGraph):
     vertex_of_station: IntArray  # [Vnav] the vertex here for each vertex of the nav graph
     nav_lane: IntArray  # [V] lane of the nav graph a cut lies on, -1 elsewhere
     offset_m: FloatArray  # [V] distance from that lane's tail
+    frame: Frame | None = None  # of a grid, where it is known
 
 
 def nav_graph(
@@ -243,6 +254,7 @@ def plan_graph(
     vertex_of_station: Any = None,
     nav_lane: Any = None,
     offset_m: Any = None,
+    frame: Frame | None = None,
 ) -> PlanGraph:
     """A graph whose lanes are single steps, as a PlanGraph.
 
@@ -256,6 +268,8 @@ def plan_graph(
         [Vnav] the vertex for each vertex of the nav graph; by default the nav graph's vertices are the first, in order.
     nav_lane, offset_m
         [V] where cuts lie on the nav graph's lanes; by default there are none.
+    frame
+        Of a grid.
     """
     num_vertices = graph.num_vertices
     return PlanGraph(
@@ -265,6 +279,7 @@ def plan_graph(
         vertex_of_station=frozen(np.asarray(np.arange(num_vertices) if vertex_of_station is None else vertex_of_station, np.int64)),
         nav_lane=frozen(np.asarray(np.full(num_vertices, -1) if nav_lane is None else nav_lane, np.int64)),
         offset_m=frozen(np.asarray(np.zeros(num_vertices) if offset_m is None else offset_m, np.float64)),
+        frame=frame,
     )
 
 
@@ -291,6 +306,7 @@ def with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
         vertex_of_station=graph.vertex_of_station,
         nav_lane=graph.nav_lane,
         offset_m=graph.offset_m,
+        frame=graph.frame,
     )
 
 

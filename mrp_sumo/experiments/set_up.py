@@ -152,9 +152,12 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[RobotType
     for i, name in enumerate(scenario.record.metrics):
         read = own_metric if run_programs else partial(find, "metrics")
         _located(file, ("record", "metrics", i), partial(read, name, file.folder))
+    parameters = scenario.planner.parameters
+    if scenario.planner.name == "plan_file" and isinstance(path := parameters.get("path"), str) and path:
+        parameters = {**parameters, "path": str(file.folder / path)}
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
-        _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, scenario.planner.parameters),
+        _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters),
         _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
     )

@@ -160,7 +160,7 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     report("planning", 0.0, 0.0)
     began = time.perf_counter()
     try:
-        if not assigns:
+        if not assigns or scenario.assignment.mode == "fixed":
             problem = problem.assigned(_assignment(setup))
     except PlugInError as error:
         return Solution(setup, problem, replace(failed(error), prepare_time_s=prepare_time_s), None, time.perf_counter() - began)
@@ -174,7 +174,8 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     if result.goal_of is not None:
         problem = problem.assigned(result.goal_of)
     if result.plan is not None:
-        verdict = judge(problem, result.plan, in_seconds=plans_in_seconds(setup.planner))
+        in_seconds = plans_in_seconds(setup.planner) and as_planned_in_steps(result.plan, problem.step_s) is None
+        verdict = judge(problem, result.plan, in_seconds=in_seconds)
     solution = Solution(setup, problem, result, verdict, assignment_time_s)
     return retimed(solution, report) if verdict is not None and verdict.valid else solution
 

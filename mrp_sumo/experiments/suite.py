@@ -359,6 +359,8 @@ class _Inputs:
         if isinstance(name := scenario.robots.type, str):
             bundled = bundled_folder("robots") / f"{name}.yaml"
             paths.append(bundled if bundled.is_file() else self._file.folder / name)
+        if scenario.planner.name == "plan_file":
+            paths.append(self._file.folder / str(scenario.planner.parameters.get("path", "")))
         try:
             return input_hash(paths), plug_in_hash(scenario, self._file.folder)
         except OSError as error:

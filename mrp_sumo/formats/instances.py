@@ -66,7 +66,7 @@ def read_instance(map_path: Path, scen_path: Path | None = None, num_robots: int
     free = occupancy(source)
     graph = grid_graph(free, 1.0, (0.0, 0.0), name=map_path.stem, source=str(map_path))
     height, width = free.shape
-    cells = _cells(graph, width, height)
+    cells = _cells(graph)
     if scen_path is None:
         if num_robots is None:
             raise PlanError("the number of robots is missing: without a .scen they are drawn")
@@ -155,7 +155,7 @@ def _grid(source: Text, grid: Any) -> tuple[PlanGraph, Cells]:
             raise source.fault(f"map.obstacles has a cell outside {width} x {height}", "map", "obstacles")
         free[height - 1 - blocked[:, 1], blocked[:, 0]] = False
     graph = grid_graph(free, 1.0, (0.0, 0.0), name=source.path.stem, source=str(source.path))
-    return graph, _cells(graph, width, height)
+    return graph, _cells(graph)
 
 
 def _roadmap(source: Text, roadmap: Any) -> PlanGraph:
@@ -187,8 +187,8 @@ def _roadmap(source: Text, roadmap: Any) -> PlanGraph:
     return plan_graph(nav, kind="roadmap", cell_m=cell_m, vertex_of_station=np.arange(len(xy)))
 
 
-def _cells(graph: PlanGraph, width: int, height: int) -> Cells:
-    cells = cells_of(graph, width, height)
+def _cells(graph: PlanGraph) -> Cells:
+    cells = cells_of(graph)
     if cells is None:
         raise MapError(f"{graph.name}: no free cell")
     return cells

@@ -43,21 +43,16 @@ class Cells:
         return {place: v for v, place in enumerate(zip(self.column.tolist(), self.row.tolist()))}
 
 
-def cells_of(graph: PlanGraph, width: int = 0, height: int = 0) -> Cells | None:
-    """The cells of a graph; None when it is not a grid.
+def cells_of(graph: PlanGraph) -> Cells | None:
+    """The cells of a graph, as its map counts them; None when it is not a grid.
 
-    Parameters
-    ----------
-    graph
-        Any.
-    width, height
-        Of a grid whose lower left corner is at (0, 0); by default the corner is the lowest vertex's.
+    A grid whose frame is not known is counted from its lowest and leftmost cells.
     """
     if graph.kind != "grid" or len(graph.level_names) > 1 or not graph.num_vertices:
         return None
-    cell = np.floor(graph.xy / graph.cell_m + 1e-6) if height else np.rint((graph.xy - graph.xy.min(axis=0)) / graph.cell_m)
-    column, up = cell.astype(np.int64).T
-    width, height = width or int(column.max()) + 1, height or int(up.max()) + 1
+    corner = (graph.frame.x_m, graph.frame.y_m) if graph.frame else graph.xy.min(axis=0) - graph.cell_m / 2
+    column, up = np.floor((graph.xy - corner) / graph.cell_m + 1e-6).astype(np.int64).T
+    width, height = (graph.frame.width, graph.frame.height) if graph.frame else (int(column.max()) + 1, int(up.max()) + 1)
     return Cells(column, height - 1 - up, width, height)
 
 
@@ -99,7 +94,7 @@ def yaml_instance(problem: Problem, cells: Cells | None, *, free: bool = False) 
     return f"{head}agents:{agents or ' []'}\n"
 
 
-def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "plan") -> Plan:
+def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "plan", shift: tuple[int, int] = (0, 0)) -> Plan:
     """The plan in a peer's output.
 
     Parameters
@@ -112,6 +107,8 @@ def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "pl
         Of the problem's graph; None for a roadmap, on which only YAML makes sense.
     name
         Of the file, for messages.
+    shift
+        Columns and rows to add to the plan's.
 
     Raises
     ------
@@ -123,7 +120,8 @@ def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "pl
     for robot, path in enumerate(places):
         if not path:
             raise PlanError(f"{name}: {problem.fleet.robot_name[robot]} has no path")
-        paths.append([_vertex(place, problem, cells, name, robot, t) for t, place in enumerate(path)])
+        moved = [(place[0] + shift[0], place[1] + shift[1]) if isinstance(place, tuple) else place for place in path]
+        paths.append([_vertex(place, problem, cells, name, robot, t) for t, place in enumerate(moved)])
     return plan_of_paths(paths, problem.step_s)
 
 
@@ -134,6 +132,15 @@ def read_places(text: str, num_robots: int | None = None, name: str = "plan") ->
         raise PlanError(f"{name}: not a plan in a known format ({', '.join(FORMATS.values())}, or this program's JSON)")
     reader = {"yaml": _read_yaml, "paths": _read_arrows, "smart": _read_arrows, "lacam": _read_lacam}[found]
     return reader(text, name, num_robots)
+
+
+def shift_of(places: list[list[Any]], problem: Problem, cells: Cells) -> tuple[int, int]:
+    """By how many columns and rows all robots of a plan start away from where they are; (0, 0) where they do not agree.
+
+    A planner that was given a part of the map counts cells from that part's corner.
+    """
+    shifts = {(int(cells.column[v]) - path[0][0], int(cells.row[v]) - path[0][1]) for path, v in zip(places, problem.start) if path}
+    return shifts.pop() if len(shifts) == 1 else (0, 0)
 
 
 def goals_reached(problem: Problem, plan: Plan) -> IntArray:

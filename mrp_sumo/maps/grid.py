@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, Frame, IntArray, NavGraph, Options, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.roadmap import check_cell
 
@@ -149,7 +149,9 @@ def grid_graph(
         length_m=np.full(len(lanes), float(cell_m)),
         source=source,
     )
-    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=vertex_of_station)
+    height, width = free.shape
+    frame = Frame(float(origin[0]), float(origin[1]), width, height)
+    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=vertex_of_station, frame=frame)
 
 
 def _one_level(nav: NavGraph) -> tuple[str, ...]:

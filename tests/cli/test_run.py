@@ -218,3 +218,45 @@ def test_a_run_through_a_wall_fails_its_audit_and_says_where(tmp_path):
     code, result = run(tmp_path / "around", *wide, "--set", "discretisation.clearance=prune")
     assert code == 0 and result["status"] == "completed" and result["note"] == ""
     assert result["metrics"]["num_wall_contacts"] == 0 < result["metrics"]["min_wall_clearance_m"]
+
+
+def test_a_plan_file_is_driven_in_the_coordinates_of_its_map(tmp_path):
+    (tmp_path / "hall.map").write_text("type octile\nheight 4\nwidth 6\nmap\n@@@@@@\n@....@\n@....@\n@@@@@@\n")
+    (tmp_path / "plan.txt").write_text("Agent 0: (1,1)->(1,2)->(1,3)->(1,4)->\nAgent 1: (2,4)->(2,3)->(2,2)->(2,1)->\n")
+    (tmp_path / "cropped.txt").write_text("Agent 0: (0,0)->(0,1)->(0,2)->(0,3)->\nAgent 1: (1,3)->(1,2)->(1,1)->(1,0)->\n")
+    on_map = ["--map", str(tmp_path / "hall.map"), "--set", "execution.engine=kinematic"]
+    code, result = run(tmp_path / "run", *on_map, "--plan", str(tmp_path / "plan.txt"))
+    assert (code, result["status"], result["scenario"]["planner"]["name"]) == (0, "completed", "plan_file")
+    assert result["metrics"]["soc_steps"] == 6
+    (tmp_path / "hall.scen").write_text("version 1\n0\thall.map\t6\t4\t1\t1\t4\t1\t3\n0\thall.map\t6\t4\t4\t2\t1\t2\t3\n")
+    code, shifted = run(tmp_path / "shifted", *on_map, "--scen", str(tmp_path / "hall.scen"), "--plan", str(tmp_path / "cropped.txt"))
+    assert (code, shifted["metrics"]["driven_makespan_s"]) == (0, result["metrics"]["driven_makespan_s"])
+    assert "+1 columns and +1 rows" in shifted["note"]
+
+
+def test_a_plan_file_may_have_times_of_real_motion(office, tmp_path):
+    folder, _, result = office
+    code, again = run(tmp_path / "again", "office_5", "--plan", str(folder / "plan.json"), "--set", "record.bag=false")
+    assert code == 0
+    assert again["metrics"]["driven_flowtime_s"] == result["metrics"]["driven_flowtime_s"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["office_5", "--plan", "FOLDER/none.txt"], "no such file"),
+        (["office_9", "--plan", "FOLDER/plan.json"], "is not in both the plan and the fleet"),
+        (["office_5", "--seed", "4", "--plan", "FOLDER/plan.json"], "plan.json: no plan for this problem: robot_0 begins at"),
+        (["warehouse_5", "--plan", "FOLDER/plan.json"], "plan.json: "),
+        (["office_5", "--plan", "FOLDER/plan.json", "--planner", "cbs"], "--plan is a plan that is there already"),
+        (["--map", "FOLDER/none.map"], "no starts and goals, expected --scen, or --plan"),
+        (["office_5", "--scen", "FOLDER/none.scen"], "--scen is for --map"),
+        ([], "expected either a scenario or --map"),
+    ],
+)
+def test_a_plan_for_something_else_is_one_line(office, tmp_path, capsys, arguments, line):
+    folder, _, _ = office
+    code, _ = run(tmp_path / "run", *(argument.replace("FOLDER", str(folder)) for argument in arguments))
+    said = capsys.readouterr().err
+    assert (code, said.count("\n"), (tmp_path / "run").exists()) == (2, 1, False)
+    assert line in said
