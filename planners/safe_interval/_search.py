@@ -47,7 +47,7 @@ class Scratch(NamedTuple):
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
     seen: np.ndarray  # [L, 3] of the last state at the end of each lane: search, step, end of the safe interval
-    work: np.ndarray  # [3] states and entries so far, over all searches; from which step on the goal is free for ever
+    work: np.ndarray  # [4] states and entries so far, over all searches; from which step on the goal is free for ever; `latest` of `find`
 
 
 def new_scratch(states: int, num_lanes: int) -> Scratch:
@@ -66,7 +66,7 @@ def new_scratch(states: int, num_lanes: int) -> Scratch:
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
         seen=np.zeros((num_lanes, 3), np.int64),
-        work=np.zeros(3, np.int64),
+        work=np.zeros(4, np.int64),
     )
 
 
@@ -300,7 +300,8 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
     scratch.until[0] = until
     scratch.parent[0] = -1
     scratch.work[2] = free_for_ever(moves, table, goal)
-    if scratch.work[2] >= FOREVER:
+    scratch.work[3] = min(latest, NEVER - 1)
+    if scratch.work[2] > scratch.work[3]:
         return NO_WAY, 0
     if start == goal and until >= FOREVER:
         return FOUND, 0
@@ -319,8 +320,6 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
         state, ray = scratch.entry[e, 0], scratch.entry[e, 1]
         lane, arrived = scratch.lane[state], scratch.arrived[state]
         looked += 1
-        if (key >> 40) > min(latest, NEVER - 1):
-            break
         if looked > most:
             scratch.work[1] += looked
             return ENOUGH, 0
@@ -346,6 +345,8 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
                 if arrived + turn > latest_start(moves, table, scratch, state, out, moves.length[out]):
                     continue
                 bound = arrived + turn + facing[out]
+                if bound > scratch.work[3]:
+                    continue
                 scratch.entry[entries, 0] = state
                 scratch.entry[entries, 1] = out
                 scratch.entry[entries, 2] = 0
@@ -392,6 +393,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
     arrived = scratch.arrived[state]
     first_run = moves.run_first[moves.course[ray]]
     last, following = 0, FAR
+    worst = min(bound + AT_ONCE, scratch.work[3])
     if only:
         last = only
     else:
@@ -399,9 +401,9 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         for lanes in range(1, moves.length[ray] + 1):
             if at_rest[lane] < FAR:
                 found = ready + moves.time[first_run + lanes - 1] + at_rest[lane]
-                if bound <= found <= bound + AT_ONCE:
+                if bound <= found <= worst:
                     last = lanes
-                elif found > bound + AT_ONCE and found < following:
+                elif found > worst and found < following:
                     following = found
             lane = moves.onward[lane]
     gap = scratch.gap
@@ -449,7 +451,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         if num == 0:
             return states, entries, count
         found = ready + moves.time[run] + at_rest[lane]
-        if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= bound + AT_ONCE)):
+        if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= worst)):
             earliest = gap[0, 0] + moves.time[run]
             if scratch.seen[lane, 0] == now and scratch.seen[lane, 1] <= earliest < scratch.seen[lane, 2]:  # no better than that one
                 later = scratch.seen[lane, 2] + 1 - taken
@@ -462,7 +464,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         begin_m = end_m
         before = lane
         lane = moves.onward[lane]
-    if following < FAR:
+    if following <= scratch.work[3]:
         scratch.entry[entries, 0] = state
         scratch.entry[entries, 1] = ray
         scratch.entry[entries, 2] = 0
@@ -509,6 +511,8 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
             if at > high:
                 break
             there = at + time
+            if there + at_rest[lane] > scratch.work[3]:
+                break
             key = state_key(lane, until)
             h = key_place(scratch, key, now, mask)
             if scratch.stamp[h] != now or there < scratch.arrived[scratch.place[h]]:
@@ -541,6 +545,8 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
 @kernel(inline="always", allocates=False)
 def push_later(scratch, state, ray, lanes, later, time, left, weight, entries, count):
     """Add an entry for a run that sets out at a step or later, takes so long, and after which so much is left."""
+    if later + time + left > scratch.work[3]:
+        return entries, count
     scratch.entry[entries, 0] = state
     scratch.entry[entries, 1] = ray
     scratch.entry[entries, 2] = lanes

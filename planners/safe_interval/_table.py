@@ -130,7 +130,7 @@ def release(table, resource, num, robot):
 
 @kernel(allocates=False)
 def holders(table, resource, begin, end, num, robot, found):
-    """Mark in `found` [R] the robots but this one whose reservations overlap with these. Returns the number of overlaps."""
+    """Write to `found` [R], of the robots but this one, the first step at which a reservation overlaps with these. Returns how many do."""
     overlaps = 0
     for i in range(num):
         q = resource[i]
@@ -138,7 +138,7 @@ def holders(table, resource, begin, end, num, robot, found):
         last = table.row[q] + table.count[q]
         while k < last and table.begin[k] < end[i]:
             if table.robot[k] != robot:
-                found[table.robot[k]] = True
+                found[table.robot[k]] = min(found[table.robot[k]], max(table.begin[k], begin[i]))
                 overlaps += 1
             k += 1
     return overlaps

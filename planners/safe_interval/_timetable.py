@@ -43,11 +43,13 @@ class Timetable:
         self.facing = np.full((num_robots, num_lanes), _search.FAR, np.int32)
         self.alone = np.zeros(num_robots, np.int64)  # [R] steps without others, FAR: no way
         self.way: list[Way | None] = [None] * num_robots
+        self._start, self._goal = problem.start.tolist(), problem.target.tolist()
         self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
         self.scratch = _search.new_scratch(1 << 14, num_lanes)
         self.work = 0  # entries that searches have looked at
         self.exhausted = False  # whether the last search has looked at everything
         self._protected_steps = 0
+        self._nobody = _table.empty_table(len(self.table.row), 0)
         self._heap = np.zeros(64 * num_lanes + 64, np.int64)
         self._lanes, self._stack = np.zeros(num_lanes, np.int64), np.zeros(num_lanes + 1, np.int64)
 
@@ -72,7 +74,7 @@ class Timetable:
 
     def look_back(self, robot: int) -> None:
         """Find out how far it is to a robot's goal from everywhere, without others."""
-        moves, start, goal = self.moves[self.kind[robot]], int(self.problem.start[robot]), int(self.problem.target[robot])
+        moves, start, goal = self.moves[self.kind[robot]], self._start[robot], self._goal[robot]
         room = self.at_rest[robot], self.facing[robot], self._lanes, self._stack
         while not _search.steps_left(moves, goal, np.nan, *room, self._heap):
             self._heap = np.zeros(2 * len(self._heap), np.int64)
@@ -88,8 +90,38 @@ class Timetable:
 
     def ideal(self, robot: int) -> Way:
         """The way of a robot without others."""
-        found = self._search(_table.empty_table(len(self.table.row), 0), robot, WHOLE, _table.FOREVER, 1.0)
+        found = self._search(self._nobody, robot, WHOLE, _table.FOREVER, 1.0)
         assert found is not None
+        return found
+
+    def delay_at_stops(self, robot: int) -> IntArray:
+        """[K] of the stops at the ends of a robot's runs, how many steps it will be later than alone if nothing delays it from there on."""
+        moves, way = self.moves[self.kind[robot]], self.way[robot]
+        assert way is not None
+        steps = [left + int(moves.time[run]) + int(self.at_rest[robot, lane]) for lane, run, left in self._ends(robot, way)]
+        delay: IntArray = np.array(steps, np.int64) - self.alone[robot]
+        return delay
+
+    def ideal_from(self, robot: int, run: int) -> Way:
+        """The way of a robot without others from where one of its runs begins, when it has come to stand there."""
+        moves, way = self.moves[self.kind[robot]], self.way[robot]
+        assert way is not None
+        if not run:
+            return self.ideal(robot)
+        lane, driven, left = self._ends(robot, way)[run - 1]
+        at = int(moves.head[lane]), float(moves.heading_rad[lane]), left + int(moves.time[driven])
+        found = self._search(self._nobody, robot, WHOLE, _table.FOREVER, 1.0, at)
+        assert found is not None
+        return found
+
+    def _ends(self, robot: int, way: Way) -> list[tuple[int, int, int]]:
+        """Of each run its last lane, its number, and the step at which the robot sets out."""
+        moves, found = self.moves[self.kind[robot]], []
+        for ray, lanes, left in way.runs.tolist():
+            lane = ray
+            for _ in range(lanes - 1):
+                lane = moves.onward.item(lane)
+            found.append((lane, moves.run_first.item(moves.course.item(ray)) + lanes - 1, left))
         return found
 
     def passing(self, resource: int) -> IntArray:
@@ -98,13 +130,16 @@ class Timetable:
         robots: IntArray = self.table.robot[begin : begin + int(self.table.count[resource])]
         return robots.copy()
 
-    def _search(self, table: _table.Table, robot: int, most: int, latest: int, weight: float) -> Way | None:
-        moves, problem = self.moves[self.kind[robot]], self.problem
-        start, goal = int(problem.start[robot]), int(problem.target[robot])
+    def _search(
+        self, table: _table.Table, robot: int, most: int, latest: int, weight: float, begin: tuple[int, float, int] | None = None
+    ) -> Way | None:
+        """From a vertex, a heading and a step on; by default from the robot's start at step 0, facing where it goes."""
+        moves, goal = self.moves[self.kind[robot]], self._goal[robot]
+        start, heading, since = begin or (self._start[robot], np.nan, 0)
         while True:
             before = int(self.scratch.work[1])
             code, state = _search.find(
-                moves, table, start, np.nan, goal, self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch
+                moves, table, start, heading, goal, self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch
             )
             self.work += int(self.scratch.work[1]) - before
             if code != _search.FULL:
@@ -113,10 +148,9 @@ class Timetable:
         self.exhausted = code == _search.NO_WAY
         if code != _search.FOUND:
             return None
-        return self._way(robot, state)
+        return self._way(moves, start, since, state)
 
-    def _way(self, robot: int, state: int) -> Way:
-        moves, start = self.moves[self.kind[robot]], int(self.problem.start[robot])
+    def _way(self, moves: Moves, start: int, since: int, state: int) -> Way:
         room = 64
         while True:
             runs = np.empty((room, 3), np.int64)
@@ -125,6 +159,7 @@ class Timetable:
                 break
             room *= 4
         runs = runs[:num].copy()
+        runs[:, 2] += since
         room = 4 * (int(runs[:, 1].sum()) + 8)
         while True:
             resource, begin, end = (np.empty(room, np.int64) for _ in range(3))
@@ -132,13 +167,15 @@ class Timetable:
             if held >= 0:
                 break
             room *= 2
-        return Way(runs, resource[:held].copy(), begin[:held].copy(), end[:held].copy(), int(self.scratch.arrived[state]))
+        begin = np.maximum(begin[:held], since)
+        return Way(runs, resource[:held].copy(), begin, end[:held].copy(), int(self.scratch.arrived[state]) + since)
 
     def hinders(self, robot: int, way: Way) -> IntArray:
-        """The robots in the table that a way would get in conflict with."""
-        found = np.zeros(self.num_robots, np.bool_)
+        """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
+        found = np.full(self.num_robots, _table.FOREVER)
         _table.holders(self.table, way.resource, way.begin, way.end, len(way.resource), robot, found)
-        return np.flatnonzero(found)
+        order = np.argsort(found, kind="stable")
+        return order[found[order] < _table.FOREVER]
 
     def add(self, robot: int, way: Way) -> None:
         """Put a way into the table."""

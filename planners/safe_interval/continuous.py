@@ -22,6 +22,7 @@ from mrp_sumo.planning.answers import impossible, require_limit
 
 CHANCE = 12  # purpose of the stream of chance
 ORDERS = 16  # of the robots that are tried
+MOST_POLISH = 400_000  # entries, however many robots there are
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Continuous:
     """
 
     anytime: bool = False  # whether to spend the rest of the time limit on lower costs
-    neighbourhood: int = 6  # robots that are planned again at a time
-    polish: int = 1000  # entries per robot that searches may look at to improve the first solution; 0 for none
+    neighbourhood: int = 3  # robots that are planned again at a time
+    polish: int = 150  # entries for each pair of robots that searches may look at to improve the first solution; 0 for none
     step_length_s: float = 0.1  # of the simulation that is to drive the plan
 
     assigns: ClassVar[bool] = False
@@ -96,7 +97,8 @@ class Continuous:
         }
         if self.polish or self.anytime:
             improvement = Improvement(timetable, self.neighbourhood, rng)
-            improvement.until(deadline_s - 0.02, np.iinfo(np.int64).max if self.anytime else self.polish * problem.num_robots)
+            polish = min(self.polish * problem.num_robots * (problem.num_robots - 1) // 2, MOST_POLISH)
+            improvement.until(deadline_s - 0.02, np.iinfo(np.int64).max if self.anytime else polish)
             stats["neighbourhoods"] = float(improvement.tries)
         least_s = np.maximum(timetable.alone - 1, 0).sum() * self.step_length_s  # arrivals are within a step
         return PlanResult(
