@@ -12,9 +12,22 @@ from mrp_sumo.bags.template import Template
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.near import least_distance_m
-from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, RunRecord, goal_name, robot_states, task_names_at
+from mrp_sumo.io.record import (
+    AT_GOAL,
+    BLOCKED,
+    MOVING,
+    STATE_NAMES,
+    WAITING,
+    RunRecord,
+    battery_percent_at,
+    charging_at,
+    goal_name,
+    robot_states,
+    task_names_at,
+)
 
 COLOURS = {MOVING: (0.18, 0.55, 0.95), WAITING: (0.95, 0.70, 0.10), BLOCKED: (0.90, 0.20, 0.15), AT_GOAL: (0.25, 0.70, 0.35)}
+RMF_CHARGING = 1
 RMF_MODES = {MOVING: 2, WAITING: 4, BLOCKED: 4, AT_GOAL: 0}  # RobotMode: MODE_MOVING, MODE_WAITING, MODE_IDLE
 CLOUD = np.dtype(
     {
@@ -135,11 +148,12 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
     level = _levels(m.record, samples)
     level = np.where(samples.there, 0, ABSENT) if level is None else level
     now = np.stack((level, task.reshape(level.shape)), 2)  # [K, R, 2] level and task of each robot
+    battery, charging = battery_percent_at(m.record, samples.t_ns / 1e9), charging_at(m.record, samples.t_ns / 1e9)
     more = ("",) if m.generation == "kilted" else ()  # performing_action
 
     def template(robots: IntArray, now: NDArray[Any]) -> Template:
         def make(v: list[Any]) -> Any:
-            rows = zip(robots, v[0::7], v[1::7], v[2::7], v[3::7], v[4::7], v[5::7], v[6::7])
+            rows = zip(robots, *(v[k::8] for k in range(8)))
             states = [
                 m.make(
                     "rmf_fleet_msgs/RobotState",
@@ -148,23 +162,24 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
                     str(names[now[r, 1]]),
                     number,
                     m.make("rmf_fleet_msgs/RobotMode", mode_now, 0, *more),
-                    100.0,
+                    percent,
                     m.location(x, y, yaw, int(now[r, 0]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
                     [],
                 )
-                for r, number, mode_now, sec, nanosec, x, y, yaw in rows
+                for r, number, mode_now, sec, nanosec, percent, x, y, yaw in rows
             ]
             return m.make("rmf_fleet_msgs/FleetState", FLEET_NAME, states)
 
-        kinds = ("<u8", "<u4", "<i4", "<u4", "<f4", "<f4", "<f4")
+        kinds = ("<u8", "<u4", "<i4", "<u4", "<f4", "<f4", "<f4", "<f4")
         return Template(m.typestore, "rmf_fleet_msgs/msg/FleetState", make, kinds * len(robots))
 
     def fill(t: Template, k: int, robots: Any) -> None:
         nanosec = int(samples.t_ns[k]) % 10**9
-        now = mode[samples.state[k, robots]]
+        now = np.where(charging[k, robots], RMF_CHARGING, mode[samples.state[k, robots]])
         t.set("<u8", k)
         t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
-        t.set("<f4", np.stack((samples.x[k, robots], samples.y[k, robots], samples.yaw[k, robots]), 1).ravel())
+        columns = (battery, samples.x, samples.y, samples.yaw)
+        t.set("<f4", np.stack([column[k, robots] for column in columns], 1).ravel())
 
     return Stream(samples, template, fill, nanosec=False, now=now)
 

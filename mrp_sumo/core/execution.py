@@ -6,6 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.task import StopLog, TaskLog
@@ -86,6 +87,7 @@ class Execution:
     tasks: TaskLog | None = None  # of a run with a stream of tasks
     stops: StopLog | None = None  # of the same
     calls: PlannerCalls | None = None  # of the same
+    batteries: BatteryLog | None = None  # of the same, where the robots' type has one
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.errors import ScenarioError
 
@@ -24,6 +25,7 @@ class RobotType:
     turn_rate_rad_s: float  # turning in place
     gap_m: float = 0.1  # kept between footprints' circles, on top of their radii
     source: str = ""  # where the figures come from
+    battery: Battery | None = None
 
     def __post_init__(self) -> None:
         for key in ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s"):

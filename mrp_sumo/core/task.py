@@ -3,14 +3,15 @@
 Refuses tasks without stops, and times that are no times.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isnan
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.errors import PlanError
 
+ORDER, CHARGE = "order", "charge"  # kinds of tasks
 NOBODY = -1  # a task that no robot has been given
 
 
@@ -62,6 +63,7 @@ class Task:
     priority: int = 0  # more is more urgent
     robot: int = NOBODY
     name: str = ""
+    kind: str = ORDER  # or CHARGE, which the fleet makes for itself
 
     def __post_init__(self) -> None:
         if not self.stops:
@@ -90,6 +92,7 @@ class TaskLog:
     assigned_s: FloatArray
     opened_s: FloatArray  # when its first stop was reached: from then on it is that robot's
     done_s: FloatArray  # when the service of its last stop was over
+    kind: tuple[str, ...] = ()  # [K] ORDER or CHARGE; empty: all are orders
 
     @property
     def state(self) -> tuple[str, ...]:
@@ -101,6 +104,11 @@ class TaskLog:
     def service_time_s(self) -> FloatArray:
         """[K] from release to done."""
         return frozen(self.done_s - self.released_s)
+
+    @property
+    def is_order(self) -> BoolArray:
+        """[K] whether somebody wants it done, rather than the fleet itself."""
+        return frozen(np.array([kind == ORDER for kind in self.kind] or np.ones(len(self.name)), np.bool_))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +125,27 @@ class StopLog:
     stood_s: FloatArray  # [S] for which it stood on the way there, for others or for what was closed
     queued_s: FloatArray  # [S] for which it stood at a place to wait
     due_s: FloatArray  # [S] of the task, inf: never
+
+
+def some_tasks(tasks: TaskLog, wanted: BoolArray) -> TaskLog:
+    """Those of wanted [K]."""
+    kept = np.flatnonzero(wanted).tolist()
+    names, kinds = tuple(tasks.name[k] for k in kept), tuple(tasks.kind[k] for k in kept) if tasks.kind else ()
+    released_s, assigned_s = frozen(tasks.released_s[wanted]), frozen(tasks.assigned_s[wanted])
+    return TaskLog(
+        names, frozen(tasks.robot[wanted]), released_s, assigned_s, frozen(tasks.opened_s[wanted]), frozen(tasks.done_s[wanted]), kinds
+    )
+
+
+def orders_of(tasks: TaskLog, stops: StopLog | None) -> tuple[TaskLog, StopLog | None]:
+    """The tasks that somebody wanted done, numbered anew, and their stops."""
+    wanted = tasks.is_order
+    if wanted.all():
+        return tasks, stops
+    number, orders = np.cumsum(wanted) - 1, some_tasks(tasks, wanted)
+    if stops is None:
+        return orders, None
+    rows = wanted[stops.task]
+    station = tuple(name for name, keep in zip(stops.station, rows.tolist()) if keep)
+    others = {key: frozen(getattr(stops, key)[rows]) for key in StopLog.__dataclass_fields__ if key not in ("station", "task")}
+    return orders, replace(stops, task=frozen(number[stops.task[rows]]), station=station, **others)

@@ -21,6 +21,7 @@ from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.arrivals import with_goals_within
+from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
@@ -117,7 +118,13 @@ class Drive:
     cpu_s: float = 0.0
 
     def __post_init__(self) -> None:
-        self.tasks = Work(self.settings.tasks, self.ledger.problem)
+        settings = self.settings
+        self.tasks = Work(
+            settings.tasks, self.ledger.problem, parking=settings.parking, battery=settings.battery, charging=settings.charging
+        )
+        self.batteries: Batteries | None = None
+        if settings.tasks and settings.battery is not None:
+            self.batteries = Batteries(settings.battery, self.ledger.num_robots, settings.start_level, settings.seed)
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self._asked: tuple[Request, float] | None = None  # what the planner is at work on, and when its answer is there
         self._reported: set[str] = set()  # why there was no plan
@@ -168,7 +175,7 @@ class Drive:
 
     def _close(self) -> None:
         """What is still going on ends with the run."""
-        self.tasks.update(self.now_s, self.ledger.visits, self.ledger.state.waits.booked_s)
+        self._update_tasks()
         self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
 
@@ -219,7 +226,7 @@ class Drive:
     def _due(self) -> Iterable[Request]:
         """What the scenario's dispatcher asks, as late as a planner would answer it."""
         if self.settings.tasks:
-            self.tasks.update(self.now_s, self.ledger.visits, self.ledger.state.waits.booked_s)
+            self._update_tasks()
         if self._asked is not None:
             request, ready_s = self._asked
             if self.now_s < ready_s - 1e-9:
@@ -233,6 +240,16 @@ class Drive:
             self._asked = request, self.now_s + self.settings.planning_budget_s
             break
         return ()
+
+    def _update_tasks(self) -> None:
+        """Note what robots have done, and what that took from their batteries. Those that have run empty stay where they are."""
+        state, level = self.ledger.state, None
+        if self.batteries is not None:
+            for robot in self.batteries.observe(self.now_s, state.motion, self.tasks.at_charger):
+                self.events.append(self.world.strand(robot, self.now_s))
+                self.tasks.lose(robot)
+            level = self.batteries.level
+        self.tasks.update(self.now_s, self.ledger.visits, state.waits.booked_s, level)
 
     def _answered(self, dispatcher: Dispatcher, request: Request, bodies: Engine) -> bool:
         began = time.perf_counter()
@@ -326,6 +343,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         tasks=drive.tasks.log() if settings.tasks else None,
         stops=drive.tasks.stops_made() if settings.tasks else None,
         calls=drive.calls if settings.tasks else None,
+        batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),
         sumo_xy_m=frozen(np.array(witness.xy_m)),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.core.battery import Battery, Charging
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.drive.disturbances import NONE, Disturbances
 from mrp_sumo.errors import ExecutionError, nearest
@@ -26,6 +27,10 @@ class ExecutionSettings:
     planner: str = "lacam"  # that the dispatcher asks for more plans
     planner_parameters: Mapping[str, Any] = field(default_factory=dict)
     tasks: tuple[TaskSource, ...] = ()
+    parking: tuple[int, ...] = ()  # vertices where robots without a task go
+    battery: Battery | None = None  # of each robot; in runs with tasks
+    charging: Charging | None = None
+    start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
     planning_budget_s: float = 0.0  # simulated: so long after it is asked, the planner's answer is there
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated

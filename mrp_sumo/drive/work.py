@@ -12,18 +12,20 @@ from itertools import chain
 
 import numpy as np
 
+from mrp_sumo.core.battery import Battery, Charging
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
 from mrp_sumo.core.stream import TaskSource
-from mrp_sumo.core.task import NOBODY, Stop, StopLog, Task, TaskLog
+from mrp_sumo.core.task import CHARGE, NOBODY, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 NONE = -1
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
+LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
 TRY_AGAIN_S = 2.0  # after a request that had no answer
 
 
@@ -39,8 +41,22 @@ class WorkRequest(Request):
 class Work:
     """Tasks of R robots; `tasks` are those that are known by now, numbered by release."""
 
-    def __init__(self, sources: Sequence[TaskSource], problem: Problem) -> None:
+    def __init__(
+        self,
+        sources: Sequence[TaskSource],
+        problem: Problem,
+        *,
+        parking: Sequence[int] = (),
+        battery: Battery | None = None,
+        charging: Charging | None = None,
+    ) -> None:
         num_robots = problem.num_robots
+        self.out = np.zeros(num_robots, np.bool_)  # [R] robots that will never go on
+        self._parking, self._battery, self._charging = parking, battery, charging
+        self._charges = np.zeros(num_robots, np.bool_)  # [R] whether the task is to charge
+        self._level = np.ones(num_robots)  # [R] states of charge
+        self._num_charges = 0
+        self._row = np.zeros(num_robots, np.int64)  # [R] that of each robot's last stop in the log
         self.problem = problem
         self.tasks: list[Task] = []
         self.current = np.full(num_robots, NONE)  # [R] the task of each robot
@@ -67,7 +83,7 @@ class Work:
     @property
     def free(self) -> IntArray:
         """Robots without a task, ascending."""
-        return np.flatnonzero(self.current == NONE)
+        return np.flatnonzero((self.current == NONE) & ~self.out)
 
     @property
     def endless(self) -> bool:
@@ -77,13 +93,30 @@ class Work:
     @property
     def all_done(self) -> bool:
         """Whether no task is left, and none will come."""
-        return not self._waiting and bool((self.current == NONE).all()) and not self.endless
+        return not self._waiting and bool(((self.current == NONE) | self._charges).all()) and not self.endless
 
-    def update(self, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
-        """Note what robots have done by now, and what their time was spent on (`core.execution.BOOKINGS`); reveal tasks."""
+    @property
+    def at_charger(self) -> BoolArray:
+        """[R] robots that are being charged."""
+        return self._charges & self.serving
+
+    def update(self, now_s: float, visits: Visits, booked_s: FloatArray, level: FloatArray | None = None) -> None:
+        """Note what robots have done by now; reveal tasks; see who has to charge.
+
+        Parameters
+        ----------
+        booked_s
+            [R, 8] what their time was spent on (`core.execution.BOOKINGS`).
+        level
+            [R] states of charge, where robots have batteries.
+        """
+        if level is not None:
+            self._level = level
         for r in np.flatnonzero(self.current != NONE).tolist():
             self._note(r, now_s, visits, booked_s[r])
         self._reveal(now_s)
+        if level is not None and self._charging is not None:
+            self._see_who_charges(now_s, self._charging, booked_s)
         if now_s >= self._again_s:
             self.news, self._again_s = True, np.inf
 
@@ -103,9 +136,9 @@ class Work:
         passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
         keeps = (self.current != NONE) & ~passed_on
         stop = {r: self.tasks[k].stops[0] for r, k in given.items()}
-        stop |= {r: self._next(r) for r in np.flatnonzero(keeps & ~self.serving).tolist()}
+        stop |= {r: self._next(r) for r in np.flatnonzero(keeps & ~self.serving & ~self.out).tolist()}
         vertex, made = self._aims(start, stop, given)
-        robots = np.flatnonzero(~self.serving)
+        robots = np.flatnonzero(~self.serving & ~self.out)
         task = np.array([given.get(r, int(self.current[r]) if keeps[r] else NONE) for r in robots.tolist()], np.int64)
         nth = np.where(keeps[robots], self.stop[robots], 0)
         return WorkRequest(
@@ -145,7 +178,8 @@ class Work:
     def log(self) -> TaskLog:
         """What has become of the tasks."""
         times = {name: frozen(np.array(column, np.float64)) for name, column in self._times.items()}
-        return TaskLog(tuple(task.name for task in self.tasks), frozen(np.array(self._robot, np.int64)), **times)
+        names, kinds = (tuple(getattr(task, key) for task in self.tasks) for key in ("name", "kind"))
+        return TaskLog(names, frozen(np.array(self._robot, np.int64)), **times, kind=kinds)
 
     def stops_made(self) -> StopLog:
         """The stops that were made, by task."""
@@ -156,7 +190,13 @@ class Work:
 
     def may_pass_on(self, robot: int) -> bool:
         """Whether a robot has a task and has not come to its first stop."""
-        return bool(self.current[robot] != NONE and self.stop[robot] == 0 and not self.serving[robot])
+        return bool(self.current[robot] != NONE and self.stop[robot] == 0 and not self.serving[robot] and not self._charges[robot])
+
+    def lose(self, robot: int) -> None:
+        """A robot will never go on: a task that it has not begun goes to others."""
+        if self.may_pass_on(robot):
+            self._take_back(robot)
+        self.out[robot] = self.news = True
 
     def serving_until_s(self, robot: int) -> float:
         """When the service that a robot is at will be over; inf: it is at none."""
@@ -187,13 +227,17 @@ class Work:
             opened_s = self._times["opened_s"]
             if np.isnan(opened_s[self.current[r]]):
                 opened_s[self.current[r]] = begins_s
-            self.serving[r], self._until_s[r] = True, begins_s + self._next(r).service_s
+            self.serving[r], self._until_s[r] = True, begins_s + self._service_s(r)
             self._note_stop(r, int(visits.vertex[last]), begins_s, now_s, booked_s)
         if not self.serving[r] or self._until_s[r] > now_s:
             return
         over_s, task = float(self._until_s[r]), int(self.current[r])
         self.serving[r], self._until_s[r], self._since_s[r], self._aim[r] = False, np.inf, over_s, NONE
+        if self._charges[r]:  # which may have been cut short
+            row = self._stops[self._row[r]]
+            self._stops[self._row[r]] = (*row[:6], over_s, *row[7:])
         self.stop[r] += 1
+        self._charges[r] = False
         self._idle[r] = _idle(booked_s)
         self.news = True
         if self.stop[r] == len(self.tasks[task].stops):
@@ -202,6 +246,56 @@ class Work:
             for source in self._sources:
                 source.done(task)
 
+    def _service_s(self, r: int) -> float:
+        """How long the service at a robot's next stop takes."""
+        if not self._charges[r]:
+            return self._next(r).service_s
+        assert self._charging is not None and self._battery is not None
+        return max(self._charging.least_s, self._battery.charge_s(max(self._charging.maximum - float(self._level[r]), 0.0)))
+
+    def _see_who_charges(self, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
+        """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
+        assert self._battery is not None
+        level = self._level
+        for r in np.flatnonzero((level <= charging.critical) & ~self._charges & ~self.out).tolist():
+            if self.may_pass_on(r):
+                self._take_back(r)
+            if self.current[r] == NONE:
+                self._charge(r, now_s, charging, booked_s)
+        if not charging.opportunity:
+            return
+        free = self.free.tolist()
+        idle = max(0, len(free) - len(self._waiting))
+        room = len(charging.station.places) - int(self._charges.sum())
+        for r in sorted(free, key=lambda r: (level[r], r))[: max(0, min(idle, room))]:
+            if self._battery.charge_s(charging.maximum - float(level[r])) >= max(charging.least_s, LEAST_CHARGE_S):
+                self._charge(r, now_s, charging, booked_s)
+        ready = np.flatnonzero(self.at_charger & (level >= charging.minimum)).tolist()
+        wanted = max(0, len(self._waiting) - len(free))
+        for r in sorted((r for r in ready if now_s - self._begun_s(r) >= charging.least_s), key=lambda r: (-level[r], r))[:wanted]:
+            self._until_s[r] = now_s  # noted when robots are looked at next
+
+    def _charge(self, r: int, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
+        """A robot gets the task to charge."""
+        number = len(self.tasks)
+        stop = Stop(
+            charging.station.places[0],
+            self._battery.charge_s(1.0 - float(self._level[r])) if self._battery else 0.0,
+            CHARGE,
+            charging.station,
+        )
+        self.tasks.append(Task(number, (stop,), now_s, robot=r, name=f"{CHARGE}_{self._num_charges}", kind=CHARGE))
+        self._num_charges += 1
+        self._robot.append(r)
+        for name, column in self._times.items():
+            column.append(now_s if name in ("released_s", "assigned_s") else np.nan)
+        self.current[r], self.stop[r], self._since_s[r], self._aim[r], self._charges[r] = number, 0, now_s, NONE, True
+        self._idle[r] = _idle(booked_s[r])
+        self.news = True
+
+    def _begun_s(self, r: int) -> float:
+        return self._times["opened_s"][int(self.current[r])]
+
     def _note_stop(self, r: int, vertex: int, begin_s: float, now_s: float, booked_s: FloatArray) -> None:
         """A service has begun. What was booked since then, until now, is none of the way there."""
         task, stop, since_s = self.tasks[int(self.current[r])], self._next(r), float(self._since_s[r])
@@ -209,6 +303,7 @@ class Work:
         queued_s = min(max(queued_s - (now_s - begin_s), 0.0), begin_s - since_s)
         stood_s = min(stood_s, begin_s - since_s - queued_s)
         station, end_s = stop.station.name if stop.station else "", float(self._until_s[r])
+        self._row[r] = len(self._stops)
         self._stops.append((task.id, r, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s))
 
     def _reveal(self, now_s: float) -> None:
@@ -225,9 +320,10 @@ class Work:
     def _aims(self, start: IntArray, stops: Mapping[int, Stop], given: Mapping[int, int]) -> tuple[IntArray, BoolArray]:
         """[R] where robots are to go, all different, and whether they can make their stops there. Who is near chooses first."""
         steps, vertex, made = distances(self.problem.graph), start.copy(), np.zeros(len(start), np.bool_)
-        taken = set(start[self.serving].tolist())
+        stays = self.serving | self.out
+        taken = set(start[stays].tolist())
         away = {r: min(int(steps.to(v)[start[r]]) for v in stop.places) for r, stop in stops.items()}
-        around: dict[int, int] = {r: int(start[r]) for r in range(len(start)) if not self.serving[r]}  # vertices to be near to
+        around: dict[int, int] = {r: int(start[r]) for r in range(len(start)) if not stays[r]}  # vertices to be near to
         for r in sorted(stops, key=lambda r: (away[r], given.get(r, int(self.current[r])))):
             for makes, choice in ((True, stops[r].places), (False, stops[r].queue)):
                 free = [(int(steps.to(v)[start[r]]), v) for v in choice if v not in taken]
@@ -238,6 +334,12 @@ class Work:
                     break
             else:
                 around[r] = stops[r].places[0] if away[r] < UNREACHABLE else int(start[r])
+        for r in sorted(set(around) - set(stops)):
+            parking = [(int(steps.to(v)[start[r]]), v) for v in self._parking if v not in taken]
+            if parking and min(parking)[0] < UNREACHABLE:
+                vertex[r] = min(parking)[1]
+                taken.add(int(vertex[r]))
+                del around[r]
         stood_on = set(start.tolist())
         for r, centre in sorted(around.items(), key=lambda item: item[0] not in stops):  # without a place, then without work
             vertex[r] = self._resting_place(int(start[r]), centre, taken, stood_on)

@@ -108,6 +108,11 @@ class World:
             events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
         return events + self._update_closures(now, grants)
 
+    def strand(self, robot: int, now: float) -> Event:
+        """A robot's battery is empty: it stands still for good."""
+        self.broken[robot], self.hold_until[robot] = True, np.inf
+        return Event(now, "battery_empty", robot, text="its battery is empty")
+
     def _deliver(self, allowed_m: FloatArray) -> None:
         """Robots hear what they may drive late, or not this time. What they know never shrinks."""
         self._sent.append(allowed_m.copy())

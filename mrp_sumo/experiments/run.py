@@ -99,6 +99,7 @@ def finish(
     """
     from mrp_sumo.metrics.audit import at_walls, audit
     from mrp_sumo.metrics.evaluate import evaluate
+    from mrp_sumo.metrics.fleet_use import ran_empty
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
     from mrp_sumo.metrics.tasks import overload
@@ -120,7 +121,8 @@ def finish(
     walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls) if execution else None
     busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
-    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy)))
+    flat = ran_empty(execution.batteries, problem.fleet.robot_name) if execution and execution.batteries else ""
+    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat)))
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     metrics = evaluate(

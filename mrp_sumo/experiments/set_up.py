@@ -17,7 +17,6 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.policy import policy_of
@@ -25,7 +24,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
-from mrp_sumo.io.tasks import sources_of
+from mrp_sumo.io.tasks import charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
@@ -110,7 +109,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     if scenario.robots.starts is not None and scenario.tasks is None:
         _require_reachable(file, problem)
     if scenario.tasks is not None:
-        settings = replace(settings, tasks=_tasks(file, map_.nav, problem))
+        settings = _with_tasks(settings, file, map_.nav, problem, model)
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings))
 
 
@@ -393,8 +392,8 @@ def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[s
     return np.array(found, np.int64)
 
 
-def _tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:
-    """The tasks of the scenario, on the vertices of the plan graph."""
+def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, problem: Problem, model: RobotType) -> ExecutionSettings:
+    """The settings with the tasks of the scenario, on the vertices of the plan graph, and with what robots do between tasks."""
 
     def vertex_of(name: str) -> int | None:
         vertex = nav.vertex_of_name.get(name)
@@ -402,7 +401,17 @@ def _tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSou
 
     choice = file.scenario.tasks
     assert choice is not None
-    return sources_of(choice, vertex_of, nav.vertex_name, file.at, file.folder, file.scenario.seed, problem.step_s)
+    if choice.charging is not None and model.battery is None:
+        raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{model.name}' has no battery, see robots/turtlebot3.yaml")
+    start = choice.charging.start_level if choice.charging else (100.0, 100.0)
+    return replace(
+        settings,
+        tasks=sources_of(choice, vertex_of, nav.vertex_name, file.at, file.folder, file.scenario.seed, problem.step_s),
+        charging=charging_of(choice, vertex_of, nav.vertex_name, file.at),
+        parking=parking_of(choice, vertex_of, nav.vertex_name, file.at),
+        battery=model.battery,
+        start_level=(start[0] / 100, start[1] / 100),
+    )
 
 
 def _require_reachable(file: ScenarioFile, problem: Problem) -> None:

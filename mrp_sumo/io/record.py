@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 
@@ -72,6 +72,23 @@ def task_names_at(record: RunRecord, t_s: FloatArray) -> NDArray[np.object_]:
         if np.isfinite(assigned_s):
             end = np.searchsorted(t_s, done_s) if np.isfinite(done_s) else len(t_s)
             found[np.searchsorted(t_s, assigned_s) : end, robot] = name
+    return found
+
+
+def battery_percent_at(record: RunRecord, t_s: FloatArray) -> FloatArray:
+    """[K, R] states of charge at some times; 100 where nothing is known of batteries."""
+    log, num_robots = record.execution.batteries, record.fleet.num_robots
+    if log is None:
+        return np.full((len(t_s), num_robots), 100.0)
+    return 100 * np.stack([np.interp(t_s, log.t_s, log.level[:, r]) for r in range(num_robots)], 1)
+
+
+def charging_at(record: RunRecord, t_s: FloatArray) -> BoolArray:
+    """[K, R] who is being charged at some times."""
+    found, tasks, stops = np.zeros((len(t_s), record.fleet.num_robots), np.bool_), record.execution.tasks, record.execution.stops
+    if tasks is not None and stops is not None:
+        for k in np.flatnonzero(~tasks.is_order[stops.task]).tolist():
+            found[np.searchsorted(t_s, stops.begin_s[k]) : np.searchsorted(t_s, stops.end_s[k]), stops.robot[k]] = True
     return found
 
 

@@ -221,6 +221,7 @@ def _write_logs(
     write_bag: "WriteBag | None",
 ) -> None:
     """Trajectory, visits, events and bag."""
+    from mrp_sumo.io.battery_table import write_batteries
     from mrp_sumo.io.replans import write_replans
     from mrp_sumo.io.tasks_table import write_stops, write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
@@ -235,9 +236,11 @@ def _write_logs(
     if execution.replies:
         write_replans(folder / "replans.parquet", execution.replies, problem.graph, problem.fleet.robot_name)
     if execution.tasks is not None:
-        write_tasks(folder / "tasks.parquet", execution.tasks, problem.fleet.robot_name)
+        write_tasks(folder, execution.tasks, problem.fleet.robot_name)
     if execution.tasks is not None and execution.stops is not None:
         write_stops(folder / "stops.parquet", execution.stops, execution.tasks, problem.fleet.robot_name, problem.graph.label)
+    if execution.batteries is not None:
+        write_batteries(folder / "battery.parquet", execution.batteries, problem.fleet.robot_name)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
         record = record_of(scenario, problem, result.plan, execution, nav, costmap)

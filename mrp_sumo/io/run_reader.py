@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome, PlannerCalls, Reply
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
@@ -165,6 +166,7 @@ class RunFolder:
             tasks=self._tasks(),
             stops=self._stops(),
             calls=self._calls(),
+            batteries=self._batteries(),
         )
 
     @property
@@ -224,7 +226,7 @@ class RunFolder:
             return None
         from mrp_sumo.io.tasks_table import read_tasks
 
-        return read_tasks(self.folder / "tasks.parquet", self.fleet.robot_name)
+        return read_tasks(self.folder, self.fleet.robot_name)
 
     def _stops(self) -> StopLog | None:
         tasks = self._tasks()
@@ -233,6 +235,13 @@ class RunFolder:
         from mrp_sumo.io.tasks_table import read_stops
 
         return read_stops(self.folder / "stops.parquet", tasks, self.fleet.robot_name, self.graph.vertex_of_name)
+
+    def _batteries(self) -> BatteryLog | None:
+        if not self._has("battery.parquet"):
+            return None
+        from mrp_sumo.io.battery_table import read_batteries
+
+        return read_batteries(self.folder / "battery.parquet", self.fleet.num_robots)
 
     def _calls(self) -> PlannerCalls | None:
         metrics = self.metrics

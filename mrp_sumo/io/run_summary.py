@@ -46,6 +46,9 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             _given("95 % below", seconds(m["service_time_p95_s"])),
             "run too short to tell the warm-up" if m["warm_up_s"] is None else f"after a warm-up of {seconds(m['warm_up_s'])}",
         )
+    if m["energy_j"] is not None:
+        level, empty = f"lowest {100 * m['battery_level_min']:.0f} %", m["robots_battery_empty"]
+        yield "batteries", f"{m['energy_j'] / 3600:.1f} Wh drawn", level, f"{count(empty, 'robot')} ran empty" if empty else ""
     if result.get("policy"):
         if m["tasks_done"] is None:
             yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}"

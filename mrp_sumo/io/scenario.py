@@ -25,6 +25,7 @@ from pydantic import (
     model_validator,
 )
 
+from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.names import fault_of_folder
@@ -94,6 +95,18 @@ class Discretisation(_Strict):
         return self
 
 
+class BatteryShape(_Strict):
+    """The battery of a robot type, and what drains it, after Open-RMF's model."""
+
+    voltage_v: OfRobot
+    capacity_ah: OfRobot
+    charging_a: OfRobot
+    mass_kg: OfRobot
+    inertia_kgm2: OfRobot
+    friction: float = Field(ge=0, le=10, description="Coefficient.")
+    device_w: float = Field(0.0, ge=0, le=1e5, description="Drawn by computer and sensors all the time.")
+
+
 class RobotShape(_Strict):
     """A robot type written out; see the files in robots/."""
 
@@ -105,6 +118,7 @@ class RobotShape(_Strict):
     turn_rate_rad_s: OfRobot
     gap_m: float = Field(0.1, ge=0, le=1e3, description="Kept between robots, on top of their radii.")
     source: str = ""
+    battery: BatteryShape | None = None
 
 
 class Robots(_Strict):
@@ -613,11 +627,16 @@ def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotTyp
         For an unknown type and a flawed file.
     """
     if isinstance(choice, RobotShape):
-        return RobotType(name="custom", **choice.model_dump())
+        return _robot_type("custom", choice)
     path = folder / f"{choice}.yaml"
     if not os.path.isfile(path):  # noqa: PTH113
         path = beside / choice
         if not os.path.lexists(path):
             known = nearest(choice, (p.stem for p in sorted(folder.glob("*.yaml"))))
             raise ScenarioError(f"'{shortened(Path(choice))}' is neither a robot type nor a file{known}")
-    return RobotType(name=path.stem, **validated(read_document(path), RobotShape).model_dump())
+    return _robot_type(path.stem, validated(read_document(path), RobotShape))
+
+
+def _robot_type(name: str, shape: RobotShape) -> RobotType:
+    battery = Battery(**shape.battery.model_dump()) if shape.battery else None
+    return RobotType(name=name, **shape.model_dump(exclude={"battery"}), battery=battery)

@@ -11,11 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskSource, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
@@ -25,6 +26,7 @@ MAX_BYTES = 64_000_000
 MAX_ROUTES = 100_000
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Place = tuple[str | int, ...]
 
 
@@ -115,6 +117,29 @@ class StreamChoice(_Strict):
         return self
 
 
+class ChargingChoice(_Strict):
+    """When and where robots charge; levels in percent, with the names of a VDA 5050 factsheet."""
+
+    stations: list[str] = Field(min_length=1, description="Names of groups, stations or vertices: a place each.")
+    policy: Literal["threshold", "opportunity"] = Field(
+        "threshold", description="'threshold': robots charge when they have to; 'opportunity': when they have nothing else to do, too."
+    )
+    critical_low_charging_level: Percent = Field(20.0, description="At or below it a robot without a load goes to charge.")
+    minimum_desired_charging_level: Percent = Field(50.0, description="From it on 'opportunity' calls robots off when tasks wait.")
+    maximum_desired_charging_level: Percent = Field(100.0, description="Charging ends.")
+    minimum_charging_time_s: NotNegative = Field(0.0, description="For which a robot stays at least.")
+    start_level: tuple[Percent, Percent] = Field((100.0, 100.0), description="Each robot's at the start, drawn evenly between these.")
+
+    @model_validator(mode="after")
+    def _ascending(self) -> "ChargingChoice":
+        levels = [self.critical_low_charging_level, self.minimum_desired_charging_level, self.maximum_desired_charging_level]
+        if not levels[0] < levels[2] or not levels[0] <= levels[1] <= levels[2]:
+            raise ValueError(f"levels are {levels}, expected critical_low, minimum_desired and maximum_desired in ascending order")
+        if self.start_level[0] > self.start_level[1]:
+            raise ValueError(f"start_level is {list(self.start_level)}, expected the least and the most")
+        return self
+
+
 class TasksChoice(_Strict):
     """Work that comes while robots drive."""
 
@@ -129,6 +154,8 @@ class TasksChoice(_Strict):
         None,
         description="So many tasks of all streams together are always known and not done, in the order of their arrival.",
     )
+    charging: ChargingChoice | None = Field(None, description="Robots with a battery charge; without, theirs drain all the same.")
+    parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without a task go.")
     planning_budget_s: NotNegative = Field(1.0, description="Simulated time that the planner is given for each answer.")
 
     @model_validator(mode="before")
@@ -178,6 +205,34 @@ def sources_of(
         found.append(_listed(_read(names, folder / choice.file, at("tasks", "file"))))
     found += [_stream(names, ("tasks", "streams", i), stream, i, seed, step_s) for i, stream in enumerate(choice.streams)]
     return tuple(found) if choice.open is None else (ClosedLoop(tuple(found), choice.open),)
+
+
+def charging_of(choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str]) -> Charging | None:
+    """When and where robots charge. As `sources_of`."""
+    if (chosen := choice.charging) is None:
+        return None
+    return Charging(
+        station=Station("charger", _places(choice, vertex_of, known, at, ("tasks", "charging", "stations"), chosen.stations)),
+        opportunity=chosen.policy == "opportunity",
+        critical=chosen.critical_low_charging_level / 100,
+        minimum=chosen.minimum_desired_charging_level / 100,
+        maximum=chosen.maximum_desired_charging_level / 100,
+        least_s=chosen.minimum_charging_time_s,
+    )
+
+
+def parking_of(choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str]) -> tuple[int, ...]:
+    """Vertices where robots without a task go. As `sources_of`."""
+    return _places(choice, vertex_of, known, at, ("tasks", "parking"), choice.parking)
+
+
+def _places(
+    choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str], key: Place, listed: Sequence[str]
+) -> tuple[int, ...]:
+    """The vertices of groups and stations, each once."""
+    names = _Names(choice, vertex_of, known, at)
+    stations = [station for i, name in enumerate(listed) for station in names.group((*key, i), name)]
+    return tuple(dict.fromkeys(v for station in stations for v in station.places))
 
 
 class _Names:

@@ -1,7 +1,7 @@
 """What became of the tasks of a run, as Parquet: `tasks.parquet`, a row for each task that was known, by release.
 
 Columns: `task` (name), `robot` (null: nobody had it), `released_s`, `assigned_s`, `opened_s` (its first stop was reached), `done_s` (null:
-not yet), `state` (`revealed`, `assigned`, `open`, `done`).
+not yet), `state` (`revealed`, `assigned`, `open`, `done`). Robots that went to charge have rows of the same columns in `charges.parquet`.
 
 `stops.parquet` has the stops that were made, by task. Columns: `task`, `robot`, `station`, `vertex`, `since_s` (when the robot set out for
 it), `begin_s` and `end_s` of the service, `stood_s` and `queued_s` (s for which it stood on its way, and at a place to wait), `due_s` of
@@ -9,6 +9,7 @@ the task (null: never).
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +17,22 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import frozen
-from mrp_sumo.core.task import NOBODY, StopLog, TaskLog
+from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, StopLog, TaskLog, some_tasks
 from mrp_sumo.io.arrow import dictionary, numbers, texts
 
+TASKS, CHARGES = "tasks.parquet", "charges.parquet"
 TIMES = ("released_s", "assigned_s", "opened_s", "done_s")
 STOP_TIMES = ("since_s", "begin_s", "end_s", "stood_s", "queued_s", "due_s")
 
 
-def write_tasks(path: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
-    """Write the table."""
+def write_tasks(folder: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
+    """Write `tasks.parquet`, and `charges.parquet` where robots went to charge."""
+    _write(folder / TASKS, some_tasks(tasks, tasks.is_order), robot_name)
+    if not tasks.is_order.all():
+        _write(folder / CHARGES, some_tasks(tasks, ~tasks.is_order), robot_name)
+
+
+def _write(path: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
     columns = {name: getattr(tasks, name) for name in TIMES}
     robot = pa.array([robot_name[r] if r != NOBODY else None for r in tasks.robot.tolist()], pa.string())
     table = {
@@ -36,13 +44,24 @@ def write_tasks(path: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
     pq.write_table(pa.table(table), path, compression="zstd")
 
 
-def read_tasks(path: Path, robot_name: Sequence[str]) -> TaskLog:
-    """The tasks as they were written."""
+def read_tasks(folder: Path, robot_name: Sequence[str]) -> TaskLog:
+    """The tasks as they were written, charging after the others."""
+    orders = _read(folder / TASKS, robot_name)
+    if not (folder / CHARGES).is_file():
+        return orders
+    charges = _read(folder / CHARGES, robot_name)
+    kind = (ORDER,) * len(orders.name) + (CHARGE,) * len(charges.name)
+    robot = frozen(np.concatenate([orders.robot, charges.robot]))
+    times = {name: frozen(np.concatenate([getattr(orders, name), getattr(charges, name)])) for name in TIMES}
+    return replace(orders, name=orders.name + charges.name, robot=robot, kind=kind, **times)
+
+
+def _read(path: Path, robot_name: Sequence[str]) -> TaskLog:
     table = pq.read_table(path)
     number = {name: r for r, name in enumerate(robot_name)}
     times = {name: frozen(np.array([np.nan if t is None else t for t in table[name].to_pylist()], np.float64)) for name in TIMES}
     robot = [NOBODY if name is None else number[name] for name in table["robot"].to_pylist()]
-    return TaskLog(tuple(table["task"].to_pylist()), frozen(np.array(robot, np.int64)), **times)
+    return TaskLog(tuple(table["task"].to_pylist()), frozen(np.array(robot, np.int64)), **times, kind=())
 
 
 def write_stops(path: Path, stops: StopLog, tasks: TaskLog, robot_name: Sequence[str], vertex_name: Callable[[int], str]) -> None:

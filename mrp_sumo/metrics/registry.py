@@ -3,7 +3,7 @@
 Documentation, reports, comparisons and batches read this table; a metric's unit, sense and formula stand nowhere else.
 """
 
-from mrp_sumo.metrics import motion, mrp_bench, planning, safety, service, tasks
+from mrp_sumo.metrics import fleet_use, motion, mrp_bench, planning, safety, service, tasks
 from mrp_sumo.metrics.metric import YES_NO, Metric
 
 METRICS: tuple[Metric, ...] = (
@@ -73,6 +73,22 @@ METRICS: tuple[Metric, ...] = (
     tasks.planner_calls,
     tasks.planner_calls_late,
     tasks.planner_calls_failed,
+    tasks.waiting_time_p50_s,
+    tasks.waiting_time_p95_s,
+    tasks.task_time_p50_s,
+    tasks.task_time_p95_s,
+    fleet_use.robot_working_share,
+    fleet_use.robot_blocked_share,
+    fleet_use.robot_charging_share,
+    fleet_use.robot_idle_share,
+    fleet_use.station_queue_mean,
+    fleet_use.station_queue_max,
+    fleet_use.distance_m,
+    fleet_use.empty_distance_m,
+    fleet_use.energy_j,
+    fleet_use.battery_level_min,
+    fleet_use.robots_battery_critical,
+    fleet_use.robots_battery_empty,
 )
 BY_NAME = {metric.name: metric for metric in METRICS}
 MACHINE_DEPENDENT = tuple(metric.name for metric in METRICS if metric.of_machine)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import Evidence, metric
 from mrp_sumo.metrics.warm_up import warm_up_length
 
@@ -17,7 +17,8 @@ HOUR_S = 3600.0
 
 
 def _tasks(run: Evidence) -> TaskLog | None:
-    return None if run.execution is None else run.execution.tasks
+    orders = run.once(_orders)
+    return None if orders is None else orders[0]
 
 
 @metric("", "more", "tasks done within an hour after the warm-up")
@@ -94,6 +95,30 @@ def cycle_serving_s(run: Evidence) -> float | None:
     return run.once(_cycle).get("serving")
 
 
+@metric("s", "less", "median time that these tasks waited for a robot")
+def waiting_time_p50_s(run: Evidence) -> float | None:
+    times = run.once(_waiting_times)
+    return float(np.quantile(times, 0.5)) if len(times) else None
+
+
+@metric("s", "less", "95th percentile of the same")
+def waiting_time_p95_s(run: Evidence) -> float | None:
+    times = run.once(_waiting_times)
+    return float(np.quantile(times, 0.95)) if len(times) else None
+
+
+@metric("s", "less", "median time from when these tasks had a robot until they were done")
+def task_time_p50_s(run: Evidence) -> float | None:
+    times = run.once(_task_times)
+    return float(np.quantile(times, 0.5)) if len(times) else None
+
+
+@metric("s", "less", "95th percentile of the same")
+def task_time_p95_s(run: Evidence) -> float | None:
+    times = run.once(_task_times)
+    return float(np.quantile(times, 0.95)) if len(times) else None
+
+
 @metric("", "more", "share of these tasks that were done when they were due; null where none has a due time")
 def on_time_share(run: Evidence) -> float | None:
     tasks, stops, done = _tasks(run), _stops(run), run.once(_steadily_done)
@@ -162,6 +187,7 @@ def overload(tasks: TaskLog, end_s: float, num_robots: int) -> str:
 
     The mean number of tasks that wait for a robot grows from each of the last three quarters of the run to the next, by half in all.
     """
+    tasks, _ = orders_of(tasks, None)
     edges = np.linspace(0.0, end_s, 5)
     given_s = np.where(np.isnan(tasks.assigned_s), np.inf, tasks.assigned_s)
     waited = [np.clip(np.minimum(given_s, b) - np.maximum(tasks.released_s, a), 0, None).sum() for a, b in pairwise(edges)]
@@ -178,8 +204,16 @@ def _warm_up(run: Evidence) -> float | None:
     return None if tasks is None else steady_from(tasks) or 0.0
 
 
+def _orders(run: Evidence) -> tuple[TaskLog, StopLog | None] | None:
+    """What somebody wanted done: charging is none of it."""
+    if run.execution is None or run.execution.tasks is None:
+        return None
+    return orders_of(run.execution.tasks, run.execution.stops)
+
+
 def _stops(run: Evidence) -> StopLog | None:
-    return None if run.execution is None else run.execution.stops
+    orders = run.once(_orders)
+    return None if orders is None else orders[1]
 
 
 def _steadily_done(run: Evidence) -> IntArray:
@@ -217,6 +251,18 @@ def _utilisation(run: Evidence) -> FloatArray:
     _, place = np.unique(stops.vertex, return_inverse=True)
     shares: FloatArray = np.bincount(place, served_s) / (end_s - warm_s)
     return shares
+
+
+def _waiting_times(run: Evidence) -> FloatArray:
+    """[K] of the tasks done after the warm-up."""
+    tasks = _tasks(run)
+    return np.zeros(0) if tasks is None else (tasks.assigned_s - tasks.released_s)[run.once(_steadily_done)]
+
+
+def _task_times(run: Evidence) -> FloatArray:
+    """[K] of the tasks done after the warm-up."""
+    tasks = _tasks(run)
+    return np.zeros(0) if tasks is None else (tasks.done_s - tasks.assigned_s)[run.once(_steadily_done)]
 
 
 def _service_times(run: Evidence) -> FloatArray:

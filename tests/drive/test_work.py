@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from worlds import BURGER, drive, line, square_grid
 
+from mrp_sumo.core.battery import Battery, Charging
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskStream
@@ -172,3 +173,51 @@ def test_orders_in_a_closed_loop_are_due_after_they_become_known(tmp_path):
     run = work(tmp_path, square_grid(3), [1, 4], ClosedLoop((stream,), 2), time_limit_s=100.0)
     done = run.tasks.done_s[run.stops.task]
     assert (run.stops.due_s == run.tasks.released_s[run.stops.task] + 50.0).all() and np.isfinite(done).any()
+
+
+SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second; it is charged in 100 s
+
+
+def charging(at, *, opportunity=False, least_s=0.0):
+    return Charging(Station("charger", (at,)), opportunity, 0.3, 0.5, 1.0, least_s)
+
+
+def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
+    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), battery=SMALL, charging=charging(4), start_level=(0.25, 0.25))
+    tasks = run.tasks
+    assert tasks.name == ("t0", "charge_0") and set(tasks.state) == {"done"}
+    assert tasks.done_s[1] - tasks.opened_s[1] == pytest.approx(76, abs=2)  # from 24 % at its arrival
+    assert tasks.assigned_s[0] >= tasks.done_s[1] and run.stops.station[1] == "charger"
+    assert run.batteries.level.min() > 0.2 and run.batteries.level.max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
+    late = listed((2, 40.0, 1.0))
+    kept, called = (
+        work(tmp_path, line(5), [0], late, battery=SMALL, charging=charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
+        for s in (60.0, 0.0)
+    )
+    assert called.tasks.name[0] == "charge_0" and called.tasks.assigned_s[1] == pytest.approx(40.5, abs=0.6)
+    assert kept.tasks.assigned_s[1] >= kept.tasks.opened_s[0] + 60  # not before its least time at the charger
+    made = dict(zip(called.stops.station, called.stops.end_s.tolist()))
+    assert made["charger"] == called.tasks.done_s[0] < 41  # the log says when it left, not when it would have
+
+
+def test_a_robot_that_runs_empty_stands_and_others_do_its_task(tmp_path):
+    run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), battery=SMALL, start_level=(0.004, 0.004), time_limit_s=30.0)
+    assert [event.robot for event in run.events if event.kind == "battery_empty"] == [0, 1]
+    assert run.outcome is Outcome.TIME_LIMIT and run.tasks.state == ("revealed",) and (run.speed_mps[-1] == 0).all()
+    assert run.x_m[-1, 0] < 1.2 and (run.batteries.level[-1] == 0).all()
+
+
+def test_robots_without_a_task_go_to_park(tmp_path):
+    run = work(
+        tmp_path,
+        line(7),
+        [1],
+        orders([(2,)], Arrivals("at_once"), count=1, service_s=1.0),
+        orders([(2,)], Arrivals("poisson", rate_per_h=0.001), number=1, service_s=1.0),
+        parking=(6,),
+        time_limit_s=60.0,
+    )
+    assert run.x_m[-1, 0] == pytest.approx(2.4, abs=0.01)

@@ -93,12 +93,12 @@ def test_the_table_keeps_what_became_of_tasks(tmp_path):
     nan = np.nan
     times = [np.array(column) for column in ([0.0, 1, 2, 3], [0.5, 2, 3, nan], [4.0, 5, nan, nan], [9.0, nan, nan, nan])]
     log = TaskLog(("a", "b", "c", "d"), np.array([1, 0, 0, -1]), *times)
-    write_tasks(tmp_path / "tasks.parquet", log, ("r0", "r1"))
+    write_tasks(tmp_path, log, ("r0", "r1"))
     table = pq.read_table(tmp_path / "tasks.parquet")
     assert table.column_names == ["task", "robot", "released_s", "assigned_s", "opened_s", "done_s", "state"]
     assert table["robot"].to_pylist() == ["r1", "r0", "r0", None] and table["done_s"].to_pylist() == [9, None, None, None]
     assert table["state"].to_pylist() == ["done", "open", "assigned", "revealed"]
-    again = read_tasks(tmp_path / "tasks.parquet", ("r0", "r1"))
+    again = read_tasks(tmp_path, ("r0", "r1"))
     assert again.state == log.state and again.robot.tolist() == log.robot.tolist()
 
 

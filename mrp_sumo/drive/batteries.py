@@ -1,0 +1,57 @@
+"""The batteries of a fleet while robots drive: drained by what they do, filled at chargers."""
+
+import numpy as np
+
+from mrp_sumo.core.battery import Battery, BatteryLog
+from mrp_sumo.core.graph import BoolArray, FloatArray, frozen
+from mrp_sumo.drive.state import Motion
+
+BATTERIES = 43  # purpose of the stream of chance
+SAMPLE_S = 10.0
+
+
+class Batteries:
+    """States of charge of R robots."""
+
+    def __init__(self, battery: Battery, num_robots: int, start: tuple[float, float], seed: int) -> None:
+        self.battery = battery
+        self.level: FloatArray = np.random.default_rng([seed, BATTERIES]).uniform(*start, num_robots)  # [R] shares of the capacity
+        self._used_j, self._charged_j = np.zeros(num_robots), np.zeros(num_robots)
+        self._before: tuple[float, FloatArray, FloatArray, FloatArray] | None = None  # s, speed, yaw, turn rate
+        self._t_s: list[float] = []
+        self._levels: list[FloatArray] = []
+
+    def observe(self, now_s: float, motion: Motion, charging: BoolArray) -> list[int]:
+        """Drain and fill batteries by what robots have done since the last call. Returns those that have run empty in it."""
+        speed_mps, yaw_rad, turn_rate = motion.speed_mps.copy(), motion.yaw_rad.copy(), np.zeros(len(self.level))
+        empty: list[int] = []
+        if self._before is not None and now_s > self._before[0]:
+            then_s, speed_then, yaw_then, rate_then = self._before
+            dt = now_s - then_s
+            turn_rate = (yaw_rad - yaw_then + np.pi) % (2 * np.pi) - np.pi
+            turn_rate /= dt
+            mean_mps, accel = (speed_mps + speed_then) / 2, (speed_mps - speed_then) / dt
+            power_w = self.battery.power_w(mean_mps, accel, turn_rate, (turn_rate - rate_then) / dt)
+            used_j = np.where(charging | (self.level <= 0), 0.0, power_w * dt)
+            filled = np.where(charging, dt / self.battery.charge_s(1.0), 0.0)
+            before = self.level
+            self.level = np.clip(before - used_j / self.battery.energy_j + filled, 0.0, 1.0)
+            self._used_j += used_j
+            self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self.battery.energy_j
+            empty = np.flatnonzero((self.level <= 0) & (before > 0)).tolist()
+        self._before = now_s, speed_mps, yaw_rad, turn_rate
+        if now_s >= len(self._t_s) * SAMPLE_S - 1e-9:
+            self._note(now_s)
+        return empty
+
+    def log(self, now_s: float, critical: float) -> BatteryLog:
+        """What has become of them until now."""
+        if not self._t_s or now_s > self._t_s[-1]:
+            self._note(now_s)
+        return BatteryLog(
+            frozen(np.array(self._t_s)), frozen(np.array(self._levels)), frozen(self._used_j), frozen(self._charged_j), critical
+        )
+
+    def _note(self, now_s: float) -> None:
+        self._t_s.append(now_s)
+        self._levels.append(self.level.copy())

@@ -1,0 +1,150 @@
+"""Metrics of what a fleet's time, way and energy are spent on where tasks come while robots drive, and of queues at stations."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrp_sumo.core.battery import BatteryLog
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.task import StopLog, TaskLog, orders_of
+from mrp_sumo.metrics.metric import Evidence, metric
+
+
+@metric(
+    "", "none", "share of the fleet's time for which robots had a task and were getting on with it; this and the next three add up to 1"
+)
+def robot_working_share(run: Evidence) -> float | None:
+    return run.once(_shares).get("working")
+
+
+@metric("", "less", "share for which they had a task and stood on the way to a stop that they made, for others or what was closed")
+def robot_blocked_share(run: Evidence) -> float | None:
+    return run.once(_shares).get("blocked")
+
+
+@metric("", "none", "share for which they were charged or on their way to it")
+def robot_charging_share(run: Evidence) -> float | None:
+    return run.once(_shares).get("charging")
+
+
+@metric("", "none", "share for which they had no task")
+def robot_idle_share(run: Evidence) -> float | None:
+    return run.once(_shares).get("idle")
+
+
+@metric("m", "less", "driven by all robots")
+def distance_m(run: Evidence) -> float | None:
+    return None if run.once(_logs) is None else float(run.once(_driven_m)[-1].sum())
+
+
+@metric("m", "less", "of it, what was not driven from a task's first stop to those after it")
+def empty_distance_m(run: Evidence) -> float | None:
+    logs, execution = run.once(_logs), run.execution
+    if logs is None or execution is None:
+        return None
+    stops, driven_m = logs[1], run.once(_driven_m)
+    loaded_m = 0.0
+    for k in np.flatnonzero(stops.task[1:] == stops.task[:-1]) + 1:  # from one stop of a task to the next
+        span = np.interp((stops.since_s[k], stops.begin_s[k]), execution.t_s, driven_m[:, stops.robot[k]])
+        loaded_m += float(span[1] - span[0])
+    return float(driven_m[-1].sum()) - loaded_m
+
+
+@metric("", "none", "mean number of robots that waited for a place of the station where most did")
+def station_queue_mean(run: Evidence) -> float | None:
+    queues = run.once(_queues)
+    return max((mean for mean, _ in queues), default=None)
+
+
+@metric("", "none", "most robots that waited for a place of one station at a time")
+def station_queue_max(run: Evidence) -> int | None:
+    queues = run.once(_queues)
+    return max((most for _, most in queues), default=None)
+
+
+@metric("J", "less", "drawn from all batteries, chargers left out; null where the robots' type has no battery")
+def energy_j(run: Evidence) -> float | None:
+    log = _batteries(run)
+    return None if log is None else float(log.used_j.sum())
+
+
+@metric("", "more", "least state of charge of a robot at any time, as a share of the capacity")
+def battery_level_min(run: Evidence) -> float | None:
+    log = _batteries(run)
+    return None if log is None else float(log.level.min())
+
+
+@metric("", "less", "robots whose state of charge was at or below `critical_low_charging_level` at some time")
+def robots_battery_critical(run: Evidence) -> int | None:
+    log = _batteries(run)
+    return None if log is None else int((log.level <= log.critical).any(0).sum())
+
+
+@metric("", "less", "robots whose batteries ran empty: they stand where they were from then on")
+def robots_battery_empty(run: Evidence) -> int | None:
+    log = _batteries(run)
+    return None if log is None else int((log.level[-1] <= 0).sum())
+
+
+def ran_empty(log: BatteryLog, robot_name: Sequence[str]) -> str:
+    """A line for people where batteries ran empty, '' elsewhere."""
+    empty = np.flatnonzero((log.level <= 0).any(0)).tolist()
+    if not empty:
+        return ""
+    first = min(empty, key=lambda r: int((log.level[:, r] <= 0).argmax()))
+    at_s = float(log.t_s[int((log.level[:, first] <= 0).argmax())])
+    others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
+    return f"ran empty: {robot_name[first]} by {at_s:.0f} s{others}"
+
+
+def _batteries(run: Evidence) -> BatteryLog | None:
+    return None if run.execution is None else run.execution.batteries
+
+
+def _logs(run: Evidence) -> tuple[TaskLog, StopLog] | None:
+    """The orders of a run that were known, and their stops."""
+    execution = run.execution
+    if execution is None or execution.tasks is None or execution.stops is None or not len(execution.t_s):
+        return None
+    orders, stops = orders_of(execution.tasks, execution.stops)
+    return None if stops is None else (orders, stops)
+
+
+def _shares(run: Evidence) -> dict[str, float]:
+    """What the fleet's time was spent on; they add up to 1."""
+    logs, execution = run.once(_logs), run.execution
+    if logs is None or execution is None or execution.tasks is None or not execution.sim_time_s:
+        return {}
+    tasks, end_s = execution.tasks, execution.sim_time_s
+    spent_s = np.nan_to_num(np.where(np.isnan(tasks.done_s), end_s, tasks.done_s) - tasks.assigned_s)
+    whole_s = end_s * run.problem.num_robots
+    busy, charging = spent_s[tasks.is_order].sum() / whole_s, spent_s[~tasks.is_order].sum() / whole_s
+    blocked = logs[1].stood_s.sum() / whole_s
+    found = {"working": busy - blocked, "blocked": blocked, "charging": charging, "idle": 1 - busy - charging}
+    return {name: float(share) for name, share in found.items()}
+
+
+def _driven_m(run: Evidence) -> FloatArray:
+    """[T, R] driven by each sample."""
+    assert run.execution is not None
+    x, y = run.execution.x_m, run.execution.y_m
+    steps = np.nan_to_num(np.hypot(np.diff(x, axis=0, prepend=x[:1]), np.diff(y, axis=0, prepend=y[:1])))
+    driven: FloatArray = np.cumsum(steps, 0)
+    return driven
+
+
+def _queues(run: Evidence) -> list[tuple[float, int]]:
+    """Mean and most robots that waited for a place, by station, in the whole run."""
+    logs, execution = run.once(_logs), run.execution
+    if logs is None or execution is None or not execution.sim_time_s:
+        return []
+    stops, found = logs[1], []
+    for name in dict.fromkeys(stops.station):
+        here = np.array([station == name for station in stops.station])
+        begin_s, queued_s = stops.begin_s[here], stops.queued_s[here]
+        waits = queued_s > 0
+        change = np.concatenate([np.ones(waits.sum()), -np.ones(waits.sum())])
+        at_s = np.concatenate([(begin_s - queued_s)[waits], begin_s[waits]])
+        order = np.lexsort((change, at_s))  # who comes to a place makes room first
+        found.append((float(queued_s.sum() / execution.sim_time_s), int(change[order].cumsum().max(initial=0))))
+    return found

@@ -1,0 +1,36 @@
+"""Batteries drain and fill as Open-RMF's figures say."""
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.battery import Battery
+from mrp_sumo.errors import ScenarioError
+
+TINY = {
+    "voltage_v": 12.0,
+    "capacity_ah": 24.0,
+    "charging_a": 5.0,
+    "mass_kg": 20.0,
+    "inertia_kgm2": 10.0,
+    "friction": 0.22,
+    "device_w": 20.0,
+}
+
+
+def test_a_robot_at_a_steady_speed_draws_what_friction_and_devices_take():
+    battery, still = Battery(**TINY), np.zeros(1)
+    (power_w,) = battery.power_w(np.array([0.5]), still, still, still)
+    assert power_w == pytest.approx(41.6, abs=0.05)
+    assert battery.energy_j / power_w / 3600 == pytest.approx(6.9, abs=0.05)
+    assert battery.charge_s(1.0) / 3600 == pytest.approx(4.8)
+
+
+def test_braking_and_turning_cost_too():
+    battery, still, one = Battery(**TINY), np.zeros(1), np.ones(1)
+    assert battery.power_w(one, -one, still, still) == battery.power_w(one, one, still, still)
+    assert battery.power_w(still, still, one, -one)[0] == pytest.approx(20 + 10)
+
+
+def test_what_no_battery_has_is_refused():
+    with pytest.raises(ScenarioError, match=r"battery: capacity_ah is 0\.0, expected a number above 0"):
+        Battery(**TINY | {"capacity_ah": 0.0})
