@@ -69,10 +69,7 @@ class Recovery:
 
     def _blocked_for_good(self, now_s: float, robot: int) -> Event:
         state, names = self.ledger.state, self.ledger.problem.fleet.robot_name
-        other = int(state.grants.other[robot])
-        last = other
-        while state.waits.since_s[last] < np.inf and state.grants.other[last] >= 0:
-            last = int(state.grants.other[last])
+        other, last = int(state.grants.other[robot]), self._end_of_chain(robot, self._stays())
         why = "is broken" if self.world.broken[last] else "stays at its goal" if self.ledger.state.home[last] else "stays"
         behind = f"behind {names[other]}" + (f", which waits for {names[last]}" if last != other else "")
         vertex = int(self.ledger.column("vertex")[state.grants.wanted[robot]])
@@ -176,20 +173,26 @@ class Recovery:
 
     def _for_good(self, barred: BoolArray) -> BoolArray:
         """[R] whose chain of waiting ends at a robot that stays: broken, at its goal, or given up; not one barred itself."""
-        state = self.ledger.state
-        cause, other, since_s = state.grants.cause, state.grants.other, state.waits.since_s
-        found = np.zeros(len(cause), np.bool_)
-        given_up = (cause == _causes.LETTING_PASS) & ~state.yielding.gives_way
-        stays = self.world.broken | (cause == _causes.FINISHED) | given_up
-        for r in np.flatnonzero(state.waits.stuck).tolist():
-            at, seen = r, {r}
-            while since_s[at] < np.inf and other[at] >= 0:
-                at = int(other[at])
-                if at in seen:
-                    break
-                seen.add(at)
-            found[r] = stays[at] and not barred[at]
+        found, stays = np.zeros(self.ledger.num_robots, np.bool_), self._stays()
+        for r in np.flatnonzero(self.ledger.state.waits.stuck).tolist():
+            last = self._end_of_chain(r, stays)
+            found[r] = stays[last] and not barred[last]
         return found
+
+    def _stays(self) -> BoolArray:
+        """[R] who is broken, at its goal, or has given up."""
+        state = self.ledger.state
+        given_up = (state.grants.cause == _causes.LETTING_PASS) & ~state.yielding.gives_way
+        return np.asarray(self.world.broken | (state.grants.cause == _causes.FINISHED) | given_up)
+
+    def _end_of_chain(self, robot: int, stays: BoolArray) -> int:
+        """The first of those for whom a robot waits, one behind the other, that stays or waits for nobody; in a ring, any."""
+        waits, other = self.ledger.state.waits.since_s < np.inf, self.ledger.state.grants.other
+        at, seen = robot, set[int]()
+        while waits[at] and other[at] >= 0 and at not in seen and not (seen and stays[at]):
+            seen.add(at)
+            at = int(other[at])
+        return at
 
     def _give_way(self, now_s: float, ring: tuple[int, ...], around: Surroundings) -> Replan | None:
         found = who_gives_way(around, ring, (self.world.hold_until > now_s) | around.work.serving, now_s)

@@ -23,6 +23,7 @@ from mrp_sumo.traffic.passages import Schedule, permuted
 
 DEEPEST = 6  # how many passages a robot is let pass at once
 MOST_DRAWN = 64  # pairs that one switch may draw along
+MOST_VISITS = 4_000_000  # that longest paths may go over in one decision, so that it takes a fraction of a second for any fleet
 FRUITLESS = 12  # orders expanded in a row without a better one, after which the search ends
 
 
@@ -36,12 +37,13 @@ def switched(problem: Problem, plan: LivePlan, now_s: float, *, hold_s: float, l
     least_s
         By which the sum of the times at which robots are done has to be lower.
     budget
-        How often longest paths may be looked for.
+        How often longest paths may be looked for; less often where that would be over more than `MOST_VISITS` visits.
     """
     schedule = plan.order
     if schedule is None:
         raise ExecutionError("passages have no order that could be switched")
     net = net_of(problem, plan, schedule, now_s, hold_s)
+    budget = min(budget, MOST_VISITS // max(1, plan.num_visits))
     order = best_order(net, np.arange(schedule.num_passages), least_s, budget)
     return None if order is None else permuted(schedule, order)
 

@@ -126,6 +126,14 @@ def test_a_final_blocking_ends_the_run_where_that_is_asked_for(tmp_path):
     assert "behind robot_0, which stays at its goal" in texts
 
 
+def test_who_waits_behind_a_broken_robot_in_a_ring_is_blocked_for_good(tmp_path):
+    # robot_0 and robot_1 meet on a line, robot_2 comes behind robot_1, which breaks down there
+    broken = Disturbances(breakdowns=(Breakdown(1, 25.0, np.inf),))
+    run = drive(tmp_path, line(8), [[2, 3, 4, 5], [5, 4, 3, 2], [7, 6, 5, 4]], "open_loop", time_limit_s=40.0, disturbances=broken)
+    texts = {event.robot: event.text for event in run.events if event.kind == "blocked_for_good"}
+    assert texts[2] == texts[0] == "behind robot_1, which is broken"
+
+
 @pytest.mark.parametrize("policy", ["adg", "adg_timed"])
 def test_orders_that_nobody_can_keep_are_refused(tmp_path, policy):
     with pytest.raises(PlanError, match="cyclic"):
