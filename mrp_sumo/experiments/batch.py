@@ -8,9 +8,10 @@ import fcntl
 import json
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -78,20 +79,28 @@ class BatchFolder:
         return Counter(self.status.values())
 
 
-def open_batch(file: SuiteFile, folder: Path, report: Callable[[str], None], *, quarantine: bool = False) -> BatchFolder:
+Lookup = Callable[[str], BatchRecord | None]  # the record of a run by its key, if the run is over
+Chooser = Callable[[Lookup], Sequence[PlannedRun]]  # the runs that are wanted, as far as can be said by what is known; those made included
+
+
+def open_batch(
+    file: SuiteFile, folder: Path, report: Callable[[str], None], *, quarantine: bool = False, chosen: bool = False
+) -> BatchFolder:
     """Plan a suite and see which of its runs are in the folder already. Programs of users run only with `quarantine`, before a batch.
+
+    With `chosen`, runs are not those of the suite: they are added as they are chosen.
 
     Raises
     ------
     MrpSumoError
         For faults of the suite, and for the folder of another suite or of another version of the code.
     """
-    batch = BatchFolder(file, folder, runs_of(file, code_version(), run_programs=quarantine), code_version())
+    batch = BatchFolder(file, folder, [] if chosen else runs_of(file, code_version(), run_programs=quarantine), code_version())
     if folder.exists():
         _require_ours(batch)
     keys = {run.key for run in batch.runs}
     for key, status, attempts in standings_in(folder, report, quarantine=quarantine):
-        if key in keys:
+        if chosen or key in keys:
             batch.status[key], batch.attempts[key] = status, attempts
         else:
             batch.num_foreign += 1
@@ -110,6 +119,7 @@ def run_batch(
     memory_mb: float | None = None,
     stop: Callable[[], int] = lambda: GO_ON,
     function: str = MEASURE,
+    chooser: Chooser | None = None,
 ) -> BatchFolder:
     """Make all runs of a suite that have no result yet, and the tables of all.
 
@@ -133,6 +143,8 @@ def run_batch(
         Asked several times a second; FINISH ends the batch after the runs under way, NOW without them.
     function
         `module:name` of what makes a run.
+    chooser
+        Says which runs are wanted, instead of the suite: asked at first, and again whenever a run has ended, until no more are.
 
     Raises
     ------
@@ -140,25 +152,32 @@ def run_batch(
         For a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far stay.
     """
     with _locked(folder):
-        batch = open_batch(file, folder, watcher.report, quarantine=True)
+        batch = open_batch(file, folder, watcher.report, quarantine=True, chosen=chooser is not None)
         log = _Log(folder / "batch.log")
         try:
-            _write_plan(batch)
+            if chooser is None or not (folder / PLAN).exists():
+                _write_plan(batch)
             if batch.num_foreign:
                 watcher.report(f"{folder}: {batch.num_foreign} results are of runs that the suite does not have (any more); left alone")
             todo = deque(batch.todo(retries))
+            grow = partial(_grow, batch, todo, chooser, retries)
+            grow()
             watcher.begin(len(batch.runs), len(batch.runs) - len(todo))
             log.add(
                 f"{len(todo)} of {len(batch.runs)} runs to make, {f'on {scheduler}' if scheduler else f'{workers} workers'}, {batch.code}"
             )
             if todo:
                 drop_tables(folder)
-                makers: Makers = Cluster(scheduler, function) if scheduler else Processes(min(workers, len(todo)), function)
+                makers: Makers = (
+                    Cluster(scheduler, function) if scheduler else Processes(workers if chooser else min(workers, len(todo)), function)
+                )
                 try:
-                    _make(batch, todo, makers, watcher, log, retries, wall_s, memory_mb, stop)
+                    _make(batch, todo, makers, watcher, log, retries, wall_s, memory_mb, stop, grow)
                 finally:
                     makers.close()
-            if len(batch.status) == len(batch.runs) and not tables_are_whole(folder):
+            if chooser is not None:
+                _write_plan(batch)
+            if all(run.key in batch.status for run in batch.runs) and not tables_are_whole(folder):
                 write_tables(folder, _in_order(batch))
             log.add(", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
         except OSError as error:
@@ -201,6 +220,7 @@ def _make(
     wall_s: float | None,
     memory_mb: float | None,
     stop: Callable[[], int],
+    grow: Callable[[], bool],
 ) -> None:
     """The loop: hand out runs, keep what comes back."""
     under_way: dict[str, PlannedRun] = {}
@@ -230,7 +250,27 @@ def _make(
             else:
                 watcher.ended(record)
         if finished:
+            if grow():
+                watcher.begin(len(batch.runs), len(batch.runs) - len(todo) - len(under_way))
             hand_out()
+
+
+def _grow(batch: BatchFolder, todo: deque[PlannedRun], chooser: Chooser | None, retries: int) -> bool:
+    """Add the runs that are chosen by what is known. Returns whether there were any."""
+    if chooser is None:
+        return False
+
+    def again(key: str) -> bool:
+        return batch.status[key] == CRASHED and batch.attempts[key] <= retries
+
+    def lookup(key: str) -> BatchRecord | None:
+        return read_record(record_path(batch.folder, key)) if key in batch.status and not again(key) else None
+
+    have = {run.key for run in batch.runs}
+    more = [run for run in chooser(lookup) if run.key not in have]
+    batch.runs += more
+    todo.extend(run for run in more if run.key not in batch.status or again(run.key))
+    return bool(more)
 
 
 def job_of(batch: BatchFolder, run: PlannedRun, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
@@ -266,6 +306,7 @@ def _record(batch: BatchFolder, run: PlannedRun, answer: Answer, attempts: int) 
         "attempts": attempts,
         "ended_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         **{name: answer[name] for name in ("machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb")},
+        **({"observed": answer["observed"]} if "observed" in answer else {}),
     }
 
 

@@ -20,7 +20,17 @@ from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, sce
 from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
-from mrp_sumo.io.scenario import Scenario, ScenarioFile, find_scenario, plug_ins_of, read_scenario, rename, require_trust, unknown_key
+from mrp_sumo.io.scenario import (
+    Scenario,
+    ScenarioFile,
+    changed,
+    find_scenario,
+    plug_ins_of,
+    read_scenario,
+    rename,
+    require_trust,
+    unknown_key,
+)
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.plugins.source import place_in_file
 
@@ -173,7 +183,7 @@ def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[Pl
     excluded = _Exclusions(file)
     runs: list[PlannedRun] = []
     seen: set[str] = set()
-    inputs = _Inputs(file, run_programs)
+    inputs = _Inputs(file.document, file.places, file.folder, file.base_folder, run_programs)
     for values in itertools.product(*(values for _, values in file.axes)):
         try:
             scenario = _scenario_of(file, values)
@@ -193,6 +203,30 @@ def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[Pl
     if not runs:
         raise ScenarioError(f"{file.document.at(('exclude',))}: nothing is left to run")
     return runs
+
+
+class Variations:
+    """Runs of one scenario with other values, for suites that choose their runs as they go."""
+
+    def __init__(self, file: ScenarioFile, name: str, code: str) -> None:
+        folder = file.document.path.resolve().parent
+        self.suite = SuiteFile(Suite(name=name, base=""), file.document, {}, (), _AxisPlaces(file.document, {}), folder)
+        self._file, self._code = file, code
+        self._inputs = _Inputs(file.document, file.options, folder, folder)
+
+    def run(self, values: Mapping[Place, tuple[str, Any]]) -> PlannedRun:
+        """The run with these values, as for `io.scenario.changed`.
+
+        Raises
+        ------
+        ScenarioError
+            One line a fault.
+        """
+        scenario = changed(self._file, values).scenario.model_copy(update={"name": ""})
+        canonical = scenario.model_dump_json()
+        read, plug_ins = self._inputs(scenario, canonical)
+        shared = scenario_key(canonical, "execution", 0)
+        return PlannedRun(run_key(shared, read, plug_ins, self._code), shared, canonical, 0, plug_ins)
 
 
 def _expanded(values: list[Any] | str) -> Iterator[Any]:
@@ -274,7 +308,7 @@ def _faults_of_axes(file: SuiteFile, run_programs: bool) -> list[str]:
     """What is wrong with each value of the axes beside the first of the others, so that all faults are reported at once."""
     first = tuple(values[0] for _, values in file.axes)
     faults: dict[str, None] = {}
-    inputs = _Inputs(file, run_programs)
+    inputs = _Inputs(file.document, file.places, file.folder, file.base_folder, run_programs)
     for i, (_, values) in enumerate(file.axes):
         for value in values:
             try:
@@ -327,8 +361,12 @@ class _Inputs:
     What a scenario names is checked on the way, once for all with the same names.
     """
 
-    def __init__(self, file: SuiteFile, run_programs: bool) -> None:
-        self._file = file
+    def __init__(
+        self, document: Document, places: Mapping[Place, str], folder: Path, base_folder: Path | None, run_programs: bool = True
+    ) -> None:
+        self._document, self._places = document, places
+        self._folder = folder  # where relative paths begin
+        self._base_folder = base_folder  # of a scenario whose programs are to be trusted
         self._run_programs = run_programs
         self._of_scenario: dict[str, tuple[str, str]] = {}  # by JSON from the map on: what comes before is the seed
         self._of_names: dict[tuple[str, ...], tuple[str, str]] = {}
@@ -346,23 +384,23 @@ class _Inputs:
         from mrp_sumo.experiments.set_up import choices
         from mrp_sumo.maps.load import files_of
 
-        whole = ScenarioFile(scenario, self._file.document, self._file.places)
-        if self._run_programs and self._file.base_folder:
-            require_trust(whole, self._file.base_folder)
+        whole = ScenarioFile(scenario, self._document, self._places)
+        if self._run_programs and self._base_folder:
+            require_trust(whole, self._base_folder)
         choices(whole, run_programs=self._run_programs)
         try:
-            path, reader = find_map(scenario.map.file, self._file.folder), scenario.map.reader
+            path, reader = find_map(scenario.map.file, self._folder), scenario.map.reader
             listed = self._run_programs or not place_in_file(reader or "")
-            paths = list(files_of(path, reader, self._file.folder)) if listed else [path]
+            paths = list(files_of(path, reader, self._folder)) if listed else [path]
         except MrpSumoError as error:
             raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
         if isinstance(name := scenario.robots.type, str):
             bundled = bundled_folder("robots") / f"{name}.yaml"
-            paths.append(bundled if bundled.is_file() else self._file.folder / name)
+            paths.append(bundled if bundled.is_file() else self._folder / name)
         if scenario.planner.name == "plan_file":
-            paths.append(self._file.folder / str(scenario.planner.parameters.get("path", "")))
+            paths.append(self._folder / str(scenario.planner.parameters.get("path", "")))
         try:
-            return input_hash(paths), plug_in_hash(scenario, self._file.folder)
+            return input_hash(paths), plug_in_hash(scenario, self._folder)
         except OSError as error:
             raise ScenarioError(f"{error.filename}: cannot be read: {sentence(error)}") from None
 

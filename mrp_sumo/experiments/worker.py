@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mrp_sumo.io.scenario import ScenarioFile
 
 Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
-Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, and what the run took
+Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, what else was observed, if anything, and what the run took
 Function = Callable[[Job, MapCache], Answer]
 
 MEASURE = "mrp_sumo.experiments.worker:measure"
