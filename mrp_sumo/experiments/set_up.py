@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
-from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph
+from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph, with_lanes
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
@@ -40,6 +40,7 @@ from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
 
 TIMES_MAKESPAN, LEAST_TIME_LIMIT_S = 1.5, 300.0  # of an execution without a stated limit
 TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
+ONE_WAY_CELLS = 1.1  # from a one-way's route within which lanes belong to it
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
     graph = maps.graph(map_, scenario.discretisation)
     _require_fit(file, map_.nav, graph, model)
-    graph = _with_mutex_groups(file, map_.nav, _with_room(file, maps, map_, graph, model))
+    graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, model))
+    graph = _with_mutex_groups(file, map_.nav, graph)
     start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
     fleet = fleet_of(model, len(start))
     for i, breakdown in enumerate(scenario.execution.disturbances.breakdowns):
@@ -263,6 +265,26 @@ def _closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Clos
     return tuple(found)
 
 
+def _with_one_ways(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> PlanGraph:
+    """The graph without the lanes that go against a one-way: those beside its route, too, where a lane is two cells wide."""
+    open_ = np.ones(graph.num_lanes, np.bool_)
+    for i, (first, last) in enumerate(file.scenario.execution.one_way):
+        key = ("execution", "one_way", i)
+        start, goal = _looked_up(file, nav, graph, key, [first, last]).tolist()
+        route = shortest_route(graph, np.ones(graph.num_lanes, np.bool_), start, goal)
+        if route is None or len(route) < 2:
+            raise ScenarioError(f"{file.at(*key)}: no way leads from '{first}' to '{last}'")
+        step = np.diff(graph.xy[route], axis=0)
+        middle = graph.xy[route[:-1]] + step / 2
+        lane_step, lane_middle = graph.xy[graph.head] - graph.xy[graph.tail], (graph.xy[graph.head] + graph.xy[graph.tail]) / 2
+        away_m = np.hypot(*(lane_middle[:, None] - middle).transpose(2, 0, 1))
+        nearest_step = away_m.argmin(1)
+        against = (lane_step * step[nearest_step]).sum(1) < -1e-9
+        same_level = (graph.level[graph.tail] == graph.level[start]) & (graph.level[graph.head] == graph.level[start])
+        open_ &= ~(against & same_level & (away_m.min(1) < ONE_WAY_CELLS * graph.cell_m))
+    return graph if open_.all() else with_lanes(graph, open_)
+
+
 def _with_mutex_groups(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> PlanGraph:
     """The graph with the scenario's groups in its options, as the map's are."""
     groups = file.scenario.execution.mutex_groups
@@ -346,6 +368,15 @@ def _with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, 
     return graph
 
 
+def _drawn(file: ScenarioFile, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
+    robots, seed = file.scenario.robots, file.scenario.seed
+    anywhere = robots.draw == "anywhere"
+    drawn: tuple[IntArray, IntArray] = _located(
+        file, ("robots", "count"), lambda: uniform_draw(graph, robots.count or 0, seed, separation_m, anywhere=anywhere)
+    )
+    return drawn
+
+
 def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
     """Plan vertices of starts and goals, not assigned yet; with tasks, robots have no goals but their starts."""
     robots = file.scenario.robots
@@ -353,7 +384,7 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: f
         if robots.starts is not None:
             start = _looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
         else:
-            start, _ = _located(file, ("robots", "count"), lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed, separation_m))
+            start, _ = _drawn(file, graph, separation_m)
         return start, start
     if robots.starts is not None and robots.goals is not None:
         start = _looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
@@ -370,9 +401,8 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: f
         return start, goal
     assert robots.count is not None
     where = ("robots", "count")
-    if robots.draw == "uniform":
-        start, goal = _located(file, where, lambda: uniform_draw(graph, robots.count or 0, file.scenario.seed, separation_m))
-        return start, goal
+    if robots.draw != "mrp_bench":
+        return _drawn(file, graph, separation_m)
     start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]
 

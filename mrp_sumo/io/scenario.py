@@ -126,9 +126,10 @@ class Robots(_Strict):
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
     type: str | RobotShape = Field("turtlebot3", description="A type of robots/, a YAML file of the same form, or one written out.")
-    draw: Literal["uniform", "mrp_bench"] = Field(
+    draw: Literal["uniform", "anywhere", "mrp_bench"] = Field(
         "uniform",
-        description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable; "
+        description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable stations; "
+        "'anywhere': the same between stations, too, on any vertex that robots plan on; "
         "'mrp_bench': random.sample over the vertices with the seed (starts) and seed + 1 (goals), as MRP-Bench does.",
     )
     starts: list[str] | None = Field(None, description="Names of vertices, one a robot; an unnamed vertex is v<index>.")
@@ -280,6 +281,9 @@ class ExecutionChoice(_Strict):
     recovery: RecoveryChoice = RecoveryChoice()
     mutex_groups: dict[str, list[str]] = Field(
         {}, description="Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."
+    )
+    one_way: tuple[tuple[str, str], ...] = Field(
+        (), description="Pairs of vertices: along the shortest way from the first to the second, lanes go in that direction only."
     )
     disturbances: DisturbanceChoice = DisturbanceChoice()
 

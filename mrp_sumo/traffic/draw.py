@@ -45,7 +45,9 @@ def mrp_bench_draw(num_vertices: int, num_robots: int, seed: int) -> tuple[IntAr
     return np.array(start, np.int64), np.array(goal, np.int64)
 
 
-def uniform_draw(graph: PlanGraph, num_robots: int, seed: int, separation_m: float = 0.0) -> tuple[IntArray, IntArray]:
+def uniform_draw(
+    graph: PlanGraph, num_robots: int, seed: int, separation_m: float = 0.0, *, anywhere: bool = False
+) -> tuple[IntArray, IntArray]:
     """Starts and goals uniformly among the stations of the strongly connected component with most of them.
 
     Every drawn start reaches every drawn goal, along one-way lanes too. No two starts, and no two goals, are in one mutex group or
@@ -62,6 +64,8 @@ def uniform_draw(graph: PlanGraph, num_robots: int, seed: int, separation_m: flo
         Of both streams.
     separation_m
         The least distance of two robots' centres.
+    anywhere
+        Among all vertices of the plan graph instead, between stations, too.
 
     Returns
     -------
@@ -73,14 +77,15 @@ def uniform_draw(graph: PlanGraph, num_robots: int, seed: int, separation_m: flo
     PlanError
         When the component has fewer stations than robots, or fewer that robots may stand on at once.
     """
-    station = np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
+    station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
     if len(station):
         piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
         station = station[piece == np.bincount(piece).argmax()]
-    _enough(len(station), num_robots, "stations that reach each other")
+    what = "vertices" if anywhere else "stations"
+    _enough(len(station), num_robots, f"{what} that reach each other")
     orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
     shared = _shared(graph, station, separation_m)
-    start, goal = (_apart(order, shared, num_robots) for order in orders)
+    start, goal = (_apart(order, shared, num_robots, what) for order in orders)
     return start.astype(np.int64), goal.astype(np.int64)
 
 
@@ -101,7 +106,7 @@ def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[in
     return shared
 
 
-def _apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], num_robots: int) -> IntArray:
+def _apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], num_robots: int, what: str) -> IntArray:
     """[R] the first stations in an order that share nothing."""
     if not shared:
         return order[:num_robots]
@@ -112,7 +117,7 @@ def _apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], num_robots:
         if len(chosen) < num_robots and taken.isdisjoint(own):
             taken |= own
             chosen.append(v)
-    _enough(len(chosen), num_robots, "stations on which robots may stand at once, one for each mutex group and none too near to another")
+    _enough(len(chosen), num_robots, f"{what} on which robots may stand at once, one for each mutex group and none too near to another")
     return np.array(chosen, np.int64)
 
 
