@@ -30,7 +30,15 @@ _FLOORS = (
     "drive",
     "metrics",
 )
-_FILES = ("io/scenario.py", "experiments/run.py", "experiments/solve.py", "experiments/set_up.py", "experiments/worker.py")
+_FILES = (
+    "io/scenario.py",
+    "experiments/run.py",
+    "experiments/solve.py",
+    "experiments/set_up.py",
+    "experiments/worker.py",
+    "sizing/observe.py",
+    "sizing/places.py",
+)
 _LIBRARIES = ("libsumo", "ortools")  # whose versions may change results
 
 

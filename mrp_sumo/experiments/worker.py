@@ -29,6 +29,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.plugins.trust import trust_everything
 
 if TYPE_CHECKING:
+    from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.io.scenario import ScenarioFile
 
 Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
@@ -39,8 +40,8 @@ MEASURE = "mrp_sumo.experiments.worker:measure"
 CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_of_memory", "bad_input"
 
 
-def measure(job: Job, maps: MapCache) -> Answer:
-    """Make a run as far as its suite says, and measure it."""
+def measure(job: Job, maps: MapCache, observe: "Callable[[RunResult], Any] | None" = None) -> Answer:
+    """Make a run as far as its suite says, and measure it; what `observe` makes of a run that was driven is kept beside its metrics."""
     from mrp_sumo.experiments.run import carry_out
     from mrp_sumo.metrics.evaluate import succeeded
 
@@ -58,7 +59,8 @@ def measure(job: Job, maps: MapCache) -> Answer:
     reason = outcome.note or (
         "" if success or outcome.solution.verdict is None else outcome.solution.verdict.summary(outcome.solution.problem)
     )
-    return {"status": outcome.status, "success": success, "reason": reason, "metrics": outcome.metrics}
+    answer = {"status": outcome.status, "success": success, "reason": reason, "metrics": outcome.metrics}
+    return answer if observe is None or not outcome.executed else {**answer, "observed": observe(outcome)}
 
 
 def scenario_of(job: Job) -> "ScenarioFile":

@@ -418,3 +418,34 @@ def test_plan_names_the_runs_in_order(tmp_path):
     assert plan["keys"] == [run.key for run in batch.runs]
     assert plan["axes"] == {"seed": [0, 1, 2]}
     assert plan["views"] == {"mean": "select avg(seed) from results"}
+
+
+def test_chosen_runs_follow_from_those_before_and_are_made_once(tmp_path):
+    """Each run's result names the next seed; ended after two and started again, the batch makes the rest."""
+    from mrp_sumo.experiments.suite import Variations
+    from mrp_sumo.io.scenario import find_scenario, read_scenario
+
+    runs = Variations(read_scenario(find_scenario("office_5")), "chosen", "1")
+
+    def choose(lookup):
+        wanted = [runs.run({("seed",): ("seed", 1)})]
+        while (record := lookup(wanted[-1].key)) and len(wanted) < 5:
+            wanted.append(runs.run({("seed",): ("seed", record["metrics"]["soc_steps"] % 60)}))
+        return wanted
+
+    ended = []
+
+    class Counting(Telling):
+        def ended(self, record):
+            ended.append(record["scenario"]["seed"])
+
+    def session(enough):
+        return make(
+            runs.suite, tmp_path / "out", Counting(), workers=2, chooser=choose, stop=lambda: FINISH if len(ended) >= enough else GO_ON
+        )
+
+    session(2)
+    assert ended == [1, 15]
+    batch = session(99)
+    assert ended == [1, 15, 35, 55]  # a seed that comes again is no new run
+    assert len(load_results(tmp_path / "out")) == len(batch.status)

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from queues import coverage, mean_wait_s, waits_s
 from scipy import stats
 
 from mrp_sumo.experiments.replications import batch_means, paired_t, t_mean
-from tests.experiments.queues import coverage, mean_wait_s, waits_s
 
 
 def test_limits_are_students():
