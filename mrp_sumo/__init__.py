@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mrp_sumo.core.graph import NavGraph
     from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
     from mrp_sumo.door.batches import Batch, run_suite
+    from mrp_sumo.door.capacity import Capacity, capacity
     from mrp_sumo.door.maps import Site, load_map, save_map
     from mrp_sumo.door.planning import Judgement, Problem, judge, plan, problem
     from mrp_sumo.door.running import Replay, Run, load_run, run, simulate
@@ -29,6 +30,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "Batch": "door.batches",
+    "Capacity": "door.capacity",
     "Judgement": "door.planning",
     "MrpSumoError": "errors",
     "NavGraph": "core.graph",
@@ -41,6 +43,7 @@ _HOMES = {
     "Site": "door.maps",
     "Solution": "experiments.solve",
     "Status": "core.plan",
+    "capacity": "door.capacity",
     "judge": "door.planning",
     "load_map": "door.maps",
     "load_results": "io.results",
@@ -56,6 +59,7 @@ _HOMES = {
 
 __all__ = [
     "Batch",
+    "Capacity",
     "Judgement",
     "MrpSumoError",
     "NavGraph",
@@ -69,6 +73,7 @@ __all__ = [
     "Solution",
     "Status",
     "__version__",
+    "capacity",
     "judge",
     "load_map",
     "load_results",

@@ -21,6 +21,7 @@ FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"drive", "metrics", "io"},
     {"bags"},
     {"experiments"},
+    {"sizing"},
     {"reports"},
     {"door"},
     {"cli"},

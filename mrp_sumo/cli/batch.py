@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
         _print_plan(file, folder, workers, options)
         return 0
     kept_none = False
-    with _stoppable() as stop, _watcher() as watcher:
+    with stoppable() as stop, _watcher() as watcher:
         batch = run_batch(
             file,
             folder,
@@ -135,7 +135,7 @@ def _duration(seconds: float) -> str:
 
 
 @contextmanager
-def _stoppable() -> Iterator[Callable[[], int]]:
+def stoppable() -> Iterator[Callable[[], int]]:
     """Ctrl-C or SIGTERM once: finish what runs; twice: stop now."""
     asked = 0
 

@@ -19,6 +19,7 @@ from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
+    "capacity": ("mrp_sumo.cli.capacity", "find out how many robots fit, and what binds"),
     "import": ("mrp_sumo.cli.import_map", "make a nav graph, a SUMO network and a picture of a map"),
     "plan": ("mrp_sumo.cli.plan", "plan a scenario or a benchmark instance without driving"),
     "validate": ("mrp_sumo.cli.validate", "check a plan file against an instance or a scenario"),

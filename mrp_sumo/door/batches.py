@@ -128,11 +128,11 @@ def run_suite(
     file = read_suite(find_suite(str(suite)))
     folder = Path("runs") / file.name if out is None else Path(out)
     with everything_trusted(trust):
-        made: BatchFolder = run_batch(file, folder, _Watcher(progress), workers=workers, retries=retries)
+        made: BatchFolder = run_batch(file, folder, Watching(progress), workers=workers, retries=retries)
     return Batch(file.name, folder, len(made.runs), dict(made.counts()), standing(made))
 
 
-class _Watcher:
+class Watching:
     """Hands on how a batch goes, and warns of what a person should know."""
 
     def __init__(self, progress: Callable[[int, int], None] | None) -> None:

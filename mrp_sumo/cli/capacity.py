@@ -1,0 +1,204 @@
+"""Find out how many robots fit: knee, peak and collapse of throughput, the smallest fleet for a demand, and what binds.
+
+The study chooses its own runs and says beforehand how long it takes. Started again with the same question and folder, it goes on where it
+was; Ctrl-C ends it after the runs under way. The same question has the same answer, however often it was interrupted. Exit code 0 with an
+answer, 2 for bad input, 130 when it was interrupted.
+"""
+
+import argparse
+import json
+import os
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.cli.batch import stoppable
+from mrp_sumo.errors import BatchError, MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.sizing.answer import Answer
+    from mrp_sumo.sizing.question import Question
+    from mrp_sumo.sizing.study import Study
+
+UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo capacity`."""
+    parser.add_argument("scenario", help="scenario file, or the name of a bundled scenario such as warehouse_lifelong")
+    parser.add_argument(
+        "--demand", metavar="RATE", help="orders that are to be served, such as 180/h (default: the scenario's, at its busiest)"
+    )
+    parser.add_argument(
+        "--on-time",
+        metavar="SHARE",
+        help="share of orders that are to be on time, such as 95%% (the default); without due times, of orders that are done at all; "
+        "of a scenario without orders, share of draws that are to succeed (default: 80%%)",
+    )
+    parser.add_argument("--robots", metavar="A..B", help="sizes of fleets (default: 4 to what the map holds, at most 200)")
+    parser.add_argument(
+        "--quick", action="store_true", help="3 seeds of 20 simulated minutes at first, wider limits, about 3 min on two cores"
+    )
+    parser.add_argument(
+        "--budget", metavar="TIME", help="what the study may take on two cores, such as 30min, as predicted (default: 20min)"
+    )
+    parser.add_argument("--horizon", metavar="TIME", help="simulated time of a run (default: 1h, with --quick 20min)")
+    parser.add_argument(
+        "--what-if",
+        action="append",
+        default=[],
+        metavar="CHANGE",
+        help="try a change on the same orders: 'one_way: [v3, v17]', 'stations.pack: +1', 'robot: amr_600', 'planner: lacam', or any key; "
+        "'auto' tries the obvious ones; may be given several times",
+    )
+    parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")
+    parser.add_argument("--seed", type=int, metavar="N", help="first seed (default: the scenario's)")
+    parser.add_argument("--json", action="store_true", help="print the answer as JSON")
+    parser.add_argument("--out", metavar="DIR", help="folder of runs and page (default: runs/capacity_<scenario>)")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="let the workers of this Dask scheduler make the runs")
+    parser.add_argument("--dry-run", action="store_true", help="say how long it would take; run nothing")
+    parser.add_argument("--trust", action="store_true", help="run the programs that the scenario names")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make the study, write its page, print the answer."""
+    from mrp_sumo.plugins.trust import trust_everything
+    from mrp_sumo.reports.capacity.page import write_capacity_page
+    from mrp_sumo.sizing.study import Study
+
+    if options.trust:
+        trust_everything()
+    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
+    if workers < 1:
+        raise BatchError(f"--workers: found {workers}, expected 1 or more")
+    question = question_of(options)
+    study = Study(question)
+    folder = Path(options.out) if options.out else Path("runs") / study.variations.suite.name
+    print(f"mrp-sumo: {_beforehand(study)}; into {folder}", file=sys.stderr)
+    if options.dry_run:
+        return 0
+    with stoppable() as stop:
+        answer = study.run(folder, _Watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
+    if answer is None:
+        print(f"mrp-sumo: interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}", file=sys.stderr)
+        return 130
+    page = write_capacity_page(study, answer, folder)
+    print(json.dumps(answer.document, indent=2) if options.json else _in_words(answer, page))
+    return 0
+
+
+def question_of(options: argparse.Namespace) -> "Question":
+    """The question that the command line asks.
+
+    Raises
+    ------
+    MrpSumoError
+        One line, for what cannot be read.
+    """
+    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.sizing.study import asked
+
+    return asked(
+        read_scenario(find_scenario(options.scenario)),
+        robots=_sizes(options.robots) if options.robots else None,
+        demand_per_h=_rate_per_h(options.demand) if options.demand else None,
+        on_time=_share(options.on_time) if options.on_time else None,
+        quick=options.quick,
+        budget_s=_duration_s("--budget", options.budget) if options.budget else None,
+        horizon_s=_duration_s("--horizon", options.horizon) if options.horizon else None,
+        engine=options.engine,
+        seed=options.seed,
+        what_if=options.what_if,
+        command=_command(options),
+    )
+
+
+def _sizes(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,6})\.\.(\d{1,6})", text)
+    if not match:
+        raise MrpSumoError(f"--robots {text}: expected the least and the most, such as 5..60")
+    return int(match[1]), int(match[2])
+
+
+def _command(options: argparse.Namespace) -> str:
+    """The command line that asks the same, whatever it is asked with."""
+    parts = ["mrp-sumo", "capacity", options.scenario]
+    for name in ("demand", "on_time", "robots", "budget", "horizon", "seed"):
+        if (value := getattr(options, name)) is not None:
+            parts += [f"--{name.replace('_', '-')}", str(value)]
+    parts += ["--quick"] * options.quick + (["--engine", options.engine] if options.engine != "kinematic" else [])
+    for text in options.what_if:
+        parts += ["--what-if", text]
+    return shlex.join(parts)
+
+
+def _duration_s(option: str, text: str) -> float:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(s|min|h|)", text)
+    if not match or float(match[1]) <= 0:
+        raise MrpSumoError(f"{option} {text}: expected a time such as 30min, 2h or 90s")
+    return float(match[1]) * UNITS[match[2]]
+
+
+def _rate_per_h(text: str) -> float:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(?:/\s*(h|min|s))?", text)
+    if not match or float(match[1]) <= 0:
+        raise MrpSumoError(f"--demand {text}: expected orders in a time, such as 180/h")
+    return float(match[1]) * 3600 / UNITS[match[2] or "h"]
+
+
+def _share(text: str) -> float:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(%?)", text)
+    share = float(match[1]) / (100 if match[2] else 1) if match else 0.0
+    if not 0 < share < 1:
+        raise MrpSumoError(f"--on-time {text}: expected a share below all, such as 95%")
+    return share
+
+
+def _beforehand(study: "Study") -> str:
+    estimate = study.estimate
+    from mrp_sumo.sizing.question import CORES
+
+    sizes = ", ".join(map(str, estimate.sizes))
+    return (
+        f"about {_minutes(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots, and at most {_minutes(estimate.budget_s)} with "
+        "all that follows, as predicted"
+    )
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def _in_words(answer: "Answer", page: Path) -> str:
+    lines = [answer.sentence, *(f"note: {note}" for note in answer.notes)]
+    if found := answer.at_peak:
+        what = f"the {found.limit.kind} {found.limit.name}".strip()
+        lines.append(f"What binds with {found.robots} robots: {what}, busy {100 * found.limit.utilisation:.0f} % of the time.")
+    for gain in answer.gains:
+        mean = gain.difference.difference
+        lines.append(f"What if {gain.change}: {mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f}).")
+    return "\n".join([*lines, f"{page}"])
+
+
+class _Watcher:
+    """A line on a terminal that says how far the study is; in a pipe, warnings only."""
+
+    num_runs = num_done = 0
+
+    def begin(self, num_runs: int, num_done: int) -> None:
+        self.num_runs, self.num_done = num_runs, num_done
+        self._show()
+
+    def ended(self, record: dict[str, Any]) -> None:
+        self.num_done += 1
+        self._show()
+
+    def report(self, line: str) -> None:
+        print(f"mrp-sumo: {line}", file=sys.stderr)
+
+    def _show(self) -> None:
+        if sys.stderr.isatty():
+            print(f"\r{self.num_done} of {self.num_runs} runs, more as they are needed ", end="", file=sys.stderr, flush=True)

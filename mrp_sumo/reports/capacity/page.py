@@ -1,0 +1,190 @@
+"""The page of a capacity study: the answer in a sentence, then the curve, what binds, what would help, and how to repeat it.
+
+One HTML file without scripts that needs no network, in light and dark; printed, it is two sheets of A4. The same answer gives the same
+bytes.
+"""
+
+import html
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from mrp_sumo import __version__
+from mrp_sumo.experiments.identity import library_versions
+from mrp_sumo.io.results import write_whole
+from mrp_sumo.reports.capacity.charts import floor, flow, in_words, parts, service, success, throughput
+from mrp_sumo.reports.charts.chart import Chart
+from mrp_sumo.reports.page import STYLE_SHEET as SHARED_STYLE_SHEET
+from mrp_sumo.sizing.answer import Answer, Gain
+from mrp_sumo.sizing.question import BACKLOG, CORES
+from mrp_sumo.sizing.search import Bracket
+from mrp_sumo.sizing.study import Study
+
+PAGE, DOCUMENT = "capacity.html", "answer.json"
+STYLE_SHEET = Path(__file__).with_name("page.css")
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+def write_capacity_page(study: Study, answer: Answer, folder: Path) -> Path:
+    """Write the page, and the answer as JSON, into the folder of a study.
+
+    Raises
+    ------
+    OSError
+        As the system reports it.
+    """
+    write_whole(folder / DOCUMENT, (json.dumps(answer.document, indent=2) + "\n").encode())
+    write_whole(folder / PAGE, capacity_page(study, answer).encode())
+    return folder / PAGE
+
+
+def capacity_page(study: Study, answer: Answer) -> str:
+    """The whole page."""
+    scenario = study.question.file.scenario
+    lines = [
+        "<!DOCTYPE html>",
+        '<html lang="en">',
+        "<head>",
+        '<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        '<meta name="generator" content="mrp-sumo capacity">',
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
+        f"<title>{_text(scenario.name)}: how many robots fit</title>",
+        f"<style>\n{SHARED_STYLE_SHEET.read_text(encoding='utf-8')}{STYLE_SHEET.read_text(encoding='utf-8')}</style>",
+        "</head>",
+        "<body>",
+        f'<header><p class="question">How many robots fit? {_text(scenario.name)}</p><h1>{_text(answer.sentence)}</h1></header>',
+        "<main>",
+        _tiles(answer),
+        *_gaps(answer.notes),
+        *(_lifelong(study, answer) if answer.limits else _one_shot(answer)),
+        *_small_print(study, answer),
+        "</main>",
+        "</body>\n</html>\n",
+    ]
+    return "\n".join(line for line in lines if line)
+
+
+def _lifelong(study: Study, answer: Answer) -> list[str]:
+    found = answer.at_peak
+    lines = [*_charts([throughput(answer)]), "<h2>What binds</h2>"]
+    if found:
+        share = found.limit
+        what = {"fleet": "the fleet itself: more robots do more", "planner": "the planner: it is asked more often than it can answer"}
+        lines.append(f"<p>With {found.robots} robots the limit is {_text(what.get(share.kind, f'the {share.kind} {share.name}'))} "
+                     f"(busy {100 * share.utilisation:.0f} % of the time).</p>")  # fmt: skip
+        lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in found.worst) + "</ol>")
+        lines += _charts([parts(answer.points), floor(study.setup, found)])
+    lines.append('<h2 class="second">How it got there</h2>')
+    lines += _charts([chart for chart in (service(answer), flow(answer.points)) if chart])
+    if answer.gains:
+        lines += ["<h2>What would help</h2>", *_help(answer.gains, found.robots if found else 0)]
+    return lines
+
+
+def _one_shot(answer: Answer) -> list[str]:
+    return _charts([success(answer)]) if answer.points else []
+
+
+def _tiles(answer: Answer) -> str:
+    limits, served = answer.limits, answer.served
+    cells: list[tuple[str, str, str]] = []
+    if limits:
+        best = limits.curve.points[limits.curve.best].throughput if limits.curve.points else None
+        cells.append(("most throughput", _bracketed(limits.peak), f"{best.value:.0f} orders an hour" if best else ""))
+        cells.append(("95 % of it (knee)", _bracketed(limits.knee), ""))
+        cells.append(("throughput falls (collapse)", _bracketed(limits.collapse), ""))
+        if served:
+            sheet = f"a planning sheet says {answer.spreadsheet:.0f}" if answer.spreadsheet else ""
+            cells.append((f"for {answer.question.demand_per_h:.0f} orders an hour", _bracketed(served.smallest), sheet))
+    elif served:
+        cells.append(("largest fleet that succeeds", _bracketed(served.smallest), ""))
+    tiles = (
+        f"<div><dt>{_text(name)}</dt><dd>{_text(value)}{f' <small>{_text(detail)}</small>' if detail else ''}</dd></div>"
+        for name, value, detail in cells
+    )
+    return f'<dl class="tiles">{"".join(tiles)}</dl>'
+
+
+def _bracketed(found: Bracket) -> str:
+    """An interval, and its best guess where they differ."""
+    if found.estimate is None:
+        return "not found" if found.low is None else f"above {found.low - 1}" if found.high is None else "not found"
+    low, high = found.low, found.high
+    if low is None and high is None:
+        return f"{found.estimate} robots"
+    span = f"{low} or more" if high is None else f"up to {high}" if low is None else f"{low} to {high}" if low < high else f"{low}"
+    return f"{span} robots"
+
+
+def _gaps(notes: Sequence[str]) -> list[str]:
+    return ['<ul class="gaps">' + "".join(f"<li>{_text(note)}</li>" for note in notes) + "</ul>"] if notes else []
+
+
+def _help(gains: Sequence[Gain], robots: int) -> list[str]:
+    rows = []
+    for gain in gains:
+        mean, base = gain.difference.difference, gain.difference.first
+        limits = f"{100 * mean.low / base:+.0f} to {100 * mean.high / base:+.0f} %" if base else ""
+        verdict = "not certain" if gain.p_value >= 0.05 else "helps" if mean.value > 0 else "does harm"
+        rows.append(
+            f"<tr><th><code>{_text(gain.change)}</code></th><td class=number>{100 * gain.share:+.1f} %</td><td class=number>{limits}</td>"
+            f"<td class=number>{mean.value:+.1f}</td><td>{verdict}</td></tr>"
+        )
+    numbers = "".join(f"<th class=number>{name}</th>" for name in ("throughput", "95 % limits", "orders an hour"))
+    head = f"<tr><th>change</th>{numbers}<th></th></tr>"
+    return [
+        f"<p>Each change alone, with {robots} robots, on the same orders as without it. Verdicts allow for how many were tried.</p>",
+        f'<div class="scroll"><table class="help"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>',
+    ]
+
+
+def _small_print(study: Study, answer: Answer) -> list[str]:
+    question, scenario = answer.question, study.question.file.scenario
+    effort, setup = question.effort, study.setup
+    points = answer.points
+    robot = setup.problem.fleet
+    kind = scenario.discretisation
+    runs = sum(len(point.records) for point in points)
+    seeds = answer.document["answer"]["seeds"]
+    rows = [
+        ("map", f"{scenario.map.file}, {kind.kind} of {kind.cell_m:g} m cells"),
+        ("robots", f"{scenario.robots.type if isinstance(scenario.robots.type, str) else 'of their own type'}, "
+                   f"{2 * float(robot.radius_m.max()):.2f} m across, up to {float(robot.max_speed_mps.max()):.2f} m/s"),
+        ("planner and policy", f"{scenario.planner.name}, {scenario.execution.policy.name}"
+                               + (f", dispatcher {scenario.execution.dispatcher.name or 'nearest'}" if scenario.tasks else "")),
+        ("engine", question.engine),
+        ("runs", f"{runs} of {effort.horizon_s / 60:.0f} simulated minutes, seeds {seeds[0]} to {seeds[-1]}; equal orders for every fleet"
+                 if seeds else "none"),
+    ]  # fmt: skip
+    if scenario.tasks:
+        warm = ", ".join(f"{point.robots}: {point.warm_up_s / 60:.0f}" for point in points)
+        rows.append(
+            ("always work waiting", f"{BACKLOG:g} orders a robot are open, in the scenario's mix; starts are drawn anywhere on the map")
+        )
+        rows.append(("warm-up left out", f"by MSER-5, minutes for each number of robots: {warm}"))
+        rows.append(("runs of each number of robots", ", ".join(f"{point.robots}: {len(point.records)}" for point in points)))
+        rows.append(("limits", "95 %, Student's, over runs with seeds of their own; fleets are compared on the same seeds"))
+    rows += [
+        (
+            "budget",
+            f"{answer.spent_s / 60:.1f} of {effort.budget_s / 60:g} min on {CORES} cores, as predicted, so that it buys the same anywhere",
+        ),
+        ("versions", ", ".join([f"mrp_sumo {__version__}", *(f"{name} {v}" for name, v in library_versions().items())])),
+        ("to repeat it", question.command),
+    ]
+    table = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
+    return ["<h2>Small print</h2>", f'<div class="small"><div class="scroll"><table><tbody>{table}</tbody></table></div></div>']
+
+
+def _charts(charts: Sequence[Chart]) -> list[str]:
+    figures = [
+        f'<figure{" class=wide" if chart.wide else ""}>\n<h3 id="{chart.name}-title">{_text(chart.title)}</h3>\n'
+        f'<div class="scroll">{chart.on_page()}</div>\n<figcaption>{_text(chart.caption)}</figcaption>\n</figure>'
+        for chart in charts
+    ]
+    return ['<div class="charts">', *figures, "</div>"]
+
+
+def _text(text: str) -> str:
+    return html.escape(text)

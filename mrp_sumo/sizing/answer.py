@@ -1,0 +1,254 @@
+"""The answer of a capacity study: what is said to people, and what is printed as JSON."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mrp_sumo.experiments.replications import PairedMeans
+from mrp_sumo.experiments.statistics import holm
+from mrp_sumo.sizing.points import Point, compared
+from mrp_sumo.sizing.question import SATURATED, Question, Trial
+from mrp_sumo.sizing.reasons import Reasons, Share, reasons, undisturbed_s
+from mrp_sumo.sizing.search import Bracket, Desk, Limits, Missing, Recorded, Served, coarse, demand, limits, one_shot
+from mrp_sumo.sizing.what_if import AUTO, obvious
+
+GRID_SHARE = 0.6  # of the budget, for the coarse grid
+SPREADSHEET = 0.8  # utilisation of robots that planning sheets count with
+
+
+@dataclass(frozen=True, eq=False)
+class Gain:
+    """What a change brings: throughput beside that of the scenario as it is, on the same orders."""
+
+    change: str
+    difference: PairedMeans  # orders an hour
+    p_value: float  # adjusted for all that were tried (Holm)
+
+    @property
+    def share(self) -> float:
+        """Of the throughput as it is."""
+        return self.difference.difference.value / self.difference.first if self.difference.first else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a study has found. Everything in it follows from the question and finished runs."""
+
+    question: Question
+    trials: tuple[Trial, ...]  # that it stands on
+    limits: Limits | None  # None of a one-shot scenario
+    served: Served | None  # None where no demand is known
+    reasons: tuple[Reasons, ...]  # of every size, ascending
+    gains: tuple[Gain, ...]  # the best first
+    left_out: tuple[str, ...]  # what the budget did not buy
+    spent_s: float  # predicted, of the budget
+
+    @property
+    def points(self) -> list[Point]:
+        """Fleets by size: saturated ones, or one-shot ones."""
+        curve = self.limits.curve if self.limits else self.served.curve if self.served else None
+        return [curve.points[n] for n in curve.sizes] if curve else []
+
+    @property
+    def at_peak(self) -> Reasons | None:
+        """What binds at the peak, or at the last size where none was found."""
+        if not (self.limits and self.reasons):
+            return None
+        best = self.limits.curve.best
+        return next(found for found in self.reasons if found.robots == best)
+
+    @property
+    def spreadsheet(self) -> float | None:
+        """Robots that a planning sheet would buy for the demand: orders by hand of one robot alone, at a utilisation of 80 %."""
+        if not (self.limits and self.question.demand_per_h and self.limits.curve.points):
+            return None
+        cycle_s = undisturbed_s(self.limits.curve.points[self.limits.curve.sizes[0]])
+        return self.question.demand_per_h / 3600 * cycle_s / SPREADSHEET
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the reader should know before the figures are believed."""
+        found = [f"the budget did not buy {text}" for text in self.left_out]
+        if self.limits and not self.limits.rises:
+            found.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
+        short = [p.robots for p in self.points if self.limits and not p.is_steady]
+        if short:
+            found.append(f"runs are too short to tell the warm-up with {_listed(short)} robots; the first half is left out there")
+        if failed := sum(point.num_failed for point in self.points):
+            found.append(f"{failed} of {sum(len(p.records) for p in self.points)} runs broke, or robots overlapped in them")
+        if self.limits and self.limits.first_deadlock is not None:
+            point = self.limits.curve.points[self.limits.first_deadlock]
+            found.append(
+                f"robots blocked each other for good in {point.num_deadlocked} of {len(point.records)} runs with {point.robots} robots, "
+                "and in none with fewer"
+            )
+        return tuple(found)
+
+    @property
+    def sentence(self) -> str:
+        """The answer in words."""
+        if self.limits is None:
+            return _of_one_shot(self)
+        parts = [_of_peak(self.limits, self.question.sizes)]
+        if self.served and self.question.demand_per_h:
+            parts.append(_of_demand(self.served, self.question))
+        if (collapse := self.limits.collapse).estimate is not None:
+            parts.append(f"From {_between(collapse)} robots on they are in each other's way: throughput falls by more than 5 %.")
+        return " ".join(parts)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        limit, served = self.limits, self.served
+        peak, knee, collapse = (limit.peak, limit.knee, limit.collapse) if limit else (Bracket(), Bracket(), Bracket())
+        demanded = {"demand_per_h": self.question.demand_per_h, "on_time": self.question.on_time} if limit and served else {}
+        return {
+            "answer": {
+                "scenario": self.question.file.scenario.name,
+                "sentence": self.sentence,
+                "peak_robots": _bracket(peak),
+                "knee_robots": _bracket(knee),
+                "collapse_robots": _bracket(collapse),
+                "smallest_for_demand": {**_bracket(served.smallest), **demanded} if limit and served else None,
+                "largest_that_succeeds": _bracket(served.smallest) if served and not limit else None,
+                "limit": _share(self.at_peak.limit) if self.at_peak else None,
+                "curve": [_row(point, self.question) for point in self.points],
+                "what_if": [_gain(gain) for gain in self.gains],
+                "notes": list(self.notes),
+                "seeds": sorted({self.question.first_seed + trial.seed for trial in self.trials}),
+                "command": self.question.command,
+            }
+        }
+
+
+def answer_of(question: Question, recorded: Recorded) -> tuple[Answer | None, tuple[Trial, ...]]:
+    """The answer, or None while runs are missing, and the trials that are wanted."""
+    desk = Desk(question, recorded)
+    try:
+        found = _one_shot(desk) if not question.has_tasks else _lifelong(desk)
+    except Missing:
+        return None, tuple(desk.asked)
+    return found, tuple(desk.asked)
+
+
+def _one_shot(desk: Desk) -> Answer:
+    return Answer(desk.question, tuple(desk.asked), None, one_shot(desk), (), (), tuple(desk.left_out), desk.spent_s)
+
+
+def _lifelong(desk: Desk) -> Answer:
+    question = desk.question
+    before_changes = 0.6 if question.what_if else 1.0
+    desk.share = GRID_SHARE * before_changes
+    curve = coarse(desk)
+    desk.share = before_changes
+    served = demand(desk, curve) if question.demand_per_h is not None else None
+    limit = limits(curve)
+    desk.share = 1.0
+    why = tuple(reasons(limit.curve.points[n]) for n in limit.curve.sizes)
+    gains = _gains(desk, limit, why) if question.what_if and limit.curve.points else ()
+    return Answer(question, tuple(desk.asked), limit, served, why, gains, tuple(desk.left_out), desk.spent_s)
+
+
+def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...]:
+    """Changes tried at the peak, on the seeds that it has."""
+    question, best = desk.question, limit.curve.best
+    at_peak = next(found for found in why if found.robots == best)
+    changes = list(dict.fromkeys(c for text in question.what_if for c in (obvious(question, at_peak) if text == AUTO else (text,))))
+    base = limit.curve.points[best]
+    tried = {}
+    for change in changes:
+        trials = [Trial(SATURATED, best, seed, change) for seed in range(min(len(base.records), question.effort.seeds + 2))]
+        if desk.affords(trials, f"what if '{change}'"):
+            tried[change] = trials
+    records = iter(desk.records([trial for trials in tried.values() for trial in trials]))
+    points = {c: Point(best, question.effort.horizon_s, tuple(next(records) for _ in trials)) for c, trials in tried.items()}
+    tests = {change: compared(base, point) for change, point in points.items()}
+    adjusted = holm([test.p_value for test in tests.values()])
+    found = [Gain(change, test, p) for (change, test), p in zip(tests.items(), adjusted)]
+    return tuple(sorted(found, key=lambda gain: -gain.difference.difference.value))
+
+
+def _row(point: Point, question: Question) -> dict[str, Any]:
+    if not question.has_tasks:
+        return {"robots": point.robots, "throughput_per_h": None, "low": None, "high": None, "replications": len(point.records)} | {
+            "succeeded": point.num_succeeded
+        }
+    mean = point.throughput
+    return {
+        "robots": point.robots,
+        "throughput_per_h": _number(mean.value),
+        "low": _number(max(0.0, mean.low)),
+        "high": _number(mean.high),
+        "replications": len(point.records),
+    }
+
+
+def _bracket(found: Bracket) -> dict[str, int | None]:
+    return {"estimate": found.estimate, "low": found.low, "high": found.high}
+
+
+def _share(found: Share) -> dict[str, Any]:
+    return {"kind": found.kind, "name": found.name, "utilisation": round(found.utilisation, 4)}
+
+
+def _gain(gain: Gain) -> dict[str, Any]:
+    mean = gain.difference.difference
+    return {
+        "change": gain.change,
+        "gain_per_h": _number(mean.value),
+        "low": _number(mean.low),
+        "high": _number(mean.high),
+        "gain": round(gain.share, 4),
+        "p_value": round(gain.p_value, 5),
+        "replications": mean.count,
+        "variance_reduction": _number(gain.difference.variance_reduction),
+    }
+
+
+def _number(value: float) -> float | None:
+    return round(value, 3) if abs(value) < float("inf") else None
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+def _between(found: Bracket) -> str:
+    """'34', or '32 to 36': an interval, where that is what is known."""
+    if found.low is not None and found.high is not None and found.low < found.high:
+        return f"{found.low} to {found.high}"
+    return str(found.estimate)
+
+
+def _of_peak(found: Limits, sizes: tuple[int, int]) -> str:
+    peak, knee = found.peak, found.knee
+    best = found.curve.points[found.curve.best].throughput
+    if peak.estimate is None:
+        return f"More robots bring more up to {found.curve.best}, the most that were tried: {best.value:.0f} orders an hour there."
+    within = f"between {peak.low} and {peak.high}" if peak.high is not None else f"{peak.low} or more"
+    text = f"Up to {peak.estimate} robots are worth having (the most throughput is {within}): {best.value:.0f} orders an hour."
+    if knee.estimate is not None and knee.estimate < peak.estimate:
+        text += f" {knee.estimate} robots do 95 % of that" + (f" ({_between(knee)})." if _between(knee) != str(knee.estimate) else ".")
+    return text
+
+
+def _of_demand(served: Served, question: Question) -> str:
+    found, wanted = served.smallest, f"A demand of {question.demand_per_h:.0f} orders an hour"
+    if found.estimate is None:
+        return (
+            f"{wanted} is not met by {question.sizes[1] if found.low and found.low > question.sizes[1] else served.curve.sizes[-1]} robots."
+        )
+    sure = _between(found)
+    return f"{wanted} is met from {found.estimate} robots on" + (f" ({sure})." if sure != str(found.estimate) else ".")
+
+
+def _of_one_shot(answer: Answer) -> str:
+    served = answer.served
+    if served is None or not served.curve.points:
+        return "Nothing is known."
+    found, target = served.smallest, f"in at least {100 * served.target:.0f} % of draws"
+    if found.estimate is None:
+        return f"Not even {served.curve.sizes[0]} robots have plans that are found and driven in time {target}."
+    most = f", {found.high + 1} do not" if found.high is not None else ", the most that were tried"
+    sure = f" (certain up to {found.low})" if found.low is not None and found.low < found.estimate else ""
+    return f"Plans of up to {found.estimate} robots are found and driven in time {target}{sure}{most}."

@@ -1,0 +1,68 @@
+"""Places of a building as people name them: stations and crossings of the map, the aisles between them, doors and lifts.
+
+Vertices of the plan graph are sorted into these, so that what happens at cells is said of places. A map that is a grid of cells
+itself has no names: its places are squares of cells.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, frozen
+
+BETWEEN = " \N{EN DASH} "  # the ends of an aisle, in its name
+SQUARE = 5  # cells along a side of a square
+NEAR = 1.01  # cells from a vertex of the map within which a cell belongs to it
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """P places, and which of them each of V vertices of the plan graph belongs to."""
+
+    name: tuple[str, ...]  # [P]
+    kind: tuple[str, ...]  # [P] 'crossing', 'aisle', 'door', 'lift' or 'area'
+    of_vertex: IntArray  # [V]
+
+
+def places_of(graph: PlanGraph, nav: NavGraph) -> Places:
+    """The places of a map, by the nearest vertex, or lane between vertices, of what was drawn."""
+    if nav.num_vertices == graph.num_vertices:
+        return _squares(graph)
+    to_vertex = np.where(graph.level[:, None] == nav.level, np.hypot(*(graph.xy[:, None] - nav.xy).transpose(2, 0, 1)), np.inf)
+    vertex, away_m = to_vertex.argmin(1), to_vertex.min(1)
+    lanes = np.flatnonzero((nav.reverse < 0) | (nav.reverse > np.arange(nav.num_lanes)))
+    lane = lanes[_nearest_lane(graph.xy, nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]])] if len(lanes) else np.zeros(len(vertex), int)
+    at_vertex = (away_m <= NEAR * graph.cell_m) | (len(lanes) == 0)
+    numbers, of_vertex = np.unique(np.where(at_vertex, vertex, nav.num_vertices + lane), return_inverse=True)
+    named = [_vertex_place(nav, k) if k < nav.num_vertices else _lane_place(nav, k - nav.num_vertices) for k in numbers.tolist()]
+    return Places(*zip(*named), frozen(of_vertex.reshape(-1).astype(np.int64)))
+
+
+def _squares(graph: PlanGraph) -> Places:
+    """Squares of cells."""
+    side = SQUARE * graph.cell_m
+    cell = np.floor((graph.xy - graph.xy.min(0)) / side + 1e-9).astype(np.int64)
+    square, of_vertex = np.unique(cell, axis=0, return_inverse=True)
+    low = graph.xy.min(0) + square * side
+    names = tuple(f"x {x:.0f} to {x + side:.0f} m, y {y:.0f} to {y + side:.0f} m" for x, y in low.tolist())
+    return Places(names, ("area",) * len(names), frozen(of_vertex.reshape(-1).astype(np.int64)))
+
+
+def _nearest_lane(xy: FloatArray, start: FloatArray, end: FloatArray) -> IntArray:
+    """[V] the nearest of the straight lanes from `start` to `end`."""
+    along = end - start
+    share = np.clip(((xy[:, None] - start) * along).sum(2) / (along**2).sum(1), 0, 1)
+    foot = start + share[..., None] * along
+    nearest: IntArray = np.hypot(*(xy[:, None] - foot).transpose(2, 0, 1)).argmin(1)
+    return nearest
+
+
+def _vertex_place(nav: NavGraph, vertex: int) -> tuple[str, str]:
+    lift = nav.vertex_options[vertex].get("lift")
+    return (str(lift), "lift") if lift else (nav.label(vertex), "crossing")
+
+
+def _lane_place(nav: NavGraph, lane: int) -> tuple[str, str]:
+    ends = nav.label(int(nav.tail[lane])) + BETWEEN + nav.label(int(nav.head[lane]))
+    door = nav.lane_options[lane].get("door_name")
+    return (str(door), "door") if door else (ends, "aisle")

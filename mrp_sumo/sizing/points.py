@@ -1,0 +1,125 @@
+"""A fleet size and its runs: throughput after the warm-up, served and punctual orders, each with limits."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.experiments.replications import PairedMeans, paired_t, t_mean
+from mrp_sumo.experiments.statistics import Interval
+from mrp_sumo.metrics.warm_up import warm_up_length
+
+BINS = 60  # of a run, for the warm-up
+HOUR_S = 3600.0
+SETTLE = 0.2  # of the horizon, in which floors that are empty at first fill up, before orders are asked whether they are on time
+TIMES = ("released_s", "assigned_s", "done_s", "due_s")  # of orders, in observations
+Record = Mapping[str, Any]  # of a batch
+
+
+def record_of(record: Record) -> Record:
+    """A record as points take it: times of orders as arrays, inf for what never was."""
+    if not record.get("observed"):
+        return record
+    times = {name: np.array([np.inf if t is None else t for t in record["observed"][name]], np.float64) for name in TIMES}
+    return {**record, "observed": {**record["observed"], **times}}
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A fleet of one size: one record a seed, in the order of the seeds."""
+
+    robots: int
+    horizon_s: float
+    records: tuple[Record, ...]
+
+    @property
+    def observed(self) -> list[Mapping[str, Any]]:
+        """What runs that were driven have left."""
+        return [record["observed"] for record in self.records if record.get("observed")]
+
+    @property
+    def num_failed(self) -> int:
+        """Runs that broke, or in which robots overlapped."""
+        return sum(record["status"] not in ("completed", "time_limit") for record in self.records)
+
+    @cached_property
+    def _times(self) -> list[dict[str, FloatArray]]:
+        return [{name: run[name] for name in TIMES} for run in self.observed]
+
+    @cached_property
+    def series(self) -> FloatArray:
+        """[BINS] orders done in each part of the horizon, the mean over runs (Welch's picture)."""
+        edges = np.linspace(0, self.horizon_s, BINS + 1)
+        counts = [np.histogram(times["done_s"][np.isfinite(times["done_s"])], edges)[0] for times in self._times]
+        return np.mean(counts, 0) if counts else np.zeros(BINS)
+
+    @cached_property
+    def is_steady(self) -> bool:
+        """Whether the runs are long enough to tell the warm-up."""
+        return warm_up_length(self.series) is not None
+
+    @cached_property
+    def warm_up_s(self) -> float:
+        """What is left out of every run: MSER-5 on `series`, and half of it where that cannot be told."""
+        length = warm_up_length(self.series)
+        return self.horizon_s * (0.5 if length is None else length / BINS)
+
+    @cached_property
+    def per_h(self) -> FloatArray:
+        """[R] orders done an hour after the warm-up, run by run; NaN for a run that broke."""
+        span_s = self.horizon_s - self.warm_up_s
+        rates = iter(float(((t["done_s"] > self.warm_up_s) & (t["done_s"] <= self.horizon_s)).sum()) for t in self._times)
+        return np.array([next(rates) / span_s * HOUR_S if r.get("observed") else np.nan for r in self.records])
+
+    @property
+    def throughput(self) -> Interval:
+        """Orders an hour."""
+        return t_mean(self.per_h)
+
+    def punctual(self, within_s: float) -> FloatArray:
+        """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out.
+
+        Parameters
+        ----------
+        within_s
+            After they come, orders without a due time are due.
+        """
+        found = []
+        for t in self._times:
+            due_s = np.where(np.isfinite(t["due_s"]), t["due_s"], t["released_s"] + within_s)
+            asked = (t["released_s"] >= SETTLE * self.horizon_s) & (due_s <= self.horizon_s)
+            found.append(float((t["done_s"][asked] <= due_s[asked]).mean()) if asked.any() else np.nan)
+        return np.array(found)
+
+    @property
+    def has_due_times(self) -> bool:
+        """Whether orders are due at some time."""
+        return any(bool(np.isfinite(t["due_s"]).any()) for t in self._times)
+
+    @property
+    def p95_s(self) -> Interval:
+        """95th percentile of the time from release to done."""
+        values = []
+        for t in self._times:
+            done = (t["done_s"] > self.warm_up_s) & np.isfinite(t["done_s"])
+            values.append(float(np.quantile((t["done_s"] - t["released_s"])[done], 0.95)) if done.any() else np.nan)
+        return t_mean(values)
+
+    @property
+    def num_deadlocked(self) -> int:
+        """Runs in which robots blocked each other for good."""
+        return sum(run["deadlocks"] > 0 for run in self.observed)
+
+    @property
+    def num_succeeded(self) -> int:
+        """Of one-shot runs: plans that were found and driven in time."""
+        return sum(bool(record["success"]) for record in self.records)
+
+
+def compared(one: Point, other: Point, share: float = 1.0, confidence: float = 0.95) -> PairedMeans:
+    """`other`'s throughput beside a share of `one`'s, on the seeds that both have."""
+    count = min(len(one.per_h), len(other.per_h))
+    return paired_t(share * one.per_h[:count], other.per_h[:count], confidence)

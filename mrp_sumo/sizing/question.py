@@ -1,0 +1,155 @@
+"""What a capacity study asks, and the runs that it may ask for.
+
+A trial is a run of the study: so many robots, one seed. Trials of one seed meet the same orders and start from the same draws whatever the
+size of the fleet: common random numbers. Refuses questions that the scenario cannot answer.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.documents import Place
+from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.tasks import StreamChoice
+
+Values = dict[Place, tuple[str, Any]]  # of a scenario, with the option that sets each
+
+SATURATED, DEMAND, ONE_SHOT = "saturated", "demand", "one_shot"
+ON_TIME, SUCCEED = 0.95, 0.8  # wanted shares of orders, and of one-shot draws, where nothing is said
+BACKLOG = 2.0  # orders a robot that are known in saturated runs: the one it has, and one that waits
+CORES = 2  # of the machine that budgets are meant for
+ROBOT_S_PER_CPU_S = 5500.0  # of a small fleet on the kinematic engine, planning included
+CROWD = 100.0  # robots that make a robot-second twice as dear
+SUMO_TIMES = 10.0  # what a run costs more on SUMO
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How exact an answer is to be, and what it may cost."""
+
+    horizon_s: float  # simulated time of a run
+    seeds: int  # of every size at first
+    most_seeds: int
+    precision: float  # wanted half-width of limits, as a share of the mean
+    growth: float  # from one size of the coarse grid to the next
+    gap: float  # sizes as near as this, as a ratio, are not parted further
+    budget_s: float  # time on `CORES` cores
+
+
+FULL = Effort(horizon_s=3600.0, seeds=5, most_seeds=30, precision=0.05, growth=1.5, gap=1.1, budget_s=1200.0)
+QUICK = Effort(horizon_s=1200.0, seeds=3, most_seeds=6, precision=0.1, growth=2.0, gap=1.3, budget_s=180.0)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a scenario."""
+
+    file: ScenarioFile
+    sizes: tuple[int, int]  # least and most robots
+    effort: Effort
+    demand_per_h: float | None = None  # the scenario's own by default
+    on_time: float = 0.95  # share of orders that are to be on time; of one-shot scenarios, of fleets that are to succeed
+    engine: str = "kinematic"
+    first_seed: int = 0
+    what_if: tuple[str, ...] = ()  # as the user wrote them; 'auto' tries the obvious ones
+    command: str = ""  # that asks it again
+
+    @property
+    def has_tasks(self) -> bool:
+        """Whether orders come while robots drive."""
+        return self.file.scenario.tasks is not None
+
+
+@dataclass(frozen=True, order=True)
+class Trial:
+    """A run of a study."""
+
+    kind: str
+    robots: int
+    seed: int
+    change: str = ""  # what is otherwise than in the scenario, as `what_if` reads it
+
+
+def predicted_cpu_s(trial: Trial, question: Question) -> float:
+    """Roughly what a trial takes. A formula and no clock, so that a budget buys the same runs on every machine."""
+    cost = 0.5 + question.effort.horizon_s * trial.robots * (1 + trial.robots / CROWD) / ROBOT_S_PER_CPU_S
+    if trial.kind == ONE_SHOT:
+        cost = 2.0 + trial.robots / 10
+    return cost * (SUMO_TIMES if question.engine == "sumo" else 1.0)
+
+
+def values_of(trial: Trial, question: Question, changed: Values) -> Values:
+    """What a trial has otherwise than the scenario, as for `io.scenario.changed`; `changed` is what its change says, the tasks included."""
+    changed = dict(changed)
+    values: Values = {
+        ("robots", "count"): ("--robots", trial.robots),
+        ("seed",): ("--seed", question.first_seed + trial.seed),
+        ("execution", "engine"): ("--engine", question.engine),
+        ("record", "bag"): ("capacity", False),
+    }
+    tasks = question.file.scenario.tasks
+    if tasks is None:
+        return {**values, **changed}
+    document = {**tasks.model_dump(), **changed.pop(("tasks",), ("", {}))[1]}
+    if trial.kind == DEMAND:
+        assert question.demand_per_h is not None
+        document["streams"] = demanded(tasks.streams, document["streams"], question.demand_per_h)
+    else:
+        document["open"] = ceil(BACKLOG * trial.robots)
+    return {
+        ("robots", "starts"): ("capacity", None),  # drawn: the n-th robot's is the same in every fleet
+        ("robots", "goals"): ("capacity", None),
+        ("robots", "draw"): ("capacity", "anywhere"),
+        **values,
+        ("tasks",): ("capacity", document),
+        ("execution", "time_limit_s"): ("capacity", question.effort.horizon_s),
+        **changed,
+    }
+
+
+def own_demand_per_h(streams: tuple[StreamChoice, ...]) -> float | None:
+    """Orders an hour in the busiest part of the day; None where streams have no rates."""
+    rates = _busiest(streams)
+    return sum(rates) if rates else None
+
+
+def demanded(streams: tuple[StreamChoice, ...], documents: Any, per_h: float) -> list[dict[str, Any]]:
+    """Streams that bring so many orders an hour, in the mix of the busiest part of the day."""
+    shares = _busiest(streams) or [float(s.arrivals.open or 1) for s in streams]
+    return [
+        {**document, "arrivals": {"rate_per_h": per_h * share / sum(shares)}} for document, share in zip(documents, shares) if share > 0
+    ]
+
+
+def _busiest(streams: tuple[StreamChoice, ...]) -> list[float]:
+    """Rates an hour of streams in the busiest part of the day, [] where one has none."""
+    if any(stream.arrivals.rate_per_h is None for stream in streams):
+        return []
+    moments = range(24 * 60)
+    return max(([_rate(stream, m / len(moments)) for stream in streams] for m in moments), key=sum, default=[])
+
+
+def _rate(stream: StreamChoice, part: float) -> float:
+    profile = stream.arrivals.profile or [1.0]
+    return (stream.arrivals.rate_per_h or 0.0) * profile[int(part * len(profile))]
+
+
+def require_answerable(question: Question) -> None:
+    """Refuse what the scenario cannot answer.
+
+    Raises
+    ------
+    MrpSumoError
+        One line, with what would do.
+    """
+    low, high = question.sizes
+    name, tasks = question.file.scenario.name, question.file.scenario.tasks
+    if not 1 <= low <= high:
+        raise MrpSumoError(f"--robots {low}..{high}: expected at least one robot, and the smaller number first, such as 5..60")
+    if tasks is None:
+        if question.demand_per_h is not None:
+            raise MrpSumoError(f"--demand: '{name}' has no orders to count; give it tasks (docs/scenario.md), or leave --demand out")
+        return
+    if tasks.list or tasks.file or not tasks.streams or any(stream.count for stream in tasks.streams):
+        raise MrpSumoError(f"{question.file.at('tasks')}: these orders come to an end; a throughput needs streams without a count")

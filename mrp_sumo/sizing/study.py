@@ -1,0 +1,245 @@
+"""A capacity study: a batch that chooses its next runs, and the answer that its runs give.
+
+Killed and started again, it goes on where it was, and the answer is the same to the last byte.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError
+from mrp_sumo.experiments.batch import GO_ON, Lookup, Watcher, run_batch
+from mrp_sumo.experiments.identity import code_version
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.set_up import SetUp, set_up
+from mrp_sumo.experiments.suite import PlannedRun, Variations
+from mrp_sumo.io.scenario import ScenarioFile, changed
+from mrp_sumo.sizing.answer import Answer, answer_of
+from mrp_sumo.sizing.observe import FUNCTION
+from mrp_sumo.sizing.points import Record, record_of
+from mrp_sumo.sizing.question import (
+    CORES,
+    FULL,
+    ON_TIME,
+    ONE_SHOT,
+    QUICK,
+    SATURATED,
+    SUCCEED,
+    Question,
+    Trial,
+    own_demand_per_h,
+    predicted_cpu_s,
+    require_answerable,
+    values_of,
+)
+from mrp_sumo.sizing.search import grid
+from mrp_sumo.sizing.what_if import AUTO, values_of_change
+
+LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # where nothing is said; fewer where the map holds fewer
+
+
+def asked(
+    file: ScenarioFile,
+    *,
+    robots: tuple[int, int] | None = None,
+    demand_per_h: float | None = None,
+    on_time: float | None = None,
+    quick: bool = False,
+    budget_s: float | None = None,
+    horizon_s: float | None = None,
+    engine: str = "kinematic",
+    seed: int | None = None,
+    what_if: Sequence[str] = (),
+    command: str = "",
+) -> Question:
+    """The question, with what follows from the scenario where nothing is said. The parameters are those of `mrp-sumo capacity`."""
+    effort, tasks = QUICK if quick else FULL, file.scenario.tasks
+    effort = replace(effort, budget_s=budget_s or effort.budget_s, horizon_s=horizon_s or effort.horizon_s)
+    question = Question(
+        file=file,
+        sizes=robots or (1, 1),
+        effort=effort,
+        demand_per_h=demand_per_h or (own_demand_per_h(tasks.streams) if tasks else None),
+        on_time=on_time or (ON_TIME if tasks else SUCCEED),
+        engine=engine,
+        first_seed=file.scenario.seed if seed is None else seed,
+        what_if=tuple(what_if),
+        command=command,
+    )
+    require_answerable(question)
+    if robots is None:
+        most = max(1, most_robots(question, MOST_ROBOTS))
+        question = replace(question, sizes=(min(LEAST_ROBOTS, most), most))
+    return question
+
+
+def most_robots(question: Question, limit: int) -> int:
+    """The largest fleet that the map holds, up to a limit; 0 where even one robot cannot be set up."""
+    fits, fails = 0, limit + 1
+    while fails > fits + 1:
+        middle = limit if fails > limit else (fits + fails) // 2
+        try:
+            fleet_on_map(question, middle)
+            fits = middle
+        except (PlanError, ScenarioError):
+            fails = middle
+    return fits
+
+
+def fleet_on_map(question: Question, robots: int) -> SetUp:
+    """A fleet of the scenario on its map, nothing planned."""
+    trial = Trial(SATURATED if question.has_tasks else ONE_SHOT, robots, 0)
+    with MapCache() as maps:
+        return set_up(changed(question.file, values_of(trial, question, {})), maps)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a study is likely to take, on `CORES` cores."""
+
+    sizes: tuple[int, ...]  # of the coarse grid, as far as the budget goes
+    grid_s: float  # the grid alone
+    budget_s: float  # at most, with all that follows from it
+
+
+class Study:
+    """A question, the map that it is about, and the runs that it may ask for."""
+
+    def __init__(self, question: Question) -> None:
+        """Check the question.
+
+        Raises
+        ------
+        MrpSumoError
+            One line, for what the scenario cannot answer, sizes that the map cannot hold, changes that cannot be made, and a budget that
+            buys nothing.
+        """
+        require_answerable(question)
+        self.question = question
+        self._runs: dict[Trial, PlannedRun] = {}
+        self._records: dict[str, Record] = {}
+        self.variations = Variations(question.file, f"capacity_{question.file.scenario.name}", code_version())
+        self._require_budget()
+        self.setup = self._fits(question.sizes[1])
+        for text in question.what_if:
+            if text != AUTO:
+                self._check_change(text)
+
+    @property
+    def nav(self) -> NavGraph:
+        """The map as drawn."""
+        return self.setup.map.nav
+
+    @property
+    def estimate(self) -> Estimate:
+        """How long it is likely to take. Said before it begins."""
+        question = self.question
+        kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
+        for n in grid(question):
+            cost = question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question) / CORES
+            if spent_s + cost > question.effort.budget_s:
+                break
+            sizes.append(n)
+            spent_s += cost
+        return Estimate(tuple(sizes), spent_s, question.effort.budget_s)
+
+    def run(
+        self,
+        folder: Path,
+        watcher: Watcher,
+        *,
+        workers: int,
+        scheduler: str | None = None,
+        stop: Callable[[], int] = lambda: GO_ON,
+        wondered: Callable[[Answer | None], None] = lambda answer: None,
+    ) -> Answer | None:
+        """Make the runs that are missing, and answer.
+
+        Parameters
+        ----------
+        folder
+            Where runs are kept.
+        watcher, workers, scheduler, stop
+            As for `run_batch`.
+        wondered
+            Called whenever the search has looked at what there is, with the answer once it is known.
+
+        Returns
+        -------
+        Answer or None
+            None where the study was stopped before it is known.
+
+        Raises
+        ------
+        MrpSumoError
+            As `run_batch` does.
+        """
+        found: list[Answer | None] = [None]
+
+        def choose(lookup: Lookup) -> list[PlannedRun]:
+            found[0], trials = answer_of(self.question, lambda trial: self._recorded(trial, lookup))
+            wondered(found[0])
+            return [self.planned(trial) for trial in trials]
+
+        run_batch(
+            self.variations.suite,
+            folder,
+            watcher,
+            workers=workers,
+            scheduler=scheduler,
+            stop=stop,
+            function=FUNCTION,
+            chooser=choose,
+        )
+        return found[0]
+
+    def planned(self, trial: Trial) -> PlannedRun:
+        """The run of a trial."""
+        if trial not in self._runs:
+            self._runs[trial] = self.variations.run(self.values(trial))
+        return self._runs[trial]
+
+    def values(self, trial: Trial) -> Mapping[Any, tuple[str, Any]]:
+        """What a trial has otherwise than the scenario."""
+        change = values_of_change(trial.change, self.question, self.nav) if trial.change else {}
+        return values_of(trial, self.question, change)
+
+    def _recorded(self, trial: Trial, lookup: Lookup) -> Record | None:
+        key = self.planned(trial).key
+        if key not in self._records and (record := lookup(key)) is not None:
+            self._records[key] = record_of(record)
+        return self._records.get(key)
+
+    def _require_budget(self) -> None:
+        """At least two sizes of the grid, or there is nothing to say."""
+        question = self.question
+        kind = SATURATED if question.has_tasks else ONE_SHOT
+        sizes = grid(question)[:2]
+        least_s = question.effort.seeds * sum(predicted_cpu_s(Trial(kind, n, 0), question) for n in sizes) / CORES
+        if least_s > question.effort.budget_s:
+            what = (
+                f"{question.effort.seeds} runs of {question.effort.horizon_s / 60:.0f} min with {' and with '.join(map(str, sizes))} robots"
+            )
+            raise MrpSumoError(
+                f"--budget: {question.effort.budget_s / 60:g} min are too few to say anything: {what} take about {least_s / 60:.1f} min "
+                f"on {CORES} cores"
+            )
+
+    def _fits(self, most: int) -> SetUp:
+        """The set-up of the largest fleet: a map that holds it holds all."""
+        first, last = self.question.sizes
+        try:
+            return fleet_on_map(self.question, most)
+        except (PlanError, ScenarioError) as error:
+            fits = most_robots(self.question, last)
+            if fits < first:
+                raise
+            reason = str(error).splitlines()[0].split(": ", 1)[-1]
+            raise MrpSumoError(f"--robots {first}..{last}: more than the map holds ({reason}); {first}..{fits} would do") from None
+
+    def _check_change(self, text: str) -> None:
+        trial = Trial(SATURATED, self.question.sizes[0], 0, text)
+        with MapCache() as maps:
+            set_up(changed(self.question.file, self.values(trial)), maps)

@@ -1,0 +1,100 @@
+"""The search finds what is true of fleets whose truth is known, asks for no more than it needs, and says so where it does not know."""
+
+import random
+from dataclasses import replace
+
+import pytest
+from fleets import EFFORT, Fleets, question, rises_and_falls
+
+from mrp_sumo.sizing.answer import answer_of
+from mrp_sumo.sizing.search import Desk, coarse, grid, limits
+
+
+def within(bracket, truth):
+    return (bracket.low is None or bracket.low <= truth) and (bracket.high is None or truth <= bracket.high)
+
+
+def test_knee_peak_and_collapse_are_bracketed():
+    found = limits(coarse(Desk(question(), Fleets(rises_and_falls))))
+    assert found.peak.estimate is not None and within(found.peak, 40)
+    assert within(found.knee, 31)  # 304 of 320, within the noise of its interval
+    assert within(found.collapse, 45) or abs(found.collapse.estimate - 45) <= 4
+    assert found.first_deadlock is not None and found.first_deadlock > 45
+    assert found.collapse.low > found.peak.estimate
+
+
+def test_the_search_makes_a_third_of_the_runs_of_a_full_grid_of_the_same_precision():
+    fleets = Fleets(rises_and_falls)
+    desk = Desk(question(), fleets)
+    found = limits(coarse(desk))
+    full = sum(1 for n in range(4, 91) if n % 3 == 1) * max(len(p.records) for p in found.curve.points.values())
+    assert len(desk.asked) * 3 < full
+
+
+def test_throughput_that_still_rises_has_no_peak():
+    found = limits(coarse(Desk(question((4, 25)), Fleets(rises_and_falls))))
+    assert (found.peak.estimate, found.peak.low, found.peak.high) == (None, 25, None)
+    assert found.knee.estimate is None and found.collapse.estimate is None
+
+
+def test_a_dip_before_the_peak_is_reported_and_not_parted():
+    found = limits(coarse(Desk(question((4, 60)), Fleets(lambda n: 30.0 if 6 < n < 12 else 8.0 * n))))
+    assert not found.rises
+    assert set(found.curve.sizes) <= set(grid(question((4, 60))))
+
+
+@pytest.mark.parametrize("demand_per_h", [100.0, 215.0])
+def test_the_smallest_fleet_for_a_demand_is_bracketed(demand_per_h):
+    asked = question((4, 60), demand_per_h=demand_per_h)
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
+    smallest = answer.served.smallest
+    assert smallest.low <= smallest.estimate
+    assert 1.0 <= smallest.estimate / (demand_per_h / 10) <= 1.5  # what it takes to keep up, and some more to be on time
+
+
+def test_a_demand_beyond_the_peak_is_met_by_no_fleet():
+    asked = question((4, 60), demand_per_h=500.0)
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
+    assert answer.served.smallest.estimate is None
+    assert "is not met" in answer.sentence
+
+
+def test_the_largest_fleet_whose_plans_succeed():
+    asked = question((2, 80), replace(EFFORT, most_seeds=20), tasks=None, on_time=0.8)
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
+    found = answer.served.smallest
+    assert found.low <= found.estimate and 36 <= found.estimate <= 52  # 80 % succeed at 44
+    assert answer.limits is None and answer.document["answer"]["largest_that_succeeds"]["estimate"] == found.estimate
+
+
+def test_what_ifs_are_paired_and_ranked():
+    asked = question((4, 60), what_if=("planner: pibt", "policy: timed"))
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked, {"planner: pibt": 1.12, "policy: timed": 1.0}))
+    best, none = answer.gains
+    assert best.change == "planner: pibt" and best.share == pytest.approx(0.12, abs=0.02) and best.p_value < 0.01
+    assert best.difference.variance_reduction > 0.3
+    assert none.p_value > 0.05
+
+
+def test_an_answer_follows_from_finished_runs_alone():
+    """Runs come back in any order, a few at a time, as on many cores with interruptions: the same answer, the same runs."""
+    asked = question((4, 60), demand_per_h=150.0, what_if=("planner: pibt",))
+    straight = Fleets(rises_and_falls, asked)
+    whole, trials = answer_of(asked, straight)
+    chance, known = random.Random(5), {}
+    while True:
+        answer, wanted = answer_of(asked, known.get)
+        if answer:
+            break
+        missing = [trial for trial in wanted if trial not in known]
+        for trial in chance.sample(missing, min(len(missing), 12)):
+            known[trial] = straight(trial)
+    assert answer.document == whole.document
+    assert set(known) == set(trials)
+
+
+def test_a_budget_that_is_spent_is_said():
+    asked = question((4, 90), replace(EFFORT, budget_s=150.0), demand_per_h=280.0)
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
+    assert answer.spent_s <= 150.0
+    assert any("the budget did not buy" in note for note in answer.notes)
