@@ -27,7 +27,7 @@ from mrp_sumo.formats.peers import read_paths, read_places
 
 ROBOT = RobotType("smart", 0.3, 0.3, 2.0, 0.5, 0.5, 1.57, 0.0757)
 STEP_S = 2.0  # planned for a cell of 1 m: shorter than a start, a drive and a turn from rest to rest
-SETTINGS = ExecutionSettings(policy_parameters={"look_ahead": 8}, time_limit_s=5000.0)  # robots brake over 4 m
+SETTINGS = ExecutionSettings(time_limit_s=5000.0)
 
 
 def finishing_times(map_path: Path, plan_path: Path, engine: str) -> np.ndarray:

@@ -22,7 +22,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
     most_steps
         After which it gives up.
     lag
-        Steps by which what a robot has left is free later than that.
+        [K] steps by which what a robot has left is free later than that, after 0, 1, ... visits. They never decrease.
     accel
         [R] m/s2.
     limit_mps
@@ -40,7 +40,9 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
     num_robots = len(accel)
     s_m, velocity, was_mps, cap = motion.s_m.copy(), np.zeros(num_robots), np.zeros(num_robots), np.full(num_robots, np.inf)
     has_limits = np.min(limit_mps) < np.inf
-    past = np.zeros((lag + 1, num_robots))
+    most_lag, rank, before, left_m = lag[-1], visits.rank, reached.copy(), np.zeros(num_robots)
+    past_m, past_lag = np.zeros((most_lag + 1, num_robots)), np.zeros((most_lag + 1, num_robots), np.int64)
+    seen = np.zeros(num_robots, np.int64)
     idle = 0  # steps in which nobody could do anything
     for step in range(most_steps):
         now = step * dt
@@ -48,11 +50,11 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
             was_mps[:] = speed
             move(dt, s_m, kinematics, visits, motion)
             depart(now - dt, motion.s_m, motion.moved_m, was_mps, visits, left_s)
-            before = reached.copy()
+            before[:] = reached
             arrive(now, dt, s_m, visits, state, log, 0)
             pass_through(before, visits, left_s)
-            past[step % (lag + 1)] = s_m
-            release(past[(step + 1) % (lag + 1)], visits, needs, grants)
+            look_late(step, s_m, rank, reached, lag, past_m, past_lag, seen, left_m)
+            release(left_m, visits, needs, grants)
             motion.s_m[:] = s_m
         grant(now, kinematics, rules, visits, needs, state, conditions.closed)
         command(now, dt, kinematics, rules, visits, state, conditions, news.changed)
@@ -65,12 +67,29 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         if finished:
             return step
         idle = idle + 1 if stuck else 0
-        if idle > lag + 2:
+        if idle > most_lag + 2:
             return -1
         if has_limits:
             lane_limits(dt, limit_mps, kinematics.decel_mps2, following, reached, visits.at_m, visits.lane, velocity, s_m, cap)
         move_bodies(dt, commanded, accel, kinematics.decel_mps2, cap, velocity, s_m)
     return -1
+
+
+@kernel
+def look_late(step, s_m, rank, reached, lag, past_m, past_lag, seen, left_m):
+    """Where robots were at the last step `seen` [R] that is as long ago as what they had left then has to stay theirs.
+
+    `past_m` and `past_lag` [K, R] are rings of the last steps.
+    """
+    num_past = len(past_m)
+    for r in range(len(s_m)):
+        past_m[step % num_past, r] = s_m[r]
+        past_lag[step % num_past, r] = lag[rank[reached[r]]]
+        k = seen[r]
+        while k < step and k + 1 + past_lag[(k + 1) % num_past, r] <= step:
+            k += 1
+        seen[r] = k
+        left_m[r] = past_m[k % num_past, r]
 
 
 @kernel(inline="always")

@@ -53,8 +53,13 @@ class Controller:
         settings = self._settings
         separation_m = self.ledger.resources.separation_m
         asks_late = getattr(policy, "asks_late", False)
-        of_policy = (policy.look_ahead, policy.paced and self._paced, asks_late)
+        of_policy = (policy.look_ahead + self._braking_lanes(), policy.paced and self._paced, asks_late)
         self.rules = Rules(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S, *of_policy, separation_m)
+
+    def _braking_lanes(self) -> int:
+        """How many whole lanes robots may need to come to a stop: who may not claim so many never reaches full speed."""
+        reach_m, length_m = self.kinematics.reach_m, self.ledger.graph.length_m
+        return int(reach_m.max(initial=0.0) / length_m.min()) if len(length_m) else 0
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""

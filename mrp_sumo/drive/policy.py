@@ -28,7 +28,7 @@ class Policy(Protocol):
 
     @property
     def look_ahead(self) -> int:
-        """How many visits ahead of its position a robot may claim at most."""
+        """How many visits ahead of its position a robot may claim at most, beside those that it needs to brake."""
 
     @property
     def paced(self) -> bool:

@@ -25,7 +25,7 @@ from mrp_sumo.errors import PlanError
 LONGEST = 20.0  # times the plan's makespan; who is not there by then never will be
 
 
-def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0) -> Plan:
+def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0, spread_s: float = 0.0) -> Plan:
     """The plan in seconds of real motion.
 
     Parameters
@@ -39,6 +39,9 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
         visit before the plan does. Plans in steps are driven as early as their order allows, and so is everything else.
     margin_s
         What a robot leaves is free this much later for the next. A plan with a margin is longer, and survives small delays.
+    spread_s
+        Standard deviation of a robot's delay at one visit. Delays at n visits add up to one of `spread_s` √n, and what a robot leaves
+        after n visits is free two of these later for the next, beside the margin.
 
     Returns
     -------
@@ -61,9 +64,11 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     controller, dt = Controller(ledger, policy, settings, paced=False), settings.step_length_s
     world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, float(problem.fleet.radius_m.max()), 0)
     left_s = np.zeros(ledger.num_visits)
-    longest_s = LONGEST * (float(plan.end_s.max(initial=0.0)) + problem.step_s) + margin_s * plan.num_visits
+    visits = np.arange(int(np.diff(plan.first).max(initial=0)) + 1)
+    lag = np.round((margin_s + 2 * spread_s * np.sqrt(visits)) / dt).astype(np.int64)
+    longest_s = LONGEST * (float(plan.end_s.max(initial=0.0)) + problem.step_s) + lag[-1] * dt * plan.num_visits
     steps = _retime.drive_out(
-        *(dt, int(longest_s / dt), round(margin_s / dt), problem.fleet.accel_mps2, problem.graph.speed_mps),
+        *(dt, int(longest_s / dt), lag, problem.fleet.accel_mps2, problem.graph.speed_mps),
         *(controller.kinematics, controller.rules, ledger.visits, ledger.needs, ledger.state, world.conditions),
         *(empty_log(problem.num_robots), empty_news(problem.num_robots), left_s),
     )

@@ -105,7 +105,7 @@ class Rules(NamedTuple):
     cell_m: float  # progress by less is none
     window_s: float  # without progress in it a robot is blocked
     wait_least_s: float  # shorter waits are booked, but are no events
-    look_ahead: int  # how many visits ahead of its position a robot may claim at most
+    look_ahead: int  # how many visits ahead of its position a robot may claim at most, with those that it needs to brake
     paced: bool  # whether a robot that is early drives slower
     asks_late: bool  # whether robots claim no more than they need to drive on, so that the order of more passages may change
     separation_m: float  # the least distance of two robots' centres

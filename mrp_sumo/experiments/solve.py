@@ -90,6 +90,22 @@ class Solution:
         return self.result.planning_time_s
 
     @property
+    def _bound(self) -> str | None:
+        """In the unit of the planner's costs."""
+        if self.lower_bound_steps <= 0:
+            return None
+        if plans_in_seconds(self.setup.planner):
+            return f"{seconds(self.lower_bound_steps * self.problem.step_s)} (sum of the times at which robots are there)"
+        return f"{self.lower_bound_steps:g} steps"
+
+    @property
+    def _doubt(self) -> str | None:
+        """Why robots may not be where the plan has them, though nothing disturbs them."""
+        if self.result.retime_time_s is None or _keeps_order(self.setup):
+            return None
+        return f"of the plan's order; {self.setup.settings.policy} lets go whoever comes first, so robots may drive otherwise"
+
+    @property
     def _summary(self) -> Summary:
         found = "" if self.verdict is None else self.verdict.summary(self.problem)
         cost = None if self.cost_steps is None else f"{self.cost_steps:g} steps (sum of costs)"
@@ -99,8 +115,9 @@ class Solution:
             ("why", self.message),
             ("referee", found),
             ("cost", cost),
-            ("lower bound", f"{self.lower_bound_steps:g} steps" if self.lower_bound_steps > 0 else None),
+            ("lower bound", self._bound),
             ("makespan", seconds(self.makespan_s)),
+            ("times", self._doubt),
             ("planning time", seconds(self.planning_time_s)),
         ]
         return summary(f"Plan for {count(self.problem.num_robots, 'robot')} on {self.problem.graph.name}", rows)
@@ -191,10 +208,10 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
     with compiling(report, execute=False):
         prepare_retime()
     settings, problem = solution.setup.settings, solution.problem
-    margin_s = 0.0 if choice is True else choice.margin_s
+    slack = {} if choice is True else choice.model_dump()
     began = time.perf_counter()
     try:
-        plan = retime(problem, plan, settings, margin_s=margin_s)
+        plan = retime(problem, plan, settings, **slack)
     except PlugInError:  # of a policy, which is named when it is to drive
         return solution
     except (ExecutionError, PlanError) as error:

@@ -159,6 +159,10 @@ class RetimeChoice(_Strict):
     """How a plan gets the times of real motion."""
 
     margin_s: Annotated[float, Field(ge=0)] = Field(0.0, description="What a robot leaves is planned to be free this much later.")
+    spread_s: Annotated[float, Field(ge=0)] = Field(
+        0.0,
+        description="Standard deviation of a robot's delay at a visit: what it leaves after n visits is free 2 spread_s √n later.",
+    )
 
 
 class PlannerChoice(_Strict):

@@ -30,8 +30,7 @@ def test_finishing_times_agree_with_smart(tmp_path):
     instance, text = read_instance(tmp_path / "warehouse.map", None, 0), (DATA / "smart/plan100.txt").read_text()
     problem = problem_of_places(instance, read_places(text), "plan100.txt")
     problem = replace(problem, fleet=fleet_of(ROBOT, problem.num_robots), step_s=2.0)
-    settings = ExecutionSettings(policy_parameters={"look_ahead": 8})
-    ours = retime(problem, read_paths(text, problem, instance.cells), settings).end_s
+    ours = retime(problem, read_paths(text, problem, instance.cells), ExecutionSettings()).end_s
     theirs = np.loadtxt(DATA / "smart/finish_100.csv", delimiter=",", skiprows=1)[:, 1]
     assert np.corrcoef(ours, theirs)[0, 1] > 0.998
     assert 0.9 < ours.sum() / theirs.sum() < 1.0  # SMART's controller brakes at 0.81 of its deceleration

@@ -7,6 +7,7 @@ import pytest
 from worlds import BURGER, CART, cross, graph_of, least_distance_m, line, problem_of, random_grid, square_grid
 
 from mrp_sumo.core.plan import Plan, paths_of_plan
+from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -127,6 +128,18 @@ def test_a_margin_lets_the_second_wait_longer():
     assert with_margin.arrive_s[first] == pytest.approx(without.arrive_s[first])
     assert with_margin.end_s[1] - without.end_s[1] == pytest.approx(1.5, abs=2 * STEP_S)
     assert (with_margin.arrive_s[second] >= without.arrive_s[second] - 1e-9).all()
+
+
+def test_slack_by_the_spread_of_delays_grows_with_the_visits_and_keeps_the_second_on_time():
+    problem, plan = problem_of(cross(3, 1.0), LATER, CART)
+    timed = ExecutionSettings(policy="adg_timed", engine="kinematic")
+    without, with_slack = (retime(problem, plan, timed, spread_s=spread) for spread in (0.0, 0.5))
+    crossed = LATER[0].index(0)  # visits that the first one has made when it frees the crossing
+    assert with_slack.end_s[1] == pytest.approx(retime(problem, plan, timed, margin_s=2 * 0.5 * np.sqrt(crossed)).end_s[1], abs=STEP_S)
+    late = replace(timed, disturbances=Disturbances(breakdowns=(Breakdown(0, 0.0, 1.0),)))
+    second = slice(int(plan.first[1]), None)
+    lateness = [float((simulate(problem, p, late, None).arrived_s - p.arrive_s)[second].max()) for p in (without, with_slack)]
+    assert lateness[0] > 0.5 and lateness[1] <= STEP_S + 1e-6
 
 
 def test_a_plan_whose_order_nobody_can_keep_is_refused():
