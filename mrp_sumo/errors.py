@@ -45,6 +45,10 @@ class PlugInError(MrpSumoError):
         self.details = details
 
 
+class PlanningOverrun(PlugInError):
+    """A planner that worked on an answer for so long that the run is given up."""
+
+
 _SENTENCES = {
     errno.ENOENT: "no such file or directory",
     errno.ENOTDIR: "a part of the path is a file, expected a folder",

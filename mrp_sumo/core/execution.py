@@ -57,8 +57,10 @@ class PlannerCalls:
     """How often the planner was asked for tasks while robots drove."""
 
     asked: int = 0
-    late: int = 0  # took more wall time than its declared budget: nothing in the run depends on it
-    failed: int = 0  # no plan, or none that could be driven from where robots were
+    late: int = 0  # used up their effort without a plan: robots kept what they had
+    failed: int = 0  # found no plan, or none that could be driven from where robots were: likewise
+    stepped: int = 0  # of late and failed ones, answered by PIBT instead, since the one before had failed, too
+    stopped: int = 0  # of these, not even by PIBT: robots stop at the ends of what they have
     wall_time_s: float = 0.0
 
 

@@ -26,6 +26,8 @@ class Problem:
     step_s: float  # planned time for a lane
     seed: int = 0
     drivable: bool = False  # whether robots will keep the plan's order: no rotations, and nobody too close (`traffic.clashes`)
+    window_steps: int = 0  # how long robots have to keep clear of each other, for planners that support 'window'; 0: to the end
+    effort: int = 0  # labels after which planners that support 'effort' stop, on every machine alike; 0: only when time is up
 
     def __post_init__(self) -> None:
         names, num_vertices = self.fleet.robot_name, self.graph.num_vertices

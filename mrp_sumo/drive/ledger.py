@@ -23,7 +23,7 @@ from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
 from mrp_sumo.drive.policy import DecidingPolicy, Policy
 from mrp_sumo.drive.reroute import Replan, Reroute
-from mrp_sumo.drive.state import NEVER, VisitNeeds, state_at_rest
+from mrp_sumo.drive.state import NEVER, Kinematics, VisitNeeds, state_at_rest
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.passages import Needs, Schedule, in_places, order_of
 from mrp_sumo.traffic.resources import Resources
@@ -81,6 +81,8 @@ class Ledger:
         self.end_of_tasks = np.full(num_robots, -1)  # [R] vertex where each robot is to stay
         for task in self.tasks:
             self.end_of_tasks[task.robot] = task.end
+        self._cut: IntArray | None = None  # [R] the visits beyond which nobody is granted anything, while there is a cut
+        self._pause_before = np.zeros(0, np.int64)
         self._pieces = [[(r, r + 1)] for r in range(num_robots)]  # of each robot's way: ids [a, b)
         self._columns = {name: np.zeros(0, np.asarray(empty).dtype) for name, empty in EMPTY.items()}
         self._need_columns = {name: np.zeros(0, np.asarray(empty).dtype) for name, empty in NEED_COLUMNS.items()}
@@ -127,8 +129,82 @@ class Ledger:
         resource: IntArray = self._need_columns["resource"][needs]
         return resource
 
+    @property
+    def joint(self) -> IntArray:
+        """[R] the visits after which new ways begin: those of the cut while there is one, else the last that robots have been granted."""
+        return self._of_robot["granted"].copy() if self._cut is None else self._cut
+
+    def cut(self, lead_s: float, kinematics: Kinematics, closed: BoolArray, stays: BoolArray) -> None:
+        """Freeze what robots have been granted, and what they will be in some time; nobody is granted more until `lift`.
+
+        Only where an order is kept. Everybody who passes a frozen visit's resources before has it frozen that he has left them, so
+        that robots come to stand at the ends of what is frozen however late they are: a plan may begin there.
+
+        Parameters
+        ----------
+        lead_s
+            For which robots need not brake for the cut.
+        kinematics
+            Of the robots.
+        closed
+            [L] lanes that nobody may set out on.
+        stays
+            [R] robots that are granted nothing more.
+        """
+        self._cut = self._grown(lead_s, kinematics, closed, stays) if len(self._passing) else self._of_robot["granted"].copy()
+        pause = self.state.yielding.pause
+        self._pause_before = pause.copy()
+        np.minimum(pause, self._columns["rank"][self._cut], out=pause)
+
+    def lift(self) -> None:
+        """Robots may be granted what comes after the cut."""
+        if self._cut is not None:
+            self.state.yielding.pause[:] = self._pause_before
+            self._cut = None
+
+    def _grown(self, lead_s: float, kinematics: Kinematics, closed: BoolArray, stays: BoolArray) -> IntArray:
+        """[R] the cut: visits are added as long as those who pass before are within it."""
+        columns, of_robot, grants = self._columns, self._of_robot, self.state.grants
+        rank, following, at_m, lane = columns["rank"], columns["next"], columns["at_m"], columns["lane"]
+        cut = of_robot["granted"].copy()
+        top, pause = kinematics.speed_mps, self.state.yielding.pause
+        to_m = self.state.motion.s_m + top * lead_s + top**2 / (2 * kinematics.decel_mps2) + kinematics.reach_m
+        needs, turn = self._need_columns, grants.turn
+        left = self._left_ranks()
+        growing = [r for r in range(self.num_robots) if not stays[r]]
+        grown = True
+        while grown and growing:
+            grown, still = False, []
+            for r in growing:
+                while True:
+                    m = int(cut[r])
+                    k = int(following[m])
+                    entered = m == of_robot["granted"][r] and grants.on_lane[r]
+                    if k < 0 or rank[m] >= pause[r] or (at_m[m] >= to_m[r] and not entered) or (closed[lane[k]] and not entered):
+                        break
+                    mine = slice(self._need_first[k], self._need_first[k + 1])
+                    before = (
+                        j for q, p in zip(needs["resource"][mine].tolist(), needs["passage"][mine].tolist()) for j in range(int(turn[q]), p)
+                    )
+                    if not all((other := int(self._passing[j])) == r or rank[cut[other]] >= left[j] for j in before):
+                        still.append(r)
+                        break
+                    cut[r], grown = k, True
+            growing = still
+        return cut
+
+    def _left_ranks(self) -> IntArray:
+        """[E] rank of the visit at whose arrival each passage is over; 0 where it is."""
+        ids = np.concatenate([self.ids(r, oldest) for r, oldest in enumerate(self.state.grants.oldest.tolist())])
+        first, at = self._needs_of(ids)
+        needs, rank = self._need_columns, np.repeat(self._columns["rank"][ids], np.diff(first))
+        closes = needs["closes"][at]
+        left = np.zeros(len(self._passing), np.int64)
+        left[needs["passage"][at[closes]]] = (rank + ~needs["on_lane"][at])[closes]
+        return left
+
     def append(self, replan: Replan, policy: Policy, now_s: float) -> None:
-        """Send robots on their ways, or other ways from the last visits that they have been granted.
+        """Send robots on their ways, or other ways from the last visits that they have been granted, or from the cut, which is lifted.
 
         Raises
         ------
@@ -137,7 +213,8 @@ class Ledger:
         """
         robots = np.array(sorted(replan.reroute), np.int64)
         ways = [replan.reroute[r] for r in robots.tolist()]
-        joint = self._of_robot["granted"][robots]
+        joints = self.joint
+        joint = joints[robots]
         plan = _from_joints(ways, self._columns["vertex"][joint], now_s)
         departure = self._departure(robots, joint, ways)
         needless = np.flatnonzero(np.isin(robots, sorted(replan.left_alone)))
@@ -150,20 +227,21 @@ class Ledger:
         new = {r: ids[plan.first[i] + 1 : plan.first[i + 1]] for i, r in enumerate(robots.tolist())}
         leave_s = dict(zip(robots.tolist(), plan.depart_s[plan.first[:-1]].tolist()))
         # what robots hold comes first in the order; a first plan has them at their starts from 0 s on
-        live, at = self._live(new, leave_s, now_s - 1.0 if self.entries else now_s)
+        live, at = self._live(new, joints, leave_s, now_s - 1.0 if self.entries else now_s)
         try:
             schedule = policy.order(self.problem, live, self._plan_needs(at))
         except PlanError:
             self.num_visits, self.num_needs = before
             self._show()  # room may have been made
             raise
+        self.lift()
         since, count = self._columns["rank"][joint], np.diff(plan.first) - 1
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
         self._face(robots, laid_out.heading_rad[plan.first[:-1]])
         self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
         self._take_over_joints(laid_out, ids, [way.back for way in ways])
         for r, visits in new.items():
-            self._link(r, int(self._of_robot["granted"][r]), visits)
+            self._link(r, int(joints[r]), visits)
         self._keep_order(policy, live, at, schedule)
         for r, way in zip(robots.tolist(), ways):
             self._set_out_anew(r, way, now_s)
@@ -188,7 +266,7 @@ class Ledger:
         granted_ids = self._of_robot["granted"].tolist()
         ahead = {r: self.ids(r, visit)[1:] for r, visit in enumerate(granted_ids)}
         leave_s = dict(enumerate(self._columns["depart_s"][granted_ids].tolist()))
-        live, ids = self._live(ahead, leave_s, -1.0)
+        live, ids = self._live(ahead, self._of_robot["granted"], leave_s, -1.0)
         needs = self._plan_needs(ids)
         schedule = policy.decide(self.problem, self._under_way(live, ids, needs, now_s), needs, now_s)
         if schedule is None:
@@ -252,33 +330,43 @@ class Ledger:
         if num_needs > len(self._need_columns["resource"]):
             self._need_columns = {name: _longer(column, num_needs, NEED_COLUMNS[name]) for name, column in self._need_columns.items()}
 
-    def _live(self, new: Mapping[int, IntArray], leave_s: Mapping[int, float], before_s: float) -> tuple[Plan, IntArray]:
+    def _live(self, new: Mapping[int, IntArray], joints: IntArray, leave_s: Mapping[int, float], before_s: float) -> tuple[Plan, IntArray]:
         """The plan from the last visits that robots have reached on, and [N] the ids of its visits.
 
-        Robots with an entry in `new` leave their last granted visits at `leave_s` for these; what they have been granted is
-        planned for `before_s`, so that it comes first.
+        Robots with an entry in `new` leave their joints at `leave_s` for these. What they have been granted is planned for
+        `before_s`, so that it comes first; what they have not been granted up to their joints comes next, in its order, within a second.
         """
         columns, reached, granted = self._columns, self._of_robot["reached"], self._of_robot["granted"]
-        ids, granted_already, leaves, first = [], [], [], [0]
+        ids, granted_already, not_granted, leaves, first = [], [], [], [], [0]
         for r in range(self.num_robots):
             way = self.ids(r, int(reached[r]))
             if r in new:
-                kept = way[: int(np.searchsorted(columns["rank"][way], columns["rank"][granted[r]])) + 1]
+                ranks = columns["rank"][way]
+                kept = way[: int(np.searchsorted(ranks, columns["rank"][joints[r]])) + 1]
+                num_granted = int(np.searchsorted(ranks, columns["rank"][granted[r]])) + 1
                 way = np.concatenate([kept, new[r]])
-                granted_already.append(np.arange(len(way)) < len(kept))
+                granted_already.append(np.arange(len(way)) < num_granted)
+                not_granted.append((np.arange(len(way)) >= num_granted) & (np.arange(len(way)) < len(kept)))
                 leaves.append((first[-1] + len(kept) - 1, leave_s[r]))
             else:
                 granted_already.append(np.zeros(len(way), np.bool_))
+                not_granted.append(np.zeros(len(way), np.bool_))
             ids.append(way)
             first.append(first[-1] + len(way))
         at, before = np.concatenate(ids), np.concatenate(granted_already)
+        arrive_s = np.where(before, before_s, columns["arrive_s"][at])
         depart_s = np.where(before, before_s, columns["depart_s"][at])
+        due = np.flatnonzero(np.concatenate(not_granted))
+        if len(due):
+            entry = np.searchsorted([entry.begin for entry in self.entries], at[due], side="right")
+            squeezed = _squeezed(np.tile(entry, 2), np.concatenate([arrive_s[due], depart_s[due]]), before_s)
+            arrive_s[due], depart_s[due] = squeezed[: len(due)], squeezed[len(due) :]
         for place, time_s in leaves:
             depart_s[place] = time_s
         plan = Plan(
             first=frozen(np.array(first, np.int64)),
             vertex=frozen(columns["vertex"][at]),
-            arrive_s=frozen(np.where(before, before_s, columns["arrive_s"][at])),
+            arrive_s=frozen(arrive_s),
             depart_s=frozen(depart_s),
         )
         return plan, at
@@ -448,6 +536,16 @@ def _from_joints(ways: Sequence[Reroute], vertex: IntArray, now_s: float) -> Pla
         arrive_s=frozen(np.concatenate([part for way in ways for part in ([before], way.arrive_s)]).astype(np.float64)),
         depart_s=frozen(np.concatenate([part for way in ways for part in ([way.leave_s], way.depart_s)]).astype(np.float64)),
     )
+
+
+def _squeezed(entry: IntArray, time_s: FloatArray, begin_s: float) -> FloatArray:
+    """[N] times of visits by entry, of which several may still have some, in their order within the second from `begin_s` on."""
+    order = np.lexsort((time_s, entry))
+    later = (time_s[order[1:]] > time_s[order[:-1]]) | (entry[order[1:]] > entry[order[:-1]])
+    place = np.concatenate([[0], np.cumsum(later)])
+    squeezed = np.empty(len(order))
+    squeezed[order] = begin_s + 0.05 + 0.9 * place / (place[-1] + 1)
+    return squeezed
 
 
 def _longer(column: NDArray[Any], needed: int, empty: Any) -> NDArray[Any]:

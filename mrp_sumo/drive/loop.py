@@ -7,7 +7,7 @@ obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from mrp_sumo.core.execution import Event, Execution, Outcome, PlannerCalls
+from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
@@ -31,11 +31,11 @@ from mrp_sumo.drive.listeners import AtGoalReport, EventLog, Listener, Moment, P
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
-from mrp_sumo.drive.replanning import planned
 from mrp_sumo.drive.reroute import Replan, first_of
+from mrp_sumo.drive.rolling import Rolling
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.surroundings import Surroundings
-from mrp_sumo.drive.work import Work, WorkRequest
+from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
@@ -120,15 +120,19 @@ class Drive:
     def __post_init__(self) -> None:
         settings = self.settings
         self.tasks = Work(
-            settings.tasks, self.ledger.problem, parking=settings.parking, battery=settings.battery, charging=settings.charging
+            settings.tasks,
+            self.ledger.problem,
+            settings.planning.budget_s,
+            parking=settings.parking,
+            battery=settings.battery,
+            charging=settings.charging,
         )
         self.batteries: Batteries | None = None
         if settings.tasks and settings.battery is not None:
             self.batteries = Batteries(settings.battery, self.ledger.num_robots, settings.start_level, settings.seed)
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
-        self._asked: tuple[Request, float] | None = None  # what the planner is at work on, and when its answer is there
+        self.rolling = Rolling(self.settings, self.around, self.work, self.controller.kinematics)
         self._reported: set[str] = set()  # why there was no plan
-        self.calls = PlannerCalls()
 
     def set_out(self) -> None:
         """Have the first plan in the ledger, in which all robots have their ways.
@@ -217,29 +221,18 @@ class Drive:
         return sent
 
     def _send_others(self, bodies: Engine) -> bool:
-        """Answer what is due, the mildest first, until the ledger has an answer. Returns whether it has one."""
-        for request in self._due():
-            if self._answered(self.work, request, bodies):
-                return True
-        return any(self._answered(self.recovery, request, bodies) for request in self.recovery.due(self.now_s, self.around))
-
-    def _due(self) -> Iterable[Request]:
-        """What the scenario's dispatcher asks, as late as a planner would answer it."""
+        """Let what the planner was asked for take effect, or send robots other ways that do not get on. Returns whether any were sent."""
         if self.settings.tasks:
             self._update_tasks()
-        if self._asked is not None:
-            request, ready_s = self._asked
-            if self.now_s < ready_s - 1e-9:
-                return ()
-            self._asked = None
-            return (request,)
-        requests = self.work.due(self.now_s, self.around)
-        if not self.settings.planning_budget_s:
-            return requests
-        for request in requests:
-            self._asked = request, self.now_s + self.settings.planning_budget_s
-            break
-        return ()
+        sent = self._deliver(bodies)
+        for request in () if sent else self.recovery.due(self.now_s, self.around):
+            answer = self._answer(self.recovery, request)
+            if answer is not None and self._append(answer, bodies):
+                self.rolling.drop(self.now_s, failed=False)
+                sent = True
+                break
+        self.rolling.ask(self.now_s, self._report)
+        return self._deliver(bodies) or sent  # an answer that takes no time is there
 
     def _update_tasks(self) -> None:
         """Note what robots have done, and what that took from their batteries. Those that have run empty stay where they are."""
@@ -251,34 +244,35 @@ class Drive:
             level = self.batteries.level
         self.tasks.update(self.now_s, self.ledger.visits, state.waits.booked_s, level)
 
-    def _answered(self, dispatcher: Dispatcher, request: Request, bodies: Engine) -> bool:
-        began = time.perf_counter()
-        answer = self._answer(dispatcher, request)
-        took_s = time.perf_counter() - began
-        done = answer is not None and self._append(answer, bodies)
-        if isinstance(request, WorkRequest):
-            calls, late = self.calls, took_s > self.settings.planning_budget_s > 0
-            self.calls = PlannerCalls(calls.asked + 1, calls.late + late, calls.failed + (not done), calls.wall_time_s + took_s)
-            if done:
-                self.tasks.accepted(request, self.now_s, self.ledger.state.waits.booked_s)
-            else:
-                self.tasks.failed(self.now_s)
-        return done
+    def _deliver(self, bodies: Engine) -> bool:
+        """Have the ledger take the answer that is due. Returns whether it has."""
+        answer = self.rolling.due(self.now_s)
+        if answer is None:
+            return False
+        if answer.ways is None or not self._append(answer.ways, bodies):
+            self.rolling.drop(self.now_s, failed=True)
+            return False
+        self.rolling.taken(answer, self.now_s)
+        return True
 
     def _plan(self, request: Request) -> Replan:
         """The plan of the scenario's planner: at first that which the run was given."""
         if not self.ledger.entries:
             return first_of(self.first)
-        return planned(request, self.now_s, self.around, self.settings.planner, self.settings.planner_parameters)
+        return self.rolling.plan(request, self.now_s)
 
     def _answer(self, dispatcher: Dispatcher, request: Request) -> Replan | None:
         try:
             return dispatcher.answer(request, self.around)
         except PlanError as error:  # robots go on as they are
-            if str(error) not in self._reported:
-                self._reported.add(str(error))
-                self.events.append(Event(self.now_s, "unresolved", -1, text=str(error)))
+            self._report(str(error))
             return None
+
+    def _report(self, why: str) -> None:
+        """Say once why there is no plan."""
+        if why not in self._reported:
+            self._reported.add(why)
+            self.events.append(Event(self.now_s, "unresolved", -1, text=why))
 
     def _append(self, answer: Replan, bodies: Engine) -> bool:
         """Have the ledger take an answer. A new plan is driven in its order if that can be kept: it is for who is where now,
@@ -342,7 +336,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         booked_s=frozen(ledger.state.waits.booked_s),
         tasks=drive.tasks.log() if settings.tasks else None,
         stops=drive.tasks.stops_made() if settings.tasks else None,
-        calls=drive.calls if settings.tasks else None,
+        calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),

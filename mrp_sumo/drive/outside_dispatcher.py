@@ -11,7 +11,7 @@ import numpy as np
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
-from mrp_sumo.errors import PlanError, PlugInError
+from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
 from mrp_sumo.plugins.face import place_of
 from mrp_sumo.plugins.source import Source, blamed
 
@@ -51,7 +51,7 @@ class OutsideDispatcher:
     def _guarded(self, call: Callable[..., Any], *arguments: Any) -> Any:
         try:
             return call(*arguments)
-        except (KeyboardInterrupt, PlanError):  # no plan
+        except (KeyboardInterrupt, PlanError, PlanningOverrun):  # no plan
             raise
         except BaseException as error:
             wrong = blamed(error, self._source, call)

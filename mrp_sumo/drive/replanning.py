@@ -5,6 +5,7 @@ Robots go on driving what they have been granted. One that can reach its goal no
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,24 @@ from mrp_sumo.core.plan import Plan, Status
 from mrp_sumo.core.request import Request, one_shot, one_stop_each
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
-from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
 from mrp_sumo.search.route import reach_m
 from mrp_sumo.traffic.resources import Resources
 
-PLANNING_LIMIT_S = 10.0  # of wall time
+EFFORT = 10_000_000  # labels that a planner may make for an answer of recovery
+GUARD_S = 300.0  # of wall time, after which a run is given up: far more than that effort takes
+
+
+class LatePlanError(PlanError):
+    """There is no plan within the effort."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of an answer; the same on every machine."""
+
+    effort: int = EFFORT  # labels, for planners that support it
+    window_steps: int = 0  # see `Problem`, for planners that support it
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +63,7 @@ def request_for(now_s: float, around: Surroundings, robots: Sequence[int], reaso
         now_s=now_s,
         site=ledger.problem,
         robot=some,
-        start=ledger.visits.vertex[ledger.visits.granted[some]],
+        start=around.start[some],
         stop_first=np.arange(len(some) + 1),
         stop=ledger.end_of_tasks[some] if stop is None else stop,
         closed=around.closed.copy(),
@@ -68,10 +82,13 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
         [R] vertices that the others are to reach.
     """
     ledger, graph, grants = around.ledger, around.graph, around.state.grants
-    visits, taken = ledger.visits, grants.holder.copy()
-    start, back = visits.vertex[visits.granted].copy(), np.zeros(len(stays), np.bool_)
-    waits = stays | np.array([around.enters_by_itself(r) for r in range(len(stays))])
-    for r in np.flatnonzero(grants.on_lane & ~waits).tolist():
+    visits, taken, joint = ledger.visits, grants.holder.copy(), ledger.joint
+    start, back = visits.vertex[joint].copy(), np.zeros(len(stays), np.bool_)
+    on_lane = grants.on_lane & (joint == visits.granted)
+    for r in np.flatnonzero(joint != visits.granted).tolist():
+        taken[around.of_vertex(int(start[r]))] = r
+    waits = stays | around.entering
+    for r in np.flatnonzero(on_lane & ~waits).tolist():
         ahead = around.ahead(r)
         on, behind = around.of_lane(int(visits.lane[ahead])), around.of_vertex(int(start[r]))
         if ((taken[on] < 0) | (taken[on] == r)).all():
@@ -80,7 +97,7 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
             taken[behind], back[r] = r, True
         else:
             waits[r] = True
-    alone = frozenset(np.flatnonzero(waits & grants.on_lane).tolist())
+    alone = frozenset(np.flatnonzero(waits & on_lane).tolist())
     blocked = around.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
     for r in alone:
         lane = int(visits.lane[around.ahead(r)])
@@ -100,10 +117,15 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
 
 
-def planned(request: Request, now_s: float, around: Surroundings, planner: str, parameters: Mapping[str, Any]) -> Replan:
-    """The answer of a planner to a request, from where robots are committed to be now.
+def planned(request: Request, begin_s: float, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Replan:
+    """The answer of a planner to a request, from where robots are committed to be.
 
     Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too.
+
+    Parameters
+    ----------
+    begin_s
+        When it is to take effect.
 
     Raises
     ------
@@ -113,22 +135,25 @@ def planned(request: Request, now_s: float, around: Surroundings, planner: str, 
     one_stop_each(request)
     stays, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
     stays[request.robot], end[request.robot] = False, request.stop
-    stays |= around.work.serving
-    answer = replan(situation(now_s, around, stays | around.world.broken, end), around, planner, parameters)
+    stays |= around.work.busy
+    answer = replan(situation(begin_s, around, stays | around.world.broken, end), around, planner, parameters, limits)
     ends = dict(zip(request.robot.tolist(), request.stop.tolist()))
     return replace(answer, reason=request.reason, text="", ends=ends)
 
 
-def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any]) -> Replan:
+def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Replan:
     """Ask a planner.
 
     Raises
     ------
     PlanError
         When it finds no plan.
+    PlanningOverrun
+        When it takes so long that the run is given up.
     """
-    request, visits, on_lane = found.request, around.ledger.visits, around.state.grants.on_lane
-    now_s, plan = request.now_s, answer(request, planner, parameters) if len(request.robot) else None
+    request, visits = found.request, around.ledger.visits
+    on_lane = around.state.grants.on_lane & (around.ledger.joint == visits.granted)
+    now_s, plan = request.now_s, answer(request, planner, parameters, limits) if len(request.robot) else None
     ways = {}
     for r in range(len(found.waits)):
         if found.waits[r]:
@@ -153,25 +178,36 @@ def replan(found: Situation, around: Surroundings, planner: str, parameters: Map
     return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone)
 
 
-def answer(request: Request, planner: str, parameters: Mapping[str, Any]) -> Plan:
+def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Plan:
     """The plan of a registered planner for a request, in seconds since it was made.
 
     Raises
     ------
     PlanError
-        When there is none.
+        When there is none; LatePlanError where the effort did not suffice.
+    PlanningOverrun
+        When it takes so long that the run is given up: no plan depends on the clock.
     """
     from mrp_sumo.planning.registry import planner as make
 
     try:
-        problem = replace(one_shot(request), drivable=True)  # it is driven in its order where that can be kept
         method = make(planner, parameters)
+        window = limits.window_steps if "window" in getattr(method, "supports", ()) else 0
+        # it is driven in its order where that can be kept
+        problem = replace(one_shot(request), drivable=True, window_steps=window, effort=limits.effort)
         method.prepare()
-        result = method.plan(problem, PLANNING_LIMIT_S)
+        began = perf_counter()
+        result = method.plan(problem, GUARD_S)
     except MrpSumoError as error:
         raise PlanError(f"{planner}: {error}") from error
+    if perf_counter() - began >= GUARD_S:
+        raise PlanningOverrun(
+            f"planner '{planner}' worked for more than {GUARD_S:g} s on the plan from {request.now_s:g} s on; "
+            "what it finds by then depends on the machine, so the run ends here"
+        )
     if result.plan is None or result.status not in (Status.SOLVED, Status.TIMED_OUT):
-        raise PlanError(f"{planner} found no plan{': ' + result.message if result.message else ''}")
+        kind = LatePlanError if result.status is Status.TIMED_OUT else PlanError
+        raise kind(f"{planner} found no plan{': ' + result.message if result.message else ''}")
     return result.plan
 
 

@@ -16,6 +16,31 @@ ENGINES = ("sumo", "kinematic")
 
 
 @dataclass(frozen=True, kw_only=True)
+class Planning:
+    """How the planner is asked while robots drive, in simulated time."""
+
+    budget_s: float = 0.0  # an answer takes effect so long after it was asked for
+    period_s: float = 0.0  # the least time between two requests
+    window_s: float | None = None  # for which robots keep clear of each other, for planners that support it; None: 20 planned steps
+    effort: int = 1_000_000  # labels that a planner may make for an answer
+
+    def __post_init__(self) -> None:
+        for key in ("budget_s", "period_s"):
+            if not 0 <= getattr(self, key) < np.inf:
+                raise ExecutionError(f"planning.{key} is {getattr(self, key)}, expected a number of seconds from 0 up")
+        if self.window_s is not None and not 0 <= self.window_s < np.inf:
+            raise ExecutionError(f"planning.window_s is {self.window_s}, expected a number of seconds from 0 up")
+        if self.window_s and self.window_s <= 2 * max(self.budget_s, self.period_s):
+            least = 2 * max(self.budget_s, self.period_s)
+            raise ExecutionError(
+                f"planning.window_s is {self.window_s:g}, expected more than {least:g}: twice the budget and the period, "
+                "or robots come to the ends of their ways before there is a new plan"
+            )
+        if self.effort < 1:
+            raise ExecutionError(f"planning.effort is {self.effort}, expected 1 or more")
+
+
+@dataclass(frozen=True, kw_only=True)
 class ExecutionSettings:
     """Policy, clock and recording of an execution."""
 
@@ -31,7 +56,7 @@ class ExecutionSettings:
     battery: Battery | None = None  # of each robot; in runs with tasks
     charging: Charging | None = None
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
-    planning_budget_s: float = 0.0  # simulated: so long after it is asked, the planner's answer is there
+    planning: Planning = Planning()
     step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated
     goal_tolerance_m: float = 0.0  # a robot that stands this near its goal when the run ends has reached it

@@ -46,6 +46,12 @@ class Surroundings:
     def resources(self) -> Resources:
         return self.ledger.resources
 
+    @property
+    def start(self) -> IntArray:
+        """[R] vertices that robots are committed to reach: where a new plan begins."""
+        start: IntArray = self.ledger.visits.vertex[self.ledger.joint]
+        return start
+
     def granted(self, robot: int) -> int:
         """The last visit that a robot may drive to."""
         return int(self.ledger.visits.granted[robot])
@@ -81,6 +87,15 @@ class Surroundings:
         lane = int(visits.lane[self.ahead(robot)])
         back = int(visits.reverse[lane])
         return back >= 0 and not self.closed[back] and claims[lane] == 1 and claims[back] == 0
+
+    @property
+    def entering(self) -> BoolArray:
+        """[R] `enters_by_itself` of each."""
+        visits = self.ledger.visits
+        waits: BoolArray = visits.granted == visits.first
+        for r in np.flatnonzero(waits).tolist():
+            waits[r] = self.enters_by_itself(r)
+        return waits
 
     def enters_by_itself(self, robot: int) -> bool:
         """Whether a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""

@@ -45,6 +45,7 @@ class Work:
         self,
         sources: Sequence[TaskSource],
         problem: Problem,
+        lead_s: float = 0.0,
         *,
         parking: Sequence[int] = (),
         battery: Battery | None = None,
@@ -62,6 +63,8 @@ class Work:
         self.current = np.full(num_robots, NONE)  # [R] the task of each robot
         self.stop = np.zeros(num_robots, np.int64)  # [R] its stop that is to be made next
         self.serving = np.zeros(num_robots, np.bool_)  # [R] whether it is being made
+        self.lead_s = lead_s  # what is asked for takes effect so much later: services that are over by then count as over
+        self._leaving = np.zeros(num_robots, np.bool_)  # [R] whether it is being made, and will be over by then
         self.news = True  # whether something has changed since the last request
         self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over
         self._since_s = np.zeros(num_robots)  # [R] before which the stop cannot have been made
@@ -82,8 +85,14 @@ class Work:
 
     @property
     def free(self) -> IntArray:
-        """Robots without a task, ascending."""
-        return np.flatnonzero((self.current == NONE) & ~self.out)
+        """Robots without a task, ascending; also those whose last service will be over when what is asked for now takes effect."""
+        last = [bool(self._leaving[r]) and self._is_last(r) for r in range(len(self.current))]
+        return np.flatnonzero(((self.current == NONE) | np.array(last, np.bool_)) & ~self.out)
+
+    @property
+    def busy(self) -> BoolArray:
+        """[R] who is being served, and still will be when what is asked for now takes effect."""
+        return self.serving & ~self._leaving
 
     @property
     def endless(self) -> bool:
@@ -135,12 +144,15 @@ class Work:
         self.news = False
         passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
         keeps = (self.current != NONE) & ~passed_on
+        nth = self.stop + self._leaving
+        for r in np.flatnonzero(keeps & self._leaving).tolist():
+            keeps[r] = not self._is_last(r)
         stop = {r: self.tasks[k].stops[0] for r, k in given.items()}
-        stop |= {r: self._next(r) for r in np.flatnonzero(keeps & ~self.serving & ~self.out).tolist()}
+        stop |= {r: self.tasks[int(self.current[r])].stops[int(nth[r])] for r in np.flatnonzero(keeps & ~self.busy & ~self.out).tolist()}
         vertex, made = self._aims(start, stop, given)
-        robots = np.flatnonzero(~self.serving & ~self.out)
+        robots = np.flatnonzero(~self.busy & ~self.out)
         task = np.array([given.get(r, int(self.current[r]) if keeps[r] else NONE) for r in robots.tolist()], np.int64)
-        nth = np.where(keeps[robots], self.stop[robots], 0)
+        nth = np.where(keeps[robots], nth[robots], 0)
         return WorkRequest(
             now_s=now_s,
             site=self.problem,
@@ -216,6 +228,10 @@ class Work:
         self._waiting.append(task)
         return task
 
+    def _is_last(self, robot: int) -> bool:
+        """Whether its next stop is its task's last."""
+        return int(self.stop[robot]) + 1 == len(self.tasks[int(self.current[robot])].stops)
+
     def _next(self, robot: int) -> Stop:
         return self.tasks[int(self.current[robot])].stops[int(self.stop[robot])]
 
@@ -229,17 +245,18 @@ class Work:
                 opened_s[self.current[r]] = begins_s
             self.serving[r], self._until_s[r] = True, begins_s + self._service_s(r)
             self._note_stop(r, int(visits.vertex[last]), begins_s, now_s, booked_s)
+        if self.serving[r] and not self._leaving[r] and self._until_s[r] <= now_s + self.lead_s + 1e-9:
+            self._leaving[r] = self.news = True
         if not self.serving[r] or self._until_s[r] > now_s:
             return
         over_s, task = float(self._until_s[r]), int(self.current[r])
-        self.serving[r], self._until_s[r], self._since_s[r], self._aim[r] = False, np.inf, over_s, NONE
+        self.serving[r], self._leaving[r], self._until_s[r], self._since_s[r], self._aim[r] = False, False, np.inf, over_s, NONE
         if self._charges[r]:  # which may have been cut short
             row = self._stops[self._row[r]]
             self._stops[self._row[r]] = (*row[:6], over_s, *row[7:])
         self.stop[r] += 1
         self._charges[r] = False
         self._idle[r] = _idle(booked_s)
-        self.news = True
         if self.stop[r] == len(self.tasks[task].stops):
             self._times["done_s"][task] = over_s
             self.current[r] = NONE
@@ -264,7 +281,7 @@ class Work:
                 self._charge(r, now_s, charging, booked_s)
         if not charging.opportunity:
             return
-        free = self.free.tolist()
+        free = np.flatnonzero((self.current == NONE) & ~self.out).tolist()
         idle = max(0, len(free) - len(self._waiting))
         room = len(charging.station.places) - int(self._charges.sum())
         for r in sorted(free, key=lambda r: (level[r], r))[: max(0, min(idle, room))]:
@@ -320,7 +337,7 @@ class Work:
     def _aims(self, start: IntArray, stops: Mapping[int, Stop], given: Mapping[int, int]) -> tuple[IntArray, BoolArray]:
         """[R] where robots are to go, all different, and whether they can make their stops there. Who is near chooses first."""
         steps, vertex, made = distances(self.problem.graph), start.copy(), np.zeros(len(start), np.bool_)
-        stays = self.serving | self.out
+        stays = self.busy | self.out
         taken = set(start[stays].tolist())
         away = {r: min(int(steps.to(v)[start[r]]) for v in stop.places) for r, stop in stops.items()}
         around: dict[int, int] = {r: int(start[r]) for r in range(len(start)) if not stays[r]}  # vertices to be near to

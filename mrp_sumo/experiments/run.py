@@ -13,7 +13,7 @@ from mrp_sumo.core.plan import Status
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.errors import PlanError, PlugInError
+from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.set_up import SetUp, set_up, with_time_limit
@@ -116,6 +116,8 @@ def finish(
         except PlugInError as error:
             note, details = str(error), error.details
             broken = DISPATCHER_FAILED if isinstance(error, DispatcherError) else POLICY_FAILED
+            if isinstance(error, PlanningOverrun):
+                broken = str(Status.PLANNER_FAILED)
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
     walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None

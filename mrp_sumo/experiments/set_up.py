@@ -20,7 +20,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.policy import policy_of
-from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.settings import ExecutionSettings, Planning
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
@@ -158,7 +158,7 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[RobotType
         parameters = {**parameters, "path": str(file.folder / path)}
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
-        _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters),
+        _planner(file, parameters),
         _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
     )
@@ -219,7 +219,7 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             dispatcher_parameters=execution.dispatcher.parameters,
             step_length_s=execution.step_length_s,
             time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
-            planning_budget_s=tasks.planning_budget_s if tasks else 0.0,
+            planning=Planning(**execution.planning.model_dump()) if tasks else Planning(),
             blocking_window_s=execution.blocking_window_s,
             goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
@@ -234,6 +234,16 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
         ),
     )
     return settings
+
+
+def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
+    """The planner; a window is refused where it plans to the end."""
+    scenario, place = file.scenario, ("execution", "planning", "window_s")
+    chosen: Planner = _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters)
+    if scenario.tasks and scenario.execution.planning.window_s and "window" not in getattr(chosen, "supports", ()):
+        expected = "expected one that does (lacam, lns2, pibt, prioritised), or 0"
+        raise ScenarioError(f"{file.at(*place)}: planner '{scenario.planner.name}' does not plan in windows, {expected}")
+    return chosen
 
 
 def _disturbances(choice: DisturbanceChoice) -> Disturbances:

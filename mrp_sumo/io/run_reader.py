@@ -247,7 +247,8 @@ class RunFolder:
         metrics = self.metrics
         if metrics.get("planner_calls") is None:
             return None
-        return PlannerCalls(metrics["planner_calls"], metrics["planner_calls_late"], metrics["planner_calls_failed"])
+        names = ("planner_calls", *(f"planner_calls_{name}" for name in ("late", "failed", "stepped", "stopped")))
+        return PlannerCalls(*(metrics.get(name) or 0 for name in names))
 
     def _has(self, name: str) -> bool:
         """Whether a file is there; raises for one that the run wrote and that is lost."""

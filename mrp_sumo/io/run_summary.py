@@ -27,7 +27,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
     yield "planner", scenario["planner"]["name"], NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
     calls = count(m["planner_calls"], "answer") if m["planner_calls"] is not None else ""
-    failed = f"{m['planner_calls_failed']} failed" if m["planner_calls_failed"] else ""
+    kinds = ("late", "failed", "stepped", "stopped")
+    failed = ", ".join(f"{m[f'planner_calls_{kind}']} {kind}" for kind in kinds if m[f"planner_calls_{kind}"])
     yield "planning time", seconds(m["planning_time_s"]), _given("assignment", seconds(m["assignment_time_s"])), calls, failed
     cells = _count(m["makespan_steps"], "cells (paper's count)")
     yield "makespan", _then(seconds(m["makespan_s"]), "planned"), _then(seconds(m["driven_makespan_s"]), "driven"), cells

@@ -256,6 +256,25 @@ class DispatcherChoice(PolicyChoice):
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
 
 
+class PlanningChoice(_Strict):
+    """How the planner is asked again and again while robots drive, in simulated time."""
+
+    budget_s: Annotated[float, Field(ge=0)] = Field(
+        1.0, description="An answer takes effect so long after it was asked for; until then robots keep their plan."
+    )
+    period_s: Annotated[float, Field(ge=0)] = Field(
+        0.0, description="The least time between two requests; else there is one when a task comes or a stop is made."
+    )
+    window_s: Annotated[float, Field(ge=0)] | None = Field(
+        None,
+        description="Plans reach so far ahead: beyond, robots need not keep clear of each other. 0: to the end. "
+        "By default 20 planned steps for planners that support windows, to the end for others.",
+    )
+    effort: Annotated[int, Field(ge=1)] = Field(
+        1_000_000, description="Labels that a planner may make for an answer: what ends its search."
+    )
+
+
 class ExecutionChoice(_Strict):
     """How the plan is driven."""
 
@@ -270,6 +289,7 @@ class ExecutionChoice(_Strict):
         DispatcherChoice(),
         description="Who decides what robots do next, once the first plan is being driven: by name, or name and parameters.",
     )
+    planning: PlanningChoice = Field(PlanningChoice(), description="Of plans that are made while robots drive, for `tasks`.")
     invalid_plan: Literal["open_loop", "refuse"] = Field(
         "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
     )

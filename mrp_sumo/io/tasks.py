@@ -156,7 +156,6 @@ class TasksChoice(_Strict):
     )
     charging: ChargingChoice | None = Field(None, description="Robots with a battery charge; without, theirs drain all the same.")
     parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without a task go.")
-    planning_budget_s: NotNegative = Field(1.0, description="Simulated time that the planner is given for each answer.")
 
     @model_validator(mode="before")
     @classmethod

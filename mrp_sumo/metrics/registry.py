@@ -73,6 +73,8 @@ METRICS: tuple[Metric, ...] = (
     tasks.planner_calls,
     tasks.planner_calls_late,
     tasks.planner_calls_failed,
+    tasks.planner_calls_stepped,
+    tasks.planner_calls_stopped,
     tasks.waiting_time_p50_s,
     tasks.waiting_time_p95_s,
     tasks.task_time_p50_s,

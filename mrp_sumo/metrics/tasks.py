@@ -170,9 +170,7 @@ def planner_calls(run: Evidence) -> int | None:
     return run.execution.calls.asked if run.execution and run.execution.calls else None
 
 
-@metric(
-    "", "less", "of these, answers that took more wall time than `tasks.planning_budget_s`; they were driven all the same", of_machine=True
-)
+@metric("", "less", "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had")
 def planner_calls_late(run: Evidence) -> int | None:
     return run.execution.calls.late if run.execution and run.execution.calls else None
 
@@ -180,6 +178,16 @@ def planner_calls_late(run: Evidence) -> int | None:
 @metric("", "less", "of these, requests without a plan, or with one that could not be driven; robots kept what they had")
 def planner_calls_failed(run: Evidence) -> int | None:
     return run.execution.calls.failed if run.execution and run.execution.calls else None
+
+
+@metric("", "less", "late or failed requests in a row from the second on, which PIBT answered for a window")
+def planner_calls_stepped(run: Evidence) -> int | None:
+    return run.execution.calls.stepped if run.execution and run.execution.calls else None
+
+
+@metric("", "less", "such requests that PIBT could not answer either: robots stopped at the ends of their ways")
+def planner_calls_stopped(run: Evidence) -> int | None:
+    return run.execution.calls.stopped if run.execution and run.execution.calls else None
 
 
 def overload(tasks: TaskLog, end_s: float, num_robots: int) -> str:

@@ -40,7 +40,9 @@ def impossible(problem: Problem) -> PlanResult | None:
 
 
 def order_clash(problem: Problem) -> PlanResult | None:
-    """INFEASIBLE where two robots of an assigned problem would have to pass each other on a line or ring; None otherwise."""
+    """INFEASIBLE where two robots of an assigned problem would have to pass each other on a line or ring; else None, as in a window."""
+    if problem.window_steps:
+        return None
     broken = order_broken(problem)
     if broken is None:
         return None
@@ -49,7 +51,12 @@ def order_clash(problem: Problem) -> PlanResult | None:
 
 
 def goals_clash(problem: Problem) -> PlanResult | None:
-    """INFEASIBLE where two robots have to end at one vertex, whoever is assigned what, or too close; None otherwise."""
+    """INFEASIBLE where two robots have to end at one vertex, whoever is assigned what, or too close; None otherwise.
+
+    In a window only robots that start too close to each other are.
+    """
+    if problem.window_steps:
+        return _crowded(problem, problem.start, "start")
     label, name = problem.graph.label, problem.fleet.robot_name
     if not problem.is_assigned:
         values, count = np.unique(problem.goal, return_counts=True)
@@ -99,6 +106,22 @@ def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanRes
     except MemoryError:
         time_s = perf_counter() - began
         return PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
+
+
+def used_up(problem: Problem, labels: float) -> bool:
+    """Whether so many labels are all the effort that a problem allows."""
+    return 0 < problem.effort <= labels
+
+
+def without_effort(problem: Problem, began: float, lower_bound_steps: float = 0.0, **stats: float) -> PlanResult:
+    """TIMED_OUT: the effort is used up; `began` is on the clock of `perf_counter`."""
+    return PlanResult(
+        Status.TIMED_OUT,
+        planning_time_s=perf_counter() - began,
+        lower_bound_steps=lower_bound_steps,
+        stats=stats,
+        message=f"no plan within an effort of {problem.effort} labels",
+    )
 
 
 def require_limit(time_limit_s: float) -> None:

@@ -137,8 +137,8 @@ def _block(intervals, v, begin, end):
 
 
 @kernel
-def reserve(first, head, clashes, intervals, path, length):
-    """Take the vertices of a path away, the last one for ever, and what clashes with its moves; False when there is no room."""
+def reserve(first, head, clashes, intervals, path, length, until):
+    """Take the vertices of a path away, the last one until a step, and what clashes with its moves; False when there is no room."""
     vertices, lanes = length, 0
     if clashes.any:
         for t in range(1, length + 1):
@@ -160,13 +160,13 @@ def reserve(first, head, clashes, intervals, path, length):
                 count[2] += 1
                 intervals.left[new, 0], intervals.left[new, 1], intervals.left[new, 2] = t, path[t], intervals.left_first[path[t - 1]]
                 intervals.left_first[path[t - 1]] = new
-    _occupy(intervals, path[length - 1], begin, FOREVER, -1)
+    _occupy(intervals, path[length - 1], begin, until, -1)
     if clashes.any:
         t = 1
         while t <= length:
             move, end = move_of(first, head, path[t - 1], path[min(t, length - 1)]), t
             if t == length:
-                end = FOREVER
+                end = max(until, t)
             while end < length - 1 and move >= len(head) and path[end + 1] == path[end]:
                 end += 1  # a wait
             for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):

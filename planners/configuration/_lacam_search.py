@@ -7,6 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import without_effort
 from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam
 from planners.configuration._lacam import LacamMemory
@@ -15,6 +16,8 @@ from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement,
 from planners.neighbourhood._traffic import Task
 
 CHANCE = 12  # purpose of the stream of chance
+USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
+LABELS = 2  # of a low-level search, for each robot of an expanded configuration
 
 
 def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
@@ -39,6 +42,8 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     if state == _lacam.EXHAUSTED:
         message = "the search has seen every configuration that can be reached"
         return PlanResult(Status.INFEASIBLE, None, None, perf_counter() - begin_s, 0.0, np.inf, search.counters(), message)
+    if state == USED_UP:
+        return without_effort(problem, begin_s, lower_bound, **search.counters())
     if state != _lacam.REACHED:
         why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{lacam.memory_mb} MB"
         return timed_out(begin_s, lower_bound, f"no solution within {why}", **search.counters())
@@ -50,31 +55,42 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         task = None
     if task and lacam.polish and cost > lower_bound:
         polished = _refinement(lacam, task, path, start)
-        polished.until(deadline_s - _to_write(path), most_labels=polishing_labels(lacam.polish, problem.num_robots))
+        labels = polishing_labels(lacam.polish, problem.num_robots)
+        if problem.effort:
+            left = max(1, problem.effort - search.labels)
+            labels = left if lacam.anytime else min(labels, left)
+        polished.until(deadline_s - _to_write(path), most_labels=labels)
         path, cost = polished.path(), polished.cost
         stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": float(cost)}
-    if lacam.anytime and cost > lower_bound:
+    if lacam.anytime and cost > lower_bound and not problem.effort:
         path = _improved(lacam, search, task, path, start)
     return start.solved(path, **stats, **search.counters())
 
 
 def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
-    """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING.
+    """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING, USED_UP.
 
     Where it wanders about it begins anew with other chances, each time after twice as many expansions, so that it
     stays complete.
     """
-    expansions = 200 + 10 * start.num_guided
+    expansions, done, effort = 200 + 10 * start.num_guided, 0, start.given.effort
+    most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
     while True:
         search = LacamSearch(lacam, start)
-        state = search.until(start.deadline_s, first=True, expansions=expansions)
+        state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
+        done += search.expansions
+        search.labels = LABELS * len(start.steps) * done
         if state != _lacam.RUNNING or perf_counter() >= start.deadline_s:
             return search, state
+        if done >= most:
+            return search, USED_UP
         expansions *= 2
 
 
 def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) -> Refinement:
-    return Refinement(task, path, lacam.neighbourhood, start.rng, following=lacam.following, rotations=lacam.rotations)
+    return Refinement(
+        task, path, lacam.neighbourhood, start.rng, following=lacam.following, rotations=lacam.rotations, window=start.given.window_steps
+    )
 
 
 def _improved(lacam: Any, search: "LacamSearch", task: Task | None, path: np.ndarray, start: SearchStart) -> np.ndarray:
@@ -124,6 +140,7 @@ class LacamSearch:
         self._to, self._best = np.empty(num_robots, np.int32), np.empty(num_robots, np.int32)
         self._memory = _memory(num_robots, self.scratch.candidate.shape[1], nodes=256)
         self._at_once = 1
+        self.labels = 0  # what has been done to get here
         _lacam.begin(self.world, self._memory, start.problem.start.astype(np.int32), self._base_order, int(start.steps.sum()))
 
     def until(self, deadline_s: float, *, first: bool, expansions: int = FOREVER) -> int:
@@ -163,6 +180,10 @@ class LacamSearch:
         while memory.parent[nodes[-1]] >= 0:
             nodes.append(memory.parent[nodes[-1]])
         return memory.config[nodes[::-1]]
+
+    @property
+    def expansions(self) -> int:
+        return int(self._memory.count[_lacam.EXPANSIONS])
 
     def counters(self) -> dict[str, float]:
         """For the result's statistics."""

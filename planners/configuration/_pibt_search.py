@@ -7,6 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import used_up, without_effort
 from planners._world import SLICE_S, build_scratch, gave_up, timed_out
 from planners.configuration import _pibt
 from planners.configuration._search_start import search_start
@@ -30,7 +31,8 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
     if isinstance(start, PlanResult):
         return start
     steps, rng, num_robots = start.steps, start.rng, problem.num_robots
-    max_steps = pibt.max_steps or int(min(max(1000, 20 * steps.max() + 10 * num_robots), 20_000))
+    window = problem.window_steps
+    max_steps = window or pibt.max_steps or int(min(max(1000, 20 * steps.max() + 10 * num_robots), 20_000))
     scratch = build_scratch(start.world)
     base_order = np.argsort(-steps, kind="stable")
     at_once = 1
@@ -49,8 +51,10 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
             world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
             until = min(t + at_once, len(path) - 1, until)
             t, home = _pibt.run(world, scratch, path, t, until, order, base_order, pibt.hindrance, rng)
-            if home:
+            if home or t == window > 0:
                 return start.solved(path[: t + 1], attempts=attempt)
+            if used_up(problem, t * num_robots):
+                return without_effort(problem, start.begin_s, start.lower_bound, attempts=attempt)
             at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
     message = f"no solution in {pibt.num_attempts} attempts of {max_steps} steps each"
     return gave_up(start.begin_s, start.lower_bound, message, attempts=pibt.num_attempts)

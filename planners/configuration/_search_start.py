@@ -48,6 +48,8 @@ class SearchStart:
         """SOLVED with the plan of `path` [T, R], in the problem's own numbers."""
         stats = {"cost": float(sum_of_costs(path, self.world.goal))} | stats
         path = path if self.original is None else self.original[path]
+        window = self.given.window_steps
+        path = path[: window + 1] if window else path
         return solved(self.given, path, self.begin_s, self.lower_bound, **stats)
 
 

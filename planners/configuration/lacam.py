@@ -26,6 +26,7 @@ class Lacam:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "complete; eventually optimal in sum of loss when anytime"
+    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     anytime: bool = False
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves

@@ -111,6 +111,7 @@ class Pibt:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
+    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
     rotations: bool = True  # rings of robots may move at once

@@ -124,7 +124,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
     """
     began = perf_counter()
     assigns = planner.assigns
-    limit = limits(time_limit_s, planner.memory_mb)
+    limit = limits(time_limit_s, planner.memory_mb, problem.effort)
     if refusal := goals_clash(problem) if assigns else impossible(problem):
         return refusal
     forest = Forest(problem, limit, assigns=assigns, following=planner.following, symmetries=planner.symmetries)

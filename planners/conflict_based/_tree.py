@@ -52,6 +52,7 @@ class SearchLimits:
     time_limit_s: float
     memory_mb: int
     deadline: float  # on the clock of `perf_counter`
+    effort: int = 0  # labels, see `Problem.effort`
 
     def check(self, num_bytes: int = 0) -> None:
         """Raise OutOfReach when the time is up, or the tables and nodes take more than is allowed."""
@@ -61,7 +62,7 @@ class SearchLimits:
             raise OutOfReach(Status.GAVE_UP, f"no plan within {self.memory_mb} MB")
 
 
-def limits(time_limit_s: float, memory_mb: int) -> SearchLimits:
+def limits(time_limit_s: float, memory_mb: int, effort: int = 0) -> SearchLimits:
     """Limits that begin now.
 
     Raises
@@ -70,7 +71,7 @@ def limits(time_limit_s: float, memory_mb: int) -> SearchLimits:
         When the time is not above 0.
     """
     require_limit(time_limit_s)
-    return SearchLimits(time_limit_s, memory_mb, perf_counter() + time_limit_s)
+    return SearchLimits(time_limit_s, memory_mb, perf_counter() + time_limit_s, effort)
 
 
 @dataclass(slots=True, eq=False)
@@ -282,8 +283,10 @@ class Tree:
         return found
 
     def check_clock(self) -> None:
-        """Raise OutOfReach when the time is up or memory runs short."""
+        """Raise OutOfReach when the time is up, memory runs short, or the effort is used up."""
         self.limits.check(self._buffers.num_bytes)
+        if 0 < self.limits.effort <= self.work:
+            raise OutOfReach(Status.TIMED_OUT, f"no plan within an effort of {self.limits.effort} labels")
 
     def _branch(self, node: Node, robot: int, row0: int, row1: int, w: float) -> Node | None:
         store = self._buffers.store

@@ -29,6 +29,7 @@ class Cbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "optimal"
+    supports: ClassVar[frozenset[str]] = frozenset({"effort"})
 
     def __post_init__(self) -> None:
         check(self.memory_mb)

@@ -32,6 +32,7 @@ class Eecbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "w-bounded"
+    supports: ClassVar[frozenset[str]] = frozenset({"effort"})
 
     def __post_init__(self) -> None:
         check(self.memory_mb, self.w)

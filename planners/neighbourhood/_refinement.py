@@ -15,6 +15,7 @@ from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, 
 
 SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
+AT_ONCE = 16  # neighbourhoods between looks at the effort
 MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
 
 Room = tuple[Traffic, Labels, Neighbourhood]
@@ -26,10 +27,13 @@ def task_of(problem: Problem, table: np.ndarray) -> Task:
     return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table, clashes_of(problem))
 
 
-def room_to_repair(task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True) -> Room:
-    """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time."""
+def room_to_repair(task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True, window: int = 0) -> Room:
+    """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time.
+
+    Robots keep clear of each other for `window` steps, 0: always.
+    """
     horizon = (horizon + WORD - 1) // WORD * WORD
-    traffic = empty_traffic(task, horizon, following=following, rotations=rotations)
+    traffic = empty_traffic(task, horizon, following=following, rotations=rotations, window=window)
     labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
     return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
 
@@ -43,12 +47,17 @@ def plan_in_order(task: Task, room: Room, order: np.ndarray, deadline_s: float) 
     return len(order)
 
 
-def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline_s: float) -> tuple[int, int]:
-    """Replan neighbourhoods of `size` robots until nobody collides; how many pairs did, and how many are left when time is up."""
+def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline_s: float, effort: int) -> tuple[int, int]:
+    """Replan neighbourhoods of `size` robots until nobody collides; how many pairs did, and how many are left when time is up.
+
+    Where the `effort` in labels is bounded (not 0), it is looked at as often on every machine.
+    """
     first = pairs = find_collisions(task, room[0], room[2])
-    at_once = 1  # neighbourhoods between two looks at the clock
-    while pairs and (slice_s := perf_counter()) <= deadline_s:
+    at_once = AT_ONCE if effort else 1  # neighbourhoods between two looks at the clock
+    while pairs and (slice_s := perf_counter()) <= deadline_s and not 0 < effort <= room[1].stamp[1]:
         pairs = _lns.repair(task, *room, size, pairs, at_once, rng)
+        if effort:
+            continue
         at_once = max(1, int(at_once * min(SLICE_S / max(perf_counter() - slice_s, 1e-6), 2.0)))
     return first, pairs
 
@@ -71,11 +80,22 @@ class Refinement:
     """Paths without collisions that get shorter."""
 
     def __init__(
-        self, task: Task, path: np.ndarray, size: int, rng: np.random.Generator, *, following: bool = False, rotations: bool = True
+        self,
+        task: Task,
+        path: np.ndarray,
+        size: int,
+        rng: np.random.Generator,
+        *,
+        following: bool = False,
+        rotations: bool = True,
+        window: int = 0,
     ) -> None:
-        """`path` is [T, R], everybody at the goal in the last row; `size` robots are planned again at a time."""
+        """`path` is [T, R], everybody at the goal in the last row; `size` robots are planned again at a time.
+
+        Robots keep clear of each other for `window` steps, 0: always.
+        """
         self._task, self._size, self._rng = task, size, rng
-        self._traffic = traffic_of(task, path, SPARE_STEPS, following=following, rotations=rotations)
+        self._traffic = traffic_of(task, path, SPARE_STEPS, following=following, rotations=rotations, window=window)
         horizon = self._traffic.at.shape[1]
         self._labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
         self._hood = room_for_hood(task, horizon, size, with_hits=False)

@@ -47,6 +47,7 @@ class Traffic(NamedTuple):
     barred: np.ndarray  # [L, W] int64 bits: some do; [1, 1] without clashes
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
+    window: int  # paths count up to the step before this one only
 
 
 @kernel
@@ -81,7 +82,7 @@ def add_path(task, traffic, robot):
     first, head = task.first, task.head
     at, num_on, who, busy, following = traffic.at[robot], traffic.num_on, traffic.who, traffic.busy, traffic.following
     before = np.int64(-1)
-    for t in range(len(at)):
+    for t in range(traffic.window):
         v = np.int64(at[t])
         bit = np.int64(1) << (t & 31)
         num_on[v, t] += 1
@@ -106,7 +107,7 @@ def _bar(task, traffic, robot):
     clashes, at, num_near, busy, num_barred, barred = (
         task.clashes, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
-    for t in range(1, len(at)):
+    for t in range(1, traffic.window):
         move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             v = clashes.vertex[k]
@@ -124,7 +125,7 @@ def _unbar(task, traffic, robot):
     clashes, at, num_on, num_near, busy, num_barred, barred = (
         task.clashes, traffic.at[robot], traffic.num_on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
-    for t in range(1, len(at)):
+    for t in range(1, traffic.window):
         move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             v = clashes.vertex[k]
@@ -147,7 +148,7 @@ def remove_path(task, traffic, robot):
         _unbar(task, traffic, robot)
     at, following = traffic.at[robot], traffic.following
     before = np.int64(-1)
-    for t in range(len(at)):
+    for t in range(traffic.window):
         v = np.int64(at[t])
         _let_go(traffic, robot, v, t)
         if t > 0 and v != before:
@@ -178,7 +179,7 @@ def _let_go(traffic, robot, v, t):
 @kernel
 def holds(traffic, robot, v, t):
     """Whether a robot with a path holds a vertex at a step."""
-    if traffic.end[robot] < 0:
+    if traffic.end[robot] < 0 or t >= traffic.window:
         return False
     return traffic.at[robot, t] == v or (traffic.following and t > 0 and traffic.at[robot, t - 1] == v)
 
@@ -207,8 +208,8 @@ def enter_all(task, traffic):
         add_path(task, traffic, robot)
 
 
-def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool) -> Traffic:
-    """Traffic without paths over `horizon` steps, a multiple of WORD."""
+def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
+    """Traffic without paths over `horizon` steps, a multiple of WORD; they count for `window` steps, 0: for all."""
     num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
     near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
     return Traffic(
@@ -224,13 +225,14 @@ def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool)
         barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.int64),
         following=following,
         rotations=rotations and task.clashes.rotations,
+        window=min(window + 1, horizon) if window else horizon,
     )
 
 
-def traffic_of(task: Task, path: np.ndarray, spare: int, *, following: bool, rotations: bool) -> Traffic:
+def traffic_of(task: Task, path: np.ndarray, spare: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
     """Traffic of the paths [T, R], with `spare` steps or more of room."""
     horizon = (len(path) + spare + 2 + WORD - 1) // WORD * WORD
-    traffic = empty_traffic(task, horizon, following=following, rotations=rotations)
+    traffic = empty_traffic(task, horizon, following=following, rotations=rotations, window=window)
     traffic.at[:, : len(path)] = path.T
     traffic.at[:, len(path) :] = path[-1][:, None]
     away = path != task.goal

@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import order_clash
+from mrp_sumo.planning.answers import order_clash, used_up, without_effort
 
 CHANCE = 13  # purpose of the stream of chance
 
@@ -25,6 +25,7 @@ class Lns2:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
+    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     anytime: bool = False
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
@@ -93,13 +94,14 @@ class Lns2:
         rng = np.random.default_rng([problem.seed, CHANCE])
         task = task_of(problem, table)
         horizon = self.horizon or 2 * int(steps.max()) + 128 + problem.num_robots // 2
-        horizon = max(horizon, int(steps.max()) + 2)
+        horizon = max(horizon, int(steps.max()) + 2, problem.window_steps + 2)
         if (need := table.nbytes + room_bytes(task, horizon) + problem.num_robots**2) > self.memory_mb * 1_000_000:
             return gave_up(
                 begin_s, lower_bound, f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
             )
+        window = problem.window_steps
         kind = {"following": self.following, "rotations": self.rotations}
-        room = room_to_repair(task, horizon, self.neighbourhood, **kind)
+        room = room_to_repair(task, horizon, self.neighbourhood, window=window, **kind)
         order = rng.permutation(problem.num_robots)
         planned = plan_in_order(task, room, order, deadline_s)
         if planned < len(order):
@@ -107,19 +109,25 @@ class Lns2:
                 return timed_out(begin_s, lower_bound, f"no solution within {time_limit_s:g} s")
             name = problem.fleet.robot_name[order[planned]]
             return gave_up(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
-        first_pairs, pairs = repair(task, room, self.neighbourhood, rng, deadline_s)
+        first_pairs, pairs = repair(task, room, self.neighbourhood, rng, deadline_s, problem.effort)
         stats = {"initial_pairs": float(first_pairs)}
+        labels = int(room[1].stamp[1])
+        if pairs and used_up(problem, labels):
+            return without_effort(problem, begin_s, lower_bound, pairs=float(pairs), **stats)
         if pairs:
             message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
             return timed_out(begin_s, lower_bound, message, pairs=float(pairs), **stats)
         path = path_of(room[0])
+        left = max(1, problem.effort - labels) if problem.effort else 0
         cost = sum_of_costs(path, task.goal)
         stats |= {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
         del room
         if (self.polish or self.anytime) and cost > lower_bound:
-            refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, **kind)
-            refinement.until(deadline_s, most_labels=polishing_labels(self.polish, problem.num_robots))
-            while self.anytime and refinement.cost > lower_bound and perf_counter() < deadline_s:
+            refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, window=window, **kind)
+            polish = polishing_labels(self.polish, problem.num_robots)
+            refinement.until(deadline_s, most_labels=left if left and (self.anytime or left < polish) else polish)
+            while self.anytime and not left and refinement.cost > lower_bound and perf_counter() < deadline_s:
                 refinement.until(min(deadline_s - 0.02, perf_counter() + 0.5))
             path, cost = refinement.path(), refinement.cost
+        path = path[: window + 1] if window else path
         return solved(problem, path, begin_s, lower_bound, cost=float(cost), **stats)

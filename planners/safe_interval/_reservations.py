@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.core.clashes import no_clashes
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.search._sipp import FOUND, FULL, find_path, new_intervals, reserve, reset, with_double_room
+from mrp_sumo.search._sipp import FOREVER, FOUND, FULL, find_path, new_intervals, reserve, reset, with_double_room
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
 
@@ -15,6 +15,7 @@ class Reservations:
 
     def __init__(self, problem: Problem, *, following: bool) -> None:
         """`following` is whether a vertex must be free for a step before it is entered."""
+        self._window = problem.window_steps
         tables = distances(problem.graph)
         self._first, self._head, self._table = tables.first, tables.head, tables.to_all(problem.target)
         self._start, self._goal, self._following = problem.start, problem.target, following
@@ -23,20 +24,27 @@ class Reservations:
         room = 4 * (self._num_vertices + int(self.least.sum()) + 64)
         self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room, self._clashes)
         self._path = np.empty(2 * self._num_vertices + int(self.least.max(initial=0)) + 64, np.int64)
+        self.labels = 0  # of all searches, each counted as one for each vertex
 
     def clear(self) -> None:
         """Drop all paths."""
         reset(self._num_vertices, self._intervals)
 
     def plan(self, robot: int) -> IntArray | None:
-        """[T] the robot's earliest path around those reserved, itself reserved from now on; None where there is none."""
+        """[T] the robot's earliest path around those reserved, in a window as far as that goes; None where there is none.
+
+        It is reserved itself from now on, in a window until that ends.
+        """
+        self.labels += self._num_vertices
         while True:
             code, length = find_path(
                 self._first, self._head, self._table[robot], self._start[robot], self._goal[robot], self._following,
                 self._clashes, self._intervals, self._scratch, self._path,
             )  # fmt: skip
-            if code == FOUND and reserve(self._first, self._head, self._clashes, self._intervals, self._path, length):
-                return self._path[:length].copy()
+            kept = min(length, self._window + 1) if self._window else length
+            until = self._window or FOREVER
+            if code == FOUND and reserve(self._first, self._head, self._clashes, self._intervals, self._path, kept, until):
+                return self._path[:kept].copy()
             if code not in (FOUND, FULL):
                 return None
             self._grow()
@@ -55,4 +63,4 @@ def prepare(*, following: bool) -> None:
     path = np.zeros(8, np.int64)
     lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
     find_path(*lanes, distance, np.int64(0), np.int64(1), following, clashes, intervals, scratch, path)
-    reserve(*lanes, clashes, intervals, path, 2)
+    reserve(*lanes, clashes, intervals, path, 2, np.int64(FOREVER))

@@ -18,7 +18,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 CHANCE = 12  # purpose of the stream of chance
 ORDERS = 16  # of the robots that are tried
@@ -39,7 +39,7 @@ class Continuous:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort"})
 
     def __post_init__(self) -> None:
         if self.neighbourhood < 1 or self.polish < 0:
@@ -88,6 +88,8 @@ class Continuous:
                 break
             if perf_counter() > deadline_s:
                 return _without_plan(Status.TIMED_OUT, began, f"no plan within {time_limit_s:g} s")
+            if used_up(problem, timetable.work):
+                return without_effort(problem, began)
         else:
             return _without_plan(Status.GAVE_UP, began, f"none of {ORDERS} orders of the robots gave a plan")
         stats = {
@@ -98,7 +100,10 @@ class Continuous:
         if self.polish or self.anytime:
             improvement = Improvement(timetable, self.neighbourhood, rng)
             polish = min(self.polish * problem.num_robots * (problem.num_robots - 1) // 2, MOST_POLISH)
-            improvement.until(deadline_s - 0.02, np.iinfo(np.int64).max if self.anytime else polish)
+            work = np.iinfo(np.int64).max if self.anytime else polish
+            if problem.effort:
+                work = min(work, max(0, problem.effort - timetable.work))
+            improvement.until(deadline_s - 0.02, work)
             stats["neighbourhoods"] = float(improvement.tries)
         least_s = np.maximum(timetable.alone - 1, 0).sum() * self.step_length_s  # arrivals are within a step
         return PlanResult(

@@ -17,7 +17,7 @@ from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 if TYPE_CHECKING:
     from planners.safe_interval._timetable import Timetable, Way
@@ -34,7 +34,7 @@ class Pbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort"})
 
     def __post_init__(self) -> None:
         if self.max_nodes < 1:
@@ -67,6 +67,8 @@ class Pbs:
             if perf_counter() - began > time_limit_s:
                 status = Status.TIMED_OUT
                 break
+            if used_up(problem, timetable.work):
+                return without_effort(problem, began, nodes=float(nodes))
             node = stack.pop()
             nodes += 1
             pair = first_conflict(node.ways)

@@ -15,7 +15,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 ORDERS = 3  # purpose of the stream of chance
 
@@ -32,6 +32,7 @@ class Prioritised:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
+    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     def __post_init__(self) -> None:
         if self.restarts < 0:
@@ -72,6 +73,8 @@ class Prioritised:
             if perf_counter() - began > time_limit_s:
                 status = Status.TIMED_OUT
                 break
+            if used_up(problem, reservations.labels):
+                return without_effort(problem, began, lower_bound, orders=float(attempt))
             failed_first = np.concatenate(([robot], order[order != robot]))
             order = chance.permutation(problem.num_robots) if attempt % 4 == 0 else failed_first
         return PlanResult(

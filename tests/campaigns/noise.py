@@ -219,7 +219,7 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     """Drive run `number`: what it was, how it ended, and what is wrong with it. Again with the planner that it was driven
     with, planning takes the time it takes.
     """
-    replanning.PLANNING_LIMIT_S = 60.0 if again_with else 1.0  # many worlds have no room for a new plan
+    replanning.EFFORT = 60_000_000 if again_with else 1_000_000  # many worlds have no room for a new plan
     rng = np.random.default_rng([number, 77])
     world = worlds.draw(rng, number)
     boxes = rng.random() < 0.6  # of those they fit on

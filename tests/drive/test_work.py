@@ -9,6 +9,7 @@ from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.drive.settings import Planning
 from mrp_sumo.metrics.audit import audit
 
 CELL_S = 0.4 / 0.22
@@ -85,14 +86,14 @@ def test_a_station_serves_as_many_as_it_has_places_and_others_wait_in_its_queue(
 
 
 def test_the_planner_takes_its_simulated_time(tmp_path):
-    at_once, later = (work(tmp_path, line(5), [0], orders([(4,)], count=1), planning_budget_s=b) for b in (0.0, 3.0))
+    at_once, later = (work(tmp_path, line(5), [0], orders([(4,)], count=1), planning=Planning(budget_s=b)) for b in (0.0, 3.0))
     assert later.tasks.opened_s[0] == pytest.approx(at_once.tasks.opened_s[0] + 3.0, abs=0.15)
     assert later.tasks.assigned_s[0] == 0.0
 
 
 def test_the_same_run_twice_is_the_same(tmp_path):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=400), service_s=2.0)
-    one, other = (work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=90.0, planning_budget_s=1.0) for _ in range(2))
+    one, other = (work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=90.0, planning=Planning(budget_s=1.0)) for _ in range(2))
     assert one.x_m.tobytes() == other.x_m.tobytes() and one.tasks.done_s.tobytes() == other.tasks.done_s.tobytes()
 
 
@@ -104,7 +105,7 @@ def test_a_robot_at_work_is_not_sent_away_by_recovery(tmp_path):
 
 def test_the_parts_of_a_cycle_add_up_to_it(tmp_path):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=500), service_s=4.0, count=8)
-    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, planning_budget_s=1.0)
+    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, planning=Planning(budget_s=1.0))
     tasks, stops = run.tasks, run.stops
     assert set(tasks.state) == {"done"} and stops.task.tolist() == [k for k in range(8) for _ in range(2)]
     assert (stops.stood_s >= 0).all() and (stops.queued_s >= 0).all()
@@ -164,7 +165,7 @@ def test_a_task_that_is_kept_stays_with_its_robot(tmp_path):
 @pytest.mark.parametrize("dispatcher", ["nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts"])
 def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], count=8, service_s=2.0)
-    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning_budget_s=1.0)
+    run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning=Planning(budget_s=1.0))
     assert set(run.tasks.state) == {"done"}
 
 

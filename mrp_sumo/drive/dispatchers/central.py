@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept, starts
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
@@ -32,7 +32,7 @@ class Central:
         pick_up_s = found.pick_up_s[found.able]
         robots, columns = linear_sum_assignment(pick_up_s + found.later_s)
         matched = [(int(found.able[i]), found.task[c]) for i, c in zip(robots, columns) if pick_up_s[i, c] < FAR_S]
-        yield around.work.request(now_s, starts(around), around.closed, kept(dict(matched), around))
+        yield around.work.request(now_s, around.start, around.closed, kept(dict(matched), around))
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

@@ -44,7 +44,7 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
         Whether robots at work count from when they will be done; `FAR_S` otherwise.
     """
     work = around.work
-    num_robots, at = len(work.current), starts(around).copy()
+    num_robots, at = len(work.current), around.start.copy()
     holder = {int(work.current[r]): r for r in range(num_robots) if reassign and work.may_pass_on(r)}
     able = np.array(sorted({*work.free.tolist(), *holder.values()}), np.int64)
     ready_s = np.zeros(num_robots)
@@ -60,13 +60,6 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
     between_s = steps_to(around, ends, waiting).mean(0) * step_s if waiting else np.zeros(0)
     rest_s = np.array([task_s(around, work.tasks[k]) for k in waiting], np.float64)
     return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s)
-
-
-def starts(around: Surroundings) -> IntArray:
-    """[R] vertices that robots are committed to reach."""
-    visits = around.ledger.visits
-    start: IntArray = visits.vertex[visits.granted]
-    return start
 
 
 def steps_to(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
@@ -90,7 +83,7 @@ def kept(given: Mapping[int, int], around: Surroundings) -> dict[int, int]:
 
 def _remaining(now_s: float, around: Surroundings, robot: int) -> tuple[float, int]:
     """Time in s until a robot is done with its task, and where that is."""
-    work, at = around.work, int(starts(around)[robot])
+    work, at = around.work, int(around.start[robot])
     task, stop = work.tasks[int(work.current[robot])], int(work.stop[robot])
     if not work.serving[robot]:
         return _onward(around, at, task, stop)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept, starts
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
@@ -37,7 +37,7 @@ class Hungarian:
         matched = zip(*(side.tolist() for side in linear_sum_assignment(cost_s))) if found.task else ()
         able = set(found.able.tolist())
         given = {r: found.task[c] for r, c in matched if r in able and found.pick_up_s[r, c] < FAR_S}
-        yield around.work.request(now_s, starts(around), around.closed, kept(given, around))
+        yield around.work.request(now_s, around.start, around.closed, kept(given, around))
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

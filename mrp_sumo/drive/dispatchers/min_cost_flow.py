@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept, starts
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import ScenarioError
@@ -56,7 +56,7 @@ class MinCostFlow:
             row = [c for c in column_of[r].tolist() if c >= 0 and found.pick_up_s[r, c] < FAR_S]
             if row:
                 given[r] = found.task[min(row, key=lambda c: found.later_s[c])]  # the first in the row of the most urgent
-        yield around.work.request(now_s, starts(around), around.closed, kept(given, around))
+        yield around.work.request(now_s, around.start, around.closed, kept(given, around))
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

@@ -21,10 +21,10 @@ class Nearest:
 
     def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""
-        work, visits = around.work, around.ledger.visits
+        work = around.work
         if not work.news:
             return
-        steps, start = distances(around.graph), visits.vertex[visits.granted]
+        steps, start = distances(around.graph), around.start
         free, given = set(work.free.tolist()), {}
         for task in work.unassigned:
             if not free:

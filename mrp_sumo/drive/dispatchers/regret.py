@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, starts
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
@@ -39,7 +39,7 @@ class Regret:
             if found.pick_up_s[robot, c] < FAR_S:
                 given[robot] = found.task[c]
                 free.remove(robot)
-        yield around.work.request(now_s, starts(around), around.closed, given)
+        yield around.work.request(now_s, around.start, around.closed, given)
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

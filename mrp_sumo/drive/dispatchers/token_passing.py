@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.request import Request
 from mrp_sumo.core.task import Task
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, starts, steps_to
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_to
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
@@ -33,7 +33,7 @@ class TokenPassing:
         work = around.work
         if not work.news:
             return
-        start, given, waiting = starts(around), dict[int, int](), list(work.unassigned)
+        start, given, waiting = around.start, dict[int, int](), list(work.unassigned)
         away = dict(zip(waiting, steps_to(around, start, waiting).T))
         ends = [work.tasks[k].stops[-1].places for k in work.current.tolist() if k >= 0]
         nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, starts, steps_to
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, steps_to
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
@@ -26,7 +26,7 @@ class Tpts:
         work = around.work
         if not work.news:
             return
-        start = starts(around)
+        start = around.start
         holder = {int(work.current[r]): r for r in range(len(work.current)) if work.may_pass_on(r)}
         tasks = [*holder, *work.unassigned]
         away = dict(zip(tasks, steps_to(around, start, tasks).T))

@@ -1,0 +1,130 @@
+"""When the planner is asked while robots drive, from where, and what becomes of its answers. All in simulated time.
+
+What is asked for at t takes effect at t + budget: what robots will be granted until then is frozen (`Ledger.cut`), and the plan
+begins at its ends. The planner works on it at once, with an effort that is counted and not timed, so that every machine gives the same
+plans. Plans may reach no further than a window; robots keep clear of each other within it, and before they come to its end there is
+another.
+
+Where there is no plan, or none that can be driven, robots keep what they have; where the next request fails, too, PIBT moves them for
+a window, step by step and however crowded they are; where even that fails they stop at the ends of what they have. All is counted.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.execution import PlannerCalls
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatcher import Dispatcher
+from mrp_sumo.drive.replanning import LatePlanError, Limits, planned
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.state import Kinematics
+from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.drive.work import WorkRequest
+from mrp_sumo.errors import PlanError
+
+WINDOW_STEPS = 20
+STEPWISE = "pibt"  # what answers where the planner has failed twice running
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Ways that are to take effect at `ready_s`; None: there are none."""
+
+    request: Request
+    ways: Replan | None
+    ready_s: float
+
+
+class Rolling:
+    """Asks the planner of a run, again and again."""
+
+    def __init__(self, settings: ExecutionSettings, around: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
+        self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
+        self.calls = PlannerCalls()
+        self.answer: Answer | None = None  # that has not taken effect yet
+        step_s = around.ledger.problem.step_s
+        window_s = settings.planning.window_s
+        self._window_steps = WINDOW_STEPS if window_s is None else max(1, round(window_s / step_s)) if window_s else 0
+        self._next_s = 0.0  # no request before
+        self._window_over_s = np.inf  # a new plan is to be there by then
+        self._failures = 0  # running
+
+    def ask(self, now_s: float, report: Callable[[str], None]) -> None:
+        """Have what is due answered, if nothing is under way; `report` hears why there is no plan."""
+        planning, around = self._settings.planning, self._around
+        if self.answer is not None or now_s < self._next_s - 1e-9:
+            return
+        if now_s >= self._window_over_s - 1e-9:
+            around.work.news = True
+        if self._settings.tasks and not around.work.news:
+            return
+        if planning.budget_s:
+            stays = around.world.broken | around.entering
+            around.ledger.cut(planning.budget_s, self._kinematics, around.closed, stays)
+        request = next(iter(self._dispatcher.due(now_s, around)), None)
+        if request is None:
+            around.ledger.lift()
+            return
+        began = perf_counter()
+        try:
+            ways = self._dispatcher.answer(request, around)
+        except PlanError as error:
+            ways = None
+            report(str(error))
+            self._count(late=isinstance(error, LatePlanError), failed=not isinstance(error, LatePlanError))
+        self._count(asked=1, wall_time_s=perf_counter() - began)
+        self.answer = Answer(request, ways, now_s + planning.budget_s)
+        self._next_s = now_s + planning.period_s
+
+    def plan(self, request: Request, begin_s: float) -> Replan:
+        """The answer of the planner of this run; of PIBT where that has failed before, and fails again. Raises PlanError."""
+        settings, around = self._settings, self._around
+        limits = Limits(settings.planning.effort if settings.tasks else Limits().effort, self._window_steps if settings.tasks else 0)
+        begin_s += settings.planning.budget_s
+        try:
+            return planned(request, begin_s, around, settings.planner, settings.planner_parameters, limits)
+        except PlanError as error:
+            if not self._failures:
+                raise
+            late = isinstance(error, LatePlanError)
+            self._count(late=late, failed=not late)
+        try:
+            ways = planned(request, begin_s, around, STEPWISE, {}, replace(limits, window_steps=self._window_steps or WINDOW_STEPS))
+        except PlanError as error:
+            self._count(stopped=1, failed=-1)  # the caller counts it as failed
+            raise PlanError(f"{error}; robots stop at the ends of their ways") from error
+        self._count(stepped=1)
+        return ways
+
+    def due(self, now_s: float) -> Answer | None:
+        """The answer that is to take effect now."""
+        answer = self.answer
+        return answer if answer is not None and now_s >= answer.ready_s - 1e-9 else None
+
+    def taken(self, answer: Answer, now_s: float) -> None:
+        """The ledger has an answer."""
+        self.answer, self._failures, work = None, 0, self._around.work
+        if isinstance(answer.request, WorkRequest):
+            work.accepted(answer.request, now_s, self._around.state.waits.booked_s)
+        short = not self._around.state.home.all()
+        window_s = self._window_steps * self._around.ledger.problem.step_s
+        self._window_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
+
+    def drop(self, now_s: float, *, failed: bool) -> None:
+        """An answer does not take effect: there is none, it cannot be driven, or robots have been sent other ways meanwhile."""
+        if self.answer is None:
+            return
+        answer, self.answer = self.answer, None
+        self._around.ledger.lift()
+        self._failures += failed
+        if failed and answer.ways is not None:
+            self._count(failed=1)
+        self._around.work.failed(now_s)
+
+    def _count(self, **counts: float) -> None:
+        calls = self.calls
+        self.calls = replace(calls, **{name: getattr(calls, name) + count for name, count in counts.items()})
