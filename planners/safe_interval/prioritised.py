@@ -18,13 +18,15 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 ORDERS = 3  # purpose of the stream of chance
+FOREVER = 1 << 40  # steps
 
 
 @dataclass(frozen=True)
 class Prioritised:
     """Prioritised planning by SIPP, with random restarts.
 
-    The first order is longest path first; after a failure the robot that failed goes first, and every fourth order is random.
+    The first order is longest path first, in windows shortest path first and robots at their goals last;
+    after a failure the robot that failed goes first, and every fourth order is random.
     """
 
     restarts: int = 1000  # further orders of the robots to try
@@ -55,6 +57,8 @@ class Prioritised:
         reservations = Reservations(problem, following=self.following)
         lower_bound = float(reservations.least.sum())
         order = np.argsort(-reservations.least, kind="stable")
+        if problem.window_steps:  # planned again and again: whoever is nearly there goes first, or robots would push each other away
+            order = np.argsort(np.where(reservations.least > 0, reservations.least, FOREVER), kind="stable")
         chance = np.random.default_rng([problem.seed, ORDERS])
         status, plan, attempt = Status.GAVE_UP, None, 0
         for attempt in range(1, self.restarts + 2):

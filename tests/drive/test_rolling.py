@@ -1,0 +1,137 @@
+"""The planner is asked on simulated time: the same plans however fast the machine is, from where robots are committed to be."""
+
+import sys
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from worlds import BURGER, drive, line, problem_of, problem_on, square_grid
+
+from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream
+from mrp_sumo.core.task import Station
+from mrp_sumo.drive import replanning
+from mrp_sumo.drive.fit import resources_for
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.reroute import first_of
+from mrp_sumo.drive.settings import Planning
+from mrp_sumo.drive.state import Kinematics
+from mrp_sumo.errors import ExecutionError, PlanningOverrun
+from mrp_sumo.planning import registry
+from mrp_sumo.planning.registry import planner as planner_of
+from mrp_sumo.traffic.referee import judge
+
+ROUTES = tuple(tuple(Station(f"at {v}", (v,)) for v in route) for route in [(0, 24), (4, 20), (20, 4), (24, 0), (2, 22)])
+STREAM = TaskStream("order", Arrivals("open", num_open=6), ROUTES, np.ones(5), (ServiceTime(usual_s=2.0),))
+STARTS = [1, 6, 12, 18, 23]
+
+
+def carry(tmp_path, **settings):
+    """Five robots on a grid of 25 with six orders open at any time, from corner to corner."""
+    planning = Planning(budget_s=1.0, effort=20_000)
+    usual = {"planning": planning, "engine": "kinematic", "time_limit_s": 40.0, "dispatcher": "nearest", "tasks": (STREAM,)}
+    return drive(tmp_path, square_grid(5), [[v] for v in STARTS], **usual | settings)
+
+
+def slowed(monkeypatch, times):
+    """All that reads the clock for limits sees it go so many times as fast."""
+    real = time.perf_counter
+    for module in list(sys.modules.values()):
+        if getattr(module, "perf_counter", None) is real and module is not time:
+            monkeypatch.setattr(module, "perf_counter", lambda: times * real())
+
+
+@pytest.mark.parametrize(
+    ("planner", "parameters"),
+    [("lns2", {"anytime": True}), ("lacam", {"anytime": True}), ("prioritised", {}), ("eecbs", {}), ("continuous", {"anytime": True})],
+)
+def test_plans_do_not_depend_on_the_speed_of_the_machine(tmp_path, monkeypatch, planner, parameters):
+    planner_of(planner, parameters).prepare()
+    runs = []
+    for times in (1, 25):
+        with monkeypatch.context() as clock:
+            slowed(clock, times)
+            runs.append(carry(tmp_path, planner=planner, planner_parameters=parameters))
+    one, other = runs
+    assert one.tasks.done_s.tobytes() == other.tasks.done_s.tobytes() and one.x_m.tobytes() == other.x_m.tobytes()
+    assert one.calls.asked > 4 and replace(one.calls, wall_time_s=0.0) == replace(other.calls, wall_time_s=0.0)
+
+
+@dataclass(frozen=True)
+class Fails:
+    """Finds nothing, or what it is said to find."""
+
+    assigns = False
+    guarantee = "none"
+    status: str = "gave_up"
+
+    def prepare(self):
+        pass
+
+    def plan(self, problem, time_limit_s):
+        return PlanResult(Status(self.status), message="as it is made")
+
+
+def test_where_the_planner_fails_twice_running_robots_are_moved_step_by_step(tmp_path, monkeypatch):
+    make = registry.planner
+    monkeypatch.setattr(registry, "planner", lambda name, parameters: Fails(**parameters) if name == "fails" else make(name, parameters))
+    for status, counted in (("gave_up", "failed"), ("timed_out", "late")):
+        run = carry(tmp_path, planner="fails", planner_parameters={"status": status}, time_limit_s=80.0)
+        calls = run.calls
+        assert getattr(calls, counted) > calls.stepped > 0 and calls.stopped == 0 and run.tasks.state.count("done") > 0
+
+
+def test_a_planner_that_takes_far_too_long_ends_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(replanning, "GUARD_S", 1e-9)
+    with pytest.raises(PlanningOverrun, match=r"planner 'prioritised' worked for more than 1e-09 s on the plan from 1 s on"):
+        carry(tmp_path, planner="prioritised")
+
+
+def test_what_is_frozen_includes_that_those_who_pass_before_have_left():
+    # robot_0 is to pass vertex 4, the middle, before robot_1
+    problem, plan = problem_of(square_grid(3), [[3, 4, 5, 8], [1, 1, 1, 4, 7]], BURGER)
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy_of("adg"), 0.0)
+    limits = np.full(2, 0.5)
+    kinematics = Kinematics(limits, limits, limits, 0.1 * limits)
+    nobody, closed = np.zeros(2, np.bool_), np.zeros(ledger.graph.num_lanes, np.bool_)
+    ledger.cut(0.0, kinematics, closed, nobody)
+    assert ledger.column("vertex")[ledger.joint].tolist() == [4, 1]  # 0.3 m to brake; who goes first is still at the middle
+    ledger.lift()
+    ledger.cut(0.5, kinematics, closed, nobody)
+    assert ledger.column("vertex")[ledger.joint].tolist() == [5, 7]
+    ledger.lift()
+    ledger.cut(0.5, kinematics, closed, np.array([True, False]))  # robot_0 stays where it is
+    assert ledger.column("vertex")[ledger.joint].tolist() == [3, 1]
+    assert ledger.state.yielding.pause.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("planner", ["prioritised", "lns2", "pibt"])
+def test_robots_that_cannot_pass_each_other_are_planned_for_a_window(planner):
+    problem = replace(problem_on(line(9), [0, 8], [8, 0]), window_steps=3, drivable=True)
+    result = planner_of(planner, {}).plan(problem, 60.0)
+    assert result.status is Status.SOLVED
+    assert result.plan.arrive_s.max() <= 3 * problem.step_s and not judge(problem, result.plan).conflicts
+
+
+@pytest.mark.parametrize("planner", ["prioritised", "lns2", "lacam", "pibt"])
+def test_nobody_collides_within_a_window(planner):
+    rng = np.random.default_rng(1)
+    for seed in range(3):
+        start, goal = rng.permutation(36)[:14], rng.permutation(36)[:14]
+        problem = replace(problem_on(square_grid(6), start, goal, seed), window_steps=4, drivable=True)
+        result = planner_of(planner, {}).plan(problem, 60.0)
+        assert result.status is Status.SOLVED
+        assert result.plan.arrive_s.max() <= 4 * problem.step_s and not judge(problem, result.plan).conflicts
+
+
+def test_windows_bring_robots_past_each_other_and_to_their_stops(tmp_path):
+    run = carry(tmp_path, planner="prioritised", planning=Planning(budget_s=1.0, window_s=15.0), time_limit_s=120.0)
+    assert run.tasks.state.count("done") >= 12 and run.calls.failed + run.calls.late <= 2
+
+
+def test_a_window_shorter_than_what_passes_until_there_is_another_is_refused():
+    with pytest.raises(ExecutionError, match=r"planning\.window_s is 2, expected more than 4"):
+        Planning(budget_s=2.0, window_s=2.0)
