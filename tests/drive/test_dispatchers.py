@@ -21,7 +21,6 @@ class Fleet:
 
     def __init__(self, at, *tasks, service_s=1.0):
         problem = problem_on(line(20), at, at)
-        visits = SimpleNamespace(vertex=np.array(at), granted=np.arange(len(at)))
         stations = [[Station(f"at {v}", (v,)) for v in stops] for _, stops, *_ in tasks]
         listed = [
             Task(k, tuple(Stop(s.places[0], service_s, "", s) for s in of), task[0], priority=task[2] if len(task) > 2 else 0)
@@ -29,9 +28,13 @@ class Fleet:
         ]
         self.booked_s = np.zeros((len(at), len(BOOKINGS)))
         self.work = Work([TaskList(tuple(listed))], problem)
-        ledger = SimpleNamespace(problem=problem, visits=visits)
+        ledger = SimpleNamespace(problem=problem)
         self.around = SimpleNamespace(
-            work=self.work, ledger=ledger, graph=problem.graph, closed=np.zeros(problem.graph.num_lanes, np.bool_)
+            work=self.work,
+            ledger=ledger,
+            graph=problem.graph,
+            closed=np.zeros(problem.graph.num_lanes, np.bool_),
+            start=np.array(at),
         )
 
     def decides(self, dispatcher, now_s=0.0, **parameters):
@@ -65,7 +68,7 @@ def test_of_equally_near_tasks_the_short_one_goes_first(dispatcher):
 def test_a_robot_that_comes_free_takes_the_task_that_another_is_far_from(dispatcher):
     fleet = Fleet([10, 19], (0.0, (0, 1)), (5.0, (19, 18)))
     assert fleet.decides(dispatcher) == {0: 0}
-    fleet.around.ledger.visits.vertex[:] = [9, 3]  # robot_1 has come nearer meanwhile
+    fleet.around.start[:] = [9, 3]  # robot_1 has come nearer meanwhile
     assert fleet.decides(dispatcher, 1.0) == {1: 0}
     assert fleet.decides(dispatcher, 5.0) == {0: 1, 1: 0}
 
