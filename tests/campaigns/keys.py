@@ -43,7 +43,7 @@ NAMED: dict[str, list[Any]] = {
     "robots.goals": [["crossing_4_3", "crossing_1_1"]],
     "assignment.solver": list(assigner_names()),
     "assignment.parameters": [{}],
-    "planner.name": [name for name in planner_names() if name != "external"],
+    "planner.name": [name for name in planner_names() if name not in ("external", "plan_file")],
     "planner.parameters": [{}],
     "execution.policy.name": list(policies()),
     "execution.dispatcher.name": ["", "one_shot"],
