@@ -47,7 +47,7 @@ def observation(result: RunResult) -> dict[str, Any]:
     x, y, every = _looks(execution)
     wait_s = _waiting(execution, graph, steady_s)
     heaviest = np.argsort(-wait_s, kind="stable")[:NUM_VERTICES]
-    budget_s = result.setup.settings.planning_budget_s
+    budget_s = result.setup.settings.planning.budget_s
     return {
         **_orders(execution.tasks, execution.stops),
         "steady_s": steady_s,

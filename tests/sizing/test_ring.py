@@ -33,9 +33,8 @@ def ring(folder, robots, service_s):
             "stations": {"stop": {"places": ["a"], "queue": ["a_1"]}, "gate": {"places": ["d"], "queue": ["d_1"]}},
             "streams": [{"arrivals": {"rate_per_h": 9.0}, "stops": ["stop", "gate"], "service": [service_s, 0.0]}],
             "open": 2 * robots,
-            "planning_budget_s": 0.0,
         },
-        "execution": {"engine": "kinematic", "time_limit_s": HORIZON_S},
+        "execution": {"engine": "kinematic", "time_limit_s": HORIZON_S, "planning": {"budget_s": 0.0}},
         "record": {"bag": False},
     }
     with MapCache() as maps:
