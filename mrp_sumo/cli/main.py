@@ -29,6 +29,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "status": ("mrp_sumo.cli.status", "say how a batch stands"),
     "query": ("mrp_sumo.cli.query", "ask the results of a batch in SQL"),
     "compare": ("mrp_sumo.cli.compare", "compare two result folders run by run; exit code 1 when the second is worse"),
+    "reproduce": ("mrp_sumo.cli.reproduce", "make a run or a batch again and say whether every byte is the same"),
     "export": ("mrp_sumo.cli.export", "make a ROS 2 or ROS 1 bag, CSV, GeoJSON or FCD of a run"),
     "analyze": ("mrp_sumo.cli.analyze", "compute MRP-Bench's metrics of any bag with /fleet_states"),
     "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),

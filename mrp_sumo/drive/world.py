@@ -143,7 +143,10 @@ class World:
                 self._closing.append(barrier)
                 self.closed[lanes] = True
                 head = int(self.graph.head[lanes[0]]) if len(lanes) else -1
-                events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=f"{len(lanes)} lanes are closed"))
+                text = (
+                    "no lane is near it" if not len(lanes) else "1 lane is closed" if len(lanes) == 1 else f"{len(lanes)} lanes are closed"
+                )
+                events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=text))
         self._barriers = waiting
         if any(closing.end_s <= now + 1e-9 for closing in self._closing):
             self._closing = [closing for closing in self._closing if closing.end_s > now + 1e-9]

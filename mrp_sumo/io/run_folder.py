@@ -130,7 +130,7 @@ def write_run(
             write_plan(new / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
         if execution is not None:
             _write_logs(new, scenario, problem, result, execution, nav, costmap, write_bag)
-        document["files"] = _files(new)
+        document["files"] = files_in(new)
         (new / RESULT).write_text(laid_out(document) + "\n", encoding="utf-8")
         put_in_place(new, out)
     except OSError as error:
@@ -273,7 +273,7 @@ def _robots(problem: Problem, execution: Execution | None, has_goals: bool) -> l
     return [{"name": name, "start": graph.label(a), "goal": graph.label(b) if has_goals else None, "goal_s": t} for name, a, b, t in ends]
 
 
-def _files(folder: Path) -> dict[str, dict[str, Any]]:
+def files_in(folder: Path) -> dict[str, dict[str, Any]]:
     """Size and SHA-256 of every file, by its path in the folder."""
     found = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):

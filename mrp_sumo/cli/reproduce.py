@@ -1,0 +1,63 @@
+"""Make a run again from its folder, or runs of a batch from their records, and say whether all is the same, byte for byte.
+
+Of a run every file is compared, of a batch status and metrics. Clocks, machines and versions are left out. Programs that the scenario names
+run only when they are trusted. Exit code 0 when all is the same, 1 with a line per difference, 2 for bad input.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.reproduce import Comparison
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo reproduce`."""
+    add = parser.add_argument
+    add("folder", type=Path, metavar="RUN|BATCH", help="folder of a run or a batch")
+    add("--base", type=Path, default=Path(), metavar="DIR", help="where the scenario's relative paths begin (default: here)")
+    add("--runs", type=int, metavar="N", help="so many runs of a batch, spread over it (default: all)")
+    add("--trust", action="store_true", help="run the programs that the scenario names: plug-in files, external planners")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make it again, print what differs."""
+    from mrp_sumo.plugins.trust import trust_everything
+
+    if options.trust:
+        trust_everything()
+    folder: Path = options.folder
+    is_batch = (folder / "runs").is_dir() and not (folder / "result.json").exists()
+    if options.runs is not None and (not is_batch or options.runs < 1):
+        raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
+    found, what = _batch(options) if is_batch else (_run(options), "file")
+    for line in found.differences:
+        print(line)
+    if not found.same:
+        for line in found.causes or ("nothing is known that would explain it",):
+            print(f"mrp-sumo: {line}", file=sys.stderr)
+        return 1
+    every = "every byte is the same" if what == "file" else "every result is the same"
+    print(f"{folder}: {every}, {found.equal} {what}{'s' if found.equal != 1 else ''}")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> "Comparison":
+    from mrp_sumo.experiments.reproduce import reproduce_run
+
+    return reproduce_run(options.folder, options.base)
+
+
+def _batch(options: argparse.Namespace) -> "tuple[Comparison, str]":
+    from mrp_sumo.experiments.reproduce import reproduce_batch
+    from mrp_sumo.io.results import records_in
+
+    records = sorted(records_in(options.folder, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr)), key=lambda record: record["key"])
+    if not records:
+        raise MrpSumoError(f"{options.folder}: no run has a result")
+    step = max(1, len(records) // options.runs) if options.runs else 1
+    return reproduce_batch(records[::step][: options.runs], options.base), "run"

@@ -1,0 +1,50 @@
+"""`mrp-sumo reproduce`: a run and a batch, made again."""
+
+import json
+import shutil
+
+import pytest
+
+from mrp_sumo.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reproduce") / "run"
+    assert main(["run", "office_5", "--set", "execution.engine=kinematic", "--set", "record.bag=false", "--out", str(out)]) == 0
+    return out
+
+
+def test_a_run_is_the_same_again(finished, capsys):
+    assert main(["reproduce", str(finished)]) == 0
+    assert "every byte is the same, " in capsys.readouterr().out
+
+
+def test_what_differs_is_named(finished, tmp_path, capsys):
+    run = shutil.copytree(finished, tmp_path / "run")
+    result = json.loads((run / "result.json").read_text())
+    result["scenario"]["seed"] = 3001
+    result["versions"]["numpy"] = "1.0"
+    (run / "result.json").write_text(json.dumps(result))
+    (run / "events.jsonl").write_text("")
+    assert main(["reproduce", str(run)]) == 1
+    said = capsys.readouterr()
+    lines = said.out.splitlines()
+    assert "events.jsonl: was changed after the run" in lines
+    assert any(line.startswith("result.json: metrics.makespan_s is ") for line in lines)
+    assert any(line.startswith("plan.json: line ") for line in lines)
+    assert "made with numpy 1.0, here is " in said.err
+
+
+def test_a_batch_is_the_same_again(tmp_path, capsys):
+    suite = tmp_path / "two.yaml"
+    suite.write_text("name: two\nbase: office_5\nuntil: plan\ngrid_search: {seed: 3000..3001}\n")
+    assert main(["batch", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    assert main(["reproduce", str(tmp_path / "out")]) == 0
+    assert "every result is the same, 2 runs" in capsys.readouterr().out
+
+
+def test_bad_input_is_one_line(finished, tmp_path, capsys):
+    for arguments in ([str(tmp_path)], [str(tmp_path / "none")], [str(finished), "--runs", "3"]):
+        assert main(["reproduce", *arguments]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
