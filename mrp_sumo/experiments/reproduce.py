@@ -17,6 +17,7 @@ from mrp_sumo.experiments.run import carry_out, run_scenario
 from mrp_sumo.experiments.solve import StageReport
 from mrp_sumo.files.reading import read_json
 from mrp_sumo.io.documents import Document, validated
+from mrp_sumo.io.file_difference import first_difference
 from mrp_sumo.io.results import BatchRecord
 from mrp_sumo.io.run_folder import RESULT, files_in, versions
 from mrp_sumo.io.scenario import Scenario, ScenarioFile
@@ -115,28 +116,7 @@ def _files_that_differ(before: Mapping[str, Any], after: Mapping[str, Any], old:
         elif name not in before:
             yield f"{name}: was not written"
         elif before[name]["sha256"] != after[name]["sha256"]:
-            yield f"{name}: {_first_difference(old / name, new / name)}"
-
-
-def _first_difference(old: Path, new: Path) -> str:
-    """Where two files begin to differ, in words."""
-    if not old.is_file():
-        return "is missing"
-    if old.suffix == ".parquet":
-        import pyarrow.parquet as pq
-
-        a, b = pq.read_table(old), pq.read_table(new)
-        if a.column_names != b.column_names or a.num_rows != b.num_rows:
-            return f"{a.num_rows} rows of {len(a.column_names)} columns became {b.num_rows} of {len(b.column_names)}"
-        for name in a.column_names:
-            for row, (x, y) in enumerate(zip(a[name].to_pylist(), b[name].to_pylist())):
-                if repr(x) != repr(y):
-                    return f"{name} in row {row} is {y}, was {x}"
-    if old.suffix in (".json", ".jsonl", ".yaml", ".xml"):
-        for number, (x, y) in enumerate(zip(old.read_bytes().splitlines(), new.read_bytes().splitlines()), 1):
-            if x != y:
-                return f"line {number} differs"
-    return f"{old.stat().st_size} bytes became {new.stat().st_size}"
+            yield f"{name}: {first_difference(old / name, new / name)}"
 
 
 def _without_clocks(result: dict[str, Any]) -> dict[str, Any]:
