@@ -234,7 +234,8 @@ def _collapse(curve: Curve) -> Bracket:
 
 
 def _share(curve: Curve, n: int) -> float:
-    return curve.points[n].throughput.value / curve.points[curve.best].throughput.value
+    peak = curve.points[curve.best].throughput.value
+    return curve.points[n].throughput.value / peak if peak else 1.0
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ Killed and started again, it goes on where it was, and the answer is the same to
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
 from mrp_sumo.io.scenario import ScenarioFile, changed
-from mrp_sumo.sizing.answer import Answer, answer_of
+from mrp_sumo.sizing.answer import GRID_SHARE, Answer, answer_of
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Record, record_of
 from mrp_sumo.sizing.question import (
@@ -139,7 +140,7 @@ class Study:
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         for n in grid(question):
             cost = question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question) / CORES
-            if spent_s + cost > question.effort.budget_s:
+            if spent_s + cost > GRID_SHARE * question.effort.budget_s:
                 break
             sizes.append(n)
             spent_s += cost
@@ -218,13 +219,12 @@ class Study:
         kind = SATURATED if question.has_tasks else ONE_SHOT
         sizes = grid(question)[:2]
         least_s = question.effort.seeds * sum(predicted_cpu_s(Trial(kind, n, 0), question) for n in sizes) / CORES
-        if least_s > question.effort.budget_s:
-            what = (
-                f"{question.effort.seeds} runs of {question.effort.horizon_s / 60:.0f} min with {' and with '.join(map(str, sizes))} robots"
-            )
+        if least_s > GRID_SHARE * question.effort.budget_s:
+            fleets = " and with ".join(map(str, sizes))
+            runs = f"{question.effort.seeds} runs of {question.effort.horizon_s / 60:g} min with {fleets} robots"
             raise MrpSumoError(
-                f"--budget: {question.effort.budget_s / 60:g} min are too few to say anything: {what} take about {least_s / 60:.1f} min "
-                f"on {CORES} cores"
+                f"--budget {question.effort.budget_s:g}s: too little to say anything: {runs} alone take about {ceil(least_s)} s on {CORES} "
+                f"cores; {ceil(2 * least_s / GRID_SHARE)}s would do"
             )
 
     def _fits(self, most: int) -> SetUp:

@@ -38,7 +38,7 @@ def throughput(answer: Answer) -> Chart:
     limits, points, demand = answer.limits, answer.points, answer.question.demand_per_h
     n = np.array([point.robots for point in points])
     means = [point.throughput for point in points]
-    top = max(min(mean.high, 1.6 * mean.value) for mean in means) * 1.12
+    top = max(1.0, *(min(mean.high, 1.6 * mean.value) * 1.12 for mean in means))
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()

@@ -1,0 +1,52 @@
+"""`mrp-sumo capacity` says how many robots fit, the same however often it is interrupted, or in one line why it cannot."""
+
+import json
+
+import pytest
+
+from mrp_sumo.cli.main import main
+
+SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3min", "--quick", "--budget", "2.8s", "--json"]
+
+
+def told(capsys, *arguments):
+    code = main(list(arguments))
+    return code, capsys.readouterr()
+
+
+def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
+    code, first = told(capsys, *SMALL, "--out", str(tmp_path / "out"))
+    assert code == 0
+    answer = json.loads(first.out)["answer"]
+    for name in ("peak_robots", "knee_robots", "collapse_robots", "smallest_for_demand"):
+        assert {"estimate", "low", "high"} <= set(answer[name])
+    assert set(answer["limit"]) == {"kind", "name", "utilisation"}
+    assert [set(row) for row in answer["curve"]] == [{"robots", "throughput_per_h", "low", "high", "replications"}] * len(answer["curve"])
+    assert [row["robots"] for row in answer["curve"]] == [1, 2] and answer["seeds"][0] == 3000
+    assert answer["command"].startswith("mrp-sumo capacity warehouse_lifelong")
+    page = (tmp_path / "out" / "capacity.html").read_bytes()
+    assert answer["sentence"].encode() in page and b"<script" not in page
+    records = sorted((tmp_path / "out" / "runs").rglob("*.json"))
+    for record in records[::4]:
+        record.unlink()
+    code, again = told(capsys, *SMALL, "--out", str(tmp_path / "out"), "--workers", "1")
+    assert (code, again.out) == (0, first.out)
+    assert (tmp_path / "out" / "capacity.html").read_bytes() == page
+    assert sorted((tmp_path / "out" / "runs").rglob("*.json")) == records
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["warehouse_9", "--demand", "100/h"], "'warehouse_9' has no orders to count; give it tasks"),
+        (["warehouse_lifelong", "--robots", "5..2000"], "there are 857 vertices that reach each other); 5..857 would do"),
+        (["warehouse_lifelong", "--budget", "1s"], "--budget 1s: too little to say anything"),
+        (["warehouse_lifelong", "--what-if", "stations.pak: +1"], "'pak' is no station or group (did you mean 'pack'?)"),
+        (["warehouse_lifelong", "--what-if", "planer: pibt"], "unknown key (did you mean 'planner'?)"),
+        (["warehouse_lifelong", "--demand", "fast"], "expected orders in a time, such as 180/h"),
+    ],
+)
+def test_what_cannot_be_answered_is_refused_in_a_line(arguments, line, tmp_path, capsys):
+    code, said = told(capsys, "capacity", *arguments, "--out", str(tmp_path / "out"))
+    assert code == 2 and line in said.err and said.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
