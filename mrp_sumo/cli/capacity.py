@@ -20,6 +20,7 @@ from mrp_sumo.errors import BatchError, MrpSumoError
 if TYPE_CHECKING:
     from mrp_sumo.sizing.answer import Answer
     from mrp_sumo.sizing.question import Question
+    from mrp_sumo.sizing.replays import keep
     from mrp_sumo.sizing.study import Study
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}
@@ -53,6 +54,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="try a change on the same orders: 'one_way: [v3, v17]', 'stations.pack: +1', 'robot: amr_600', 'planner: lacam', or any key; "
         "'auto' tries the obvious ones; may be given several times",
     )
+    parser.add_argument("--replays", action="store_true", help="make replay pages of a run at the knee and of one at the collapse")
     parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")
     parser.add_argument("--seed", type=int, metavar="N", help="first seed (default: the scenario's)")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")
@@ -85,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     if answer is None:
         print(f"mrp-sumo: interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}", file=sys.stderr)
         return 130
-    page = write_capacity_page(study, answer, folder)
+    page = write_capacity_page(study, answer, folder, keep(study, answer, folder) if options.replays else ())
     print(json.dumps(answer.document, indent=2) if options.json else _in_words(answer, page))
     return 0
 

@@ -15,8 +15,10 @@ from mrp_sumo.io.results import write_whole
 from mrp_sumo.reports.capacity.charts import floor, flow, in_words, parts, service, success, throughput
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.page import STYLE_SHEET as SHARED_STYLE_SHEET
+from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
 from mrp_sumo.sizing.question import BACKLOG, CORES
+from mrp_sumo.sizing.replays import Kept
 from mrp_sumo.sizing.search import Bracket
 from mrp_sumo.sizing.study import Study
 
@@ -25,8 +27,8 @@ STYLE_SHEET = Path(__file__).with_name("page.css")
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
-def write_capacity_page(study: Study, answer: Answer, folder: Path) -> Path:
-    """Write the page, and the answer as JSON, into the folder of a study.
+def write_capacity_page(study: Study, answer: Answer, folder: Path, kept: Sequence[Kept] = ()) -> Path:
+    """Write the page, and the answer as JSON, into the folder of a study; replay pages of the runs that are kept, which it links.
 
     Raises
     ------
@@ -34,12 +36,13 @@ def write_capacity_page(study: Study, answer: Answer, folder: Path) -> Path:
         As the system reports it.
     """
     write_whole(folder / DOCUMENT, (json.dumps(answer.document, indent=2) + "\n").encode())
-    write_whole(folder / PAGE, capacity_page(study, answer).encode())
+    replays = [(run, write_replay(run.folder).relative_to(folder).as_posix()) for run in kept]
+    write_whole(folder / PAGE, capacity_page(study, answer, replays).encode())
     return folder / PAGE
 
 
-def capacity_page(study: Study, answer: Answer) -> str:
-    """The whole page."""
+def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]] = ()) -> str:
+    """The whole page; `replays` are kept runs and where their replay pages are, seen from here."""
     scenario = study.question.file.scenario
     lines = [
         "<!DOCTYPE html>",
@@ -57,7 +60,7 @@ def capacity_page(study: Study, answer: Answer) -> str:
         "<main>",
         _tiles(answer),
         *_gaps(answer.notes),
-        *(_lifelong(study, answer) if answer.limits else _one_shot(answer)),
+        *(_lifelong(study, answer, replays) if answer.limits else _one_shot(answer)),
         *_small_print(study, answer),
         "</main>",
         "</body>\n</html>\n",
@@ -65,7 +68,7 @@ def capacity_page(study: Study, answer: Answer) -> str:
     return "\n".join(line for line in lines if line)
 
 
-def _lifelong(study: Study, answer: Answer) -> list[str]:
+def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]]) -> list[str]:
     found = answer.at_peak
     lines = [*_charts([throughput(answer)]), "<h2>What binds</h2>"]
     if found:
@@ -75,6 +78,9 @@ def _lifelong(study: Study, answer: Answer) -> list[str]:
                      f"(busy {100 * share.utilisation:.0f} % of the time).</p>")  # fmt: skip
         lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in found.worst) + "</ol>")
         lines += _charts([parts(answer.points), floor(study.setup, found)])
+    if replays:
+        links = (f'<a href="{_text(path)}#t={run.at_s:.0f}">at the {run.name}, {run.robots} robots</a>' for run, path in replays)
+        lines.append(f"<p>Replays, from the slowest minute on: {', '.join(links)}.</p>")
     lines.append('<h2 class="second">How it got there</h2>')
     lines += _charts([chart for chart in (service(answer), flow(answer.points)) if chart])
     if answer.gains:
