@@ -11,7 +11,7 @@ EFFORTS = ((1_000, 1.0), (2_000, 1.5), (6_000, 2.5))  # entries a search looks a
 RAISES = 1  # of each robot on average, before another order is tried
 
 
-def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, deadline_s: float) -> bool:
+def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, deadline_s: float, most_work: int) -> bool:
     """Fill the timetable. Returns whether all robots have ways.
 
     Parameters
@@ -22,6 +22,8 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
         For how long the starts of robots that still have no way are left to them.
     deadline_s
         On the clock of `perf_counter`.
+    most_work
+        Of the timetable, in entries since it was made; when it has been done, no more searches begin.
     """
     timetable.clear(protected_steps)
     rank = np.empty(len(order), np.int64)
@@ -29,7 +31,7 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
     raised = np.zeros(len(order), np.int64)
     waiting = order.tolist()
     while waiting:
-        if perf_counter() > deadline_s or raised.sum() > RAISES * len(order) + 20:
+        if perf_counter() > deadline_s or timetable.work > most_work or raised.sum() > RAISES * len(order) + 20:
             return False
         robot = waiting.pop(0)
         way = _first_way(timetable, robot)

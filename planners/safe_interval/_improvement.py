@@ -15,6 +15,7 @@ from planners.safe_interval._timetable import Timetable
 MOST = 1_000  # entries a search looks at
 WEIGHT = 1.5  # of a search, see `_search.find`
 LIKELY = 0.6  # that a robot in the way of a late one is planned again with it
+ANY = 0.5  # that these are any, not those that are in its way first
 FIRST = 0.7  # that the late one looks for its way first
 A_TRY = 50  # what a neighbourhood costs beside the entries
 REACTION = 0.05  # how fast the choice follows success
@@ -70,6 +71,8 @@ class Improvement:
         lost = np.maximum(np.diff(timetable.delay_at_stops(robot), prepend=0), 0)
         stop = int(rng.choice(len(lost), p=lost / lost.sum()))
         blockers = timetable.hinders(robot, timetable.ideal_from(robot, stop))
+        if rng.random() < ANY:
+            blockers = rng.permutation(blockers)
         chosen = blockers[rng.random(len(blockers)) < LIKELY][: self._size - 1].tolist()
         others = rng.permutation(chosen).astype(int).tolist()
         return self._filled([robot, *others] if rng.random() < FIRST else rng.permutation([robot, *others]).tolist())

@@ -9,7 +9,7 @@ Sources: Erdmann, Lozano-Pérez, "On multiple moving objects", Algorithmica 1987
 path finding via large neighborhood search", IJCAI 2021.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import ClassVar
 
@@ -18,18 +18,22 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
+from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.registry import planner
 
 CHANCE = 12  # purpose of the stream of chance
 ORDERS = 16  # of the robots that are tried
-MOST_POLISH = 400_000  # entries, however many robots there are
+MOST_FIRST = 400_000  # entries that searches for the first solution look at, before lacam is asked
+MOST_POLISH = 700_000  # and for better ones, however many robots there are
+SHARE = 0.5  # of the time limit, for the first solution
 
 
 @dataclass(frozen=True)
 class Continuous:
     """Prioritised planning with the robots' real motion, then large neighbourhood search.
 
-    Those with the shortest ways plan first; a robot that finds no way is raised above those that are in its way.
+    Those with the shortest ways plan first; a robot that finds no way is raised above those that are in its way. Crowds that have no
+    ways one by one, or not soon, get the plan of `lacam`, in steps: its order is what robots can keep.
     """
 
     anytime: bool = False  # whether to spend the rest of the time limit on lower costs
@@ -57,20 +61,21 @@ class Continuous:
         timetable = Timetable(small_problem(), self.step_length_s)
         for robot in range(timetable.num_robots):
             timetable.look_back(robot)
-        while not first_ways(timetable, np.arange(2), 100, np.inf):
+        while not first_ways(timetable, np.arange(2), 100, np.inf, MOST_FIRST):
             pass
         Improvement(timetable, 2, np.random.default_rng(0)).until(np.inf, 500)
         timetable.plan()
+        planner("lacam", {}).prepare()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """See `Planner`. GAVE_UP when all orders have been tried."""
+        """See `Planner`. GAVE_UP when all orders have been tried, and lacam has no plan either."""
         from planners.safe_interval._first_ways import first_ways
         from planners.safe_interval._improvement import Improvement
         from planners.safe_interval._timetable import Timetable
 
         require_limit(time_limit_s)
         began = perf_counter()
-        deadline_s = began + time_limit_s
+        deadline_s, single_until_s = began + time_limit_s, began + SHARE * time_limit_s
         if refusal := impossible(problem):
             return refusal
         if not problem.num_robots:
@@ -78,20 +83,19 @@ class Continuous:
         timetable = Timetable(problem, self.step_length_s)
         for robot in range(problem.num_robots):
             timetable.look_back(robot)
-            if perf_counter() > deadline_s:
-                return _without_plan(Status.TIMED_OUT, began, f"no plan within {time_limit_s:g} s")
+            if perf_counter() > single_until_s:
+                return _of_lacam(problem, began, time_limit_s, timetable.work)
+        most = min(MOST_FIRST, problem.effort // 2) if problem.effort else MOST_FIRST
         rng = np.random.default_rng([problem.seed, CHANCE])
         by_length = np.argsort(timetable.alone, kind="stable")
         for k in range(ORDERS):
             order = by_length if k % 2 == 0 else by_length[::-1] if k == 1 else rng.permutation(problem.num_robots)
-            if first_ways(timetable, order, (k + 1) * 2 * timetable.steps_of_a_lane, deadline_s):
+            if first_ways(timetable, order, (k + 1) * 2 * timetable.steps_of_a_lane, single_until_s, most):
                 break
-            if perf_counter() > deadline_s:
-                return _without_plan(Status.TIMED_OUT, began, f"no plan within {time_limit_s:g} s")
-            if used_up(problem, timetable.work):
-                return without_effort(problem, began)
+            if perf_counter() > single_until_s or timetable.work > most:
+                return _of_lacam(problem, began, time_limit_s, timetable.work)
         else:
-            return _without_plan(Status.GAVE_UP, began, f"none of {ORDERS} orders of the robots gave a plan")
+            return _of_lacam(problem, began, time_limit_s, timetable.work)
         stats = {
             "first_solution_time_s": perf_counter() - began,
             "first_solution_cost_s": float(timetable.steps.sum() * self.step_length_s),
@@ -115,5 +119,14 @@ class Continuous:
         )
 
 
-def _without_plan(status: Status, began: float, message: str) -> PlanResult:
-    return PlanResult(status, planning_time_s=perf_counter() - began, message=message)
+def _of_lacam(problem: Problem, began: float, time_limit_s: float, work: int) -> PlanResult:
+    """A plan in steps for robots that found no ways one by one, drivable in its order."""
+    left_s = time_limit_s - (perf_counter() - began)
+    if left_s <= 0:
+        return PlanResult(Status.TIMED_OUT, planning_time_s=perf_counter() - began, message=f"no plan within {time_limit_s:g} s")
+    left = max(1, problem.effort - work) if problem.effort else 0
+    found = planner("lacam", {}).plan(replace(problem, drivable=True, effort=left), left_s)
+    message = f"robots found no ways one by one; lacam: {found.message}" if found.plan is None else ""
+    return PlanResult(
+        found.status, plan=found.plan, planning_time_s=perf_counter() - began, stats=found.stats | {"from_lacam": 1.0}, message=message
+    )

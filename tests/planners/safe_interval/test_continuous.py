@@ -9,9 +9,10 @@ from scipy.spatial.distance import pdist
 from worlds import BURGER, CART, cross, graph_of, line, random_grid, square_grid
 
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.plan import Status
+from mrp_sumo.core.plan import Status, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ScenarioError
@@ -134,8 +135,20 @@ def test_bodies_never_come_too_close(name, problem):
     if result.plan is None:
         assert result.status in (Status.GAVE_UP, Status.INFEASIBLE)
         return
-    at = bodies_xy(problem, result.plan)
+    plan = result.plan
+    if as_planned_in_steps(plan, problem.step_s) is not None:  # who finds no ways one by one gets a plan of lacam
+        plan = retime(problem, plan, ExecutionSettings())
+    at = bodies_xy(problem, plan)
     assert min(pdist(frame).min() for frame in at) > problem.fleet.separation_m - 0.01
+
+
+def test_robots_that_cannot_go_one_by_one_get_a_plan_in_steps_that_can_be_driven():
+    problem = problem_of(cross(arm=3), [3, 6, 9], [6, 9, 3])
+    chosen = planner("continuous", {})
+    chosen.prepare()
+    result = chosen.plan(problem, 60.0)
+    assert result.status is Status.SOLVED and result.stats["from_lacam"] == 1.0
+    assert retime(problem, result.plan, ExecutionSettings()).vertex.tolist() == result.plan.vertex.tolist()
 
 
 def test_most_crowds_have_plans():
