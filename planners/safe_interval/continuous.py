@@ -75,7 +75,8 @@ class Continuous:
 
         require_limit(time_limit_s)
         began = perf_counter()
-        deadline_s, single_until_s = began + time_limit_s, began + SHARE * time_limit_s
+        deadline_s = began + time_limit_s
+        single_until_s = deadline_s if problem.effort else began + SHARE * time_limit_s  # a bounded effort knows no clock
         if refusal := impossible(problem):
             return refusal
         if not problem.num_robots:
@@ -128,5 +129,5 @@ def _of_lacam(problem: Problem, began: float, time_limit_s: float, work: int) ->
     found = planner("lacam", {}).plan(replace(problem, drivable=True, effort=left), left_s)
     message = f"robots found no ways one by one; lacam: {found.message}" if found.plan is None else ""
     return PlanResult(
-        found.status, plan=found.plan, planning_time_s=perf_counter() - began, stats=found.stats | {"from_lacam": 1.0}, message=message
+        found.status, plan=found.plan, planning_time_s=perf_counter() - began, stats={**found.stats, "from_lacam": 1.0}, message=message
     )
