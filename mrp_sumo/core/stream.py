@@ -48,6 +48,18 @@ class TaskList:
 
 
 @dataclass(frozen=True)
+class TaskPool:
+    """Tasks that are listed in order, of which so many are always known and not done."""
+
+    listed: tuple[Task, ...]
+    num_open: int
+
+    def tasks(self) -> Iterator[Task]:
+        """See TaskSource."""
+        return iter(self.listed)
+
+
+@dataclass(frozen=True)
 class ServiceTime:
     """How long a stop takes."""
 

@@ -124,7 +124,8 @@ def finish(
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls) if execution else None
     busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
     flat = ran_empty(execution.batteries, problem.fleet.robot_name) if execution and execution.batteries else ""
-    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat)))
+    idle = _unanswered(execution) if execution else ""
+    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat, idle)))
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     metrics = evaluate(
@@ -142,6 +143,15 @@ def finish(
         note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
     return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, tuple(map(str, faults)))
+
+
+def _unanswered(execution: Execution) -> str:
+    """A line for people where the planner had no answer to most of what it was asked while robots drove, '' elsewhere."""
+    calls = execution.calls
+    if calls is None or calls.failed <= calls.asked / 2:
+        return ""
+    why = next((event.text for event in execution.events if event.kind == "unresolved"), "")
+    return f"{calls.failed} of {calls.asked} requests had no answer{f', at first: {why}' if why else ''}"
 
 
 def _execute(setup: SetUp, solution: Solution, network: Path, report: StageReport, gui: bool) -> tuple[Execution | None, str]:

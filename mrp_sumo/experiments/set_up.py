@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
-from mrp_sumo.core.graph import IntArray, NavGraph, Options, PlanGraph, with_lanes
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, Options, PlanGraph, with_lanes
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
@@ -22,10 +22,12 @@ from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstac
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings, Planning
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
+from mrp_sumo.experiments.errands import unreachable
 from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
-from mrp_sumo.io.tasks import charging_of, parking_of, sources_of
-from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
+from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
@@ -439,16 +441,26 @@ def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, 
         vertex = nav.vertex_of_name.get(name)
         return None if vertex is None else int(problem.graph.vertex_of_station[vertex])
 
+    def cells() -> BoolArray:
+        path = find_map(file.scenario.map.file, file.folder)
+        if path.suffix != ".map":
+            raise ScenarioError(f"{file.at('tasks', 'file')}: .tasks count the cells of a MovingAI map, but the map is '{path.name}'")
+        return read_map(path)
+
     choice = file.scenario.tasks
     assert choice is not None
     if choice.charging is not None and model.battery is None:
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{model.name}' has no battery, see robots/turtlebot3.yaml")
     start = choice.charging.start_level if choice.charging else (100.0, 100.0)
+    site = Site(vertex_of, nav.vertex_name, file.at, file.folder, cells)
+    sources = sources_of(choice, site, file.scenario.seed, problem.step_s, problem.num_robots)
+    if wrong := unreachable(sources, problem):
+        raise ScenarioError(f"{file.at('tasks')}: {wrong}")
     return replace(
         settings,
-        tasks=sources_of(choice, vertex_of, nav.vertex_name, file.at, file.folder, file.scenario.seed, problem.step_s),
-        charging=charging_of(choice, vertex_of, nav.vertex_name, file.at),
-        parking=parking_of(choice, vertex_of, nav.vertex_name, file.at),
+        tasks=sources,
+        charging=charging_of(choice, site),
+        parking=parking_of(choice, site),
         battery=model.battery,
         start_level=(start[0] / 100, start[1] / 100),
     )

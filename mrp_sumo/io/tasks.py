@@ -7,23 +7,28 @@ of the map, each of which is a station with one place. Refuses unknown names, ea
 import copy
 import csv
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import reduce
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from mrp_sumo.core.battery import Charging
-from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskSource, TaskStream, zipf_weights
+from mrp_sumo.core.graph import BoolArray
+from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskPool, TaskSource, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
-from mrp_sumo.files.reading import read_text, shortened
+from mrp_sumo.files.reading import read_json, read_text, shortened
+from mrp_sumo.io.documents import read_document
+from mrp_sumo.io.task_requests import tasks_of_requests
 
 MAX_BYTES = 64_000_000
 MAX_ROUTES = 100_000
+REVEALED = 1.5  # tasks known for each robot in the League of Robot Runners
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
@@ -71,7 +76,13 @@ class TaskChoice(_Strict):
     release_s: NotNegative = 0.0
     due_s: NotNegative | None = None
     priority: int = 0
-    service_s: NotNegative = Field(0.0, description="At each stop.")
+    service_s: NotNegative | list[NotNegative] = Field(0.0, description="At each stop, or one for each.")
+
+    @model_validator(mode="after")
+    def _a_time_for_each(self) -> "TaskChoice":
+        if isinstance(self.service_s, list) and len(self.service_s) != len(self.stops):
+            raise ValueError(f"service_s has {len(self.service_s)} times, but there are {len(self.stops)} stops")
+        return self
 
 
 class ArrivalsChoice(_Strict):
@@ -103,7 +114,9 @@ class StreamChoice(_Strict):
     count: Annotated[int, Field(ge=1)] | None = Field(None, description="Tasks in all; without end by default.")
     stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
     zipf: NotNegative = Field(0.0, description="Of groups: the k-th station is drawn with weight 1 / k ** zipf.")
-    matrix: dict[str, dict[str, NotNegative]] | None = Field(None, description="Weights of ways between stations, instead of stops.")
+    matrix: dict[str, dict[str, NotNegative]] | None = Field(
+        None, description="Weights of ways between stations or groups, instead of stops."
+    )
     service: list[ServiceChoice] = Field([], description="Of each stop; the last also of those after it. Nothing by default.")
     due_after_s: Positive | None = Field(None, description="After the release.")
     priority: int = Field(0, description="More is more urgent.")
@@ -147,7 +160,9 @@ class TasksChoice(_Strict):
     groups: dict[str, list[str]] = Field({}, description="Names of stations or vertices by the group's name.")
     list: tuple[TaskChoice, ...] = Field((), description="Tasks one by one.")
     file: str | None = Field(
-        None, description="A CSV file with the columns release_s, stops (parted by blanks), and more of a task's keys."
+        None,
+        description="CSV with the columns release_s, stops (parted by blanks) and more of a task's keys; YAML with a list `tasks`; "
+        "JSON with task requests of Open-RMF; or .tasks of the League of Robot Runners, for a MovingAI map.",
     )
     streams: tuple[StreamChoice, ...] = ()
     open: Annotated[int, Field(ge=1)] | None = Field(
@@ -169,49 +184,51 @@ class TasksChoice(_Strict):
         return self
 
 
-VertexOf = Callable[[str], int | None]  # the vertex of the plan graph by its name on the map
+@dataclass(frozen=True)
+class Site:
+    """What names in tasks may mean, and where they stand."""
+
+    vertex_of: Callable[[str], int | None]  # the vertex of the plan graph by its name on the map
+    known: Sequence[str]  # all names
+    at: Callable[..., str]  # `file:line: key` of a place in the scenario
+    folder: Path  # where the path of a file begins
+    cells: Callable[[], BoolArray]  # the free cells [H, W] of a MovingAI map, row 0 the uppermost
 
 
-def sources_of(
-    choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str], folder: Path, seed: int, step_s: float
-) -> tuple[TaskSource, ...]:
+def sources_of(choice: TasksChoice, site: Site, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
     """The streams of tasks that a scenario asks for.
 
     Parameters
     ----------
-    vertex_of, known
-        Vertices by name, and all names.
-    at
-        `file:line: key` of a place in the scenario.
-    folder
-        Where the path of a file begins.
     seed
         Of the scenario.
     step_s
         Planned time of a step.
+    num_robots
+        Of the fleet.
 
     Raises
     ------
     ScenarioError
         One line, for a name that is not known and a file that cannot be read.
     """
-    names = _Names(choice, vertex_of, known, at)
+    names = _Names(choice, site)
     found: list[TaskSource] = []
     listed = [(("tasks", "list", i), task) for i, task in enumerate(choice.list)]
     if listed:
         found.append(_listed([_task(names, place, task, n) for n, (place, task) in enumerate(listed)]))
     if choice.file is not None:
-        found.append(_listed(_read(names, folder / choice.file, at("tasks", "file"))))
+        found.append(_file(names, site, site.folder / choice.file, num_robots))
     found += [_stream(names, ("tasks", "streams", i), stream, i, seed, step_s) for i, stream in enumerate(choice.streams)]
     return tuple(found) if choice.open is None else (ClosedLoop(tuple(found), choice.open),)
 
 
-def charging_of(choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str]) -> Charging | None:
+def charging_of(choice: TasksChoice, site: Site) -> Charging | None:
     """When and where robots charge. As `sources_of`."""
     if (chosen := choice.charging) is None:
         return None
     return Charging(
-        station=Station("charger", _places(choice, vertex_of, known, at, ("tasks", "charging", "stations"), chosen.stations)),
+        station=Station("charger", _places(choice, site, ("tasks", "charging", "stations"), chosen.stations)),
         opportunity=chosen.policy == "opportunity",
         critical=chosen.critical_low_charging_level / 100,
         minimum=chosen.minimum_desired_charging_level / 100,
@@ -220,16 +237,14 @@ def charging_of(choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], 
     )
 
 
-def parking_of(choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str]) -> tuple[int, ...]:
+def parking_of(choice: TasksChoice, site: Site) -> tuple[int, ...]:
     """Vertices where robots without a task go. As `sources_of`."""
-    return _places(choice, vertex_of, known, at, ("tasks", "parking"), choice.parking)
+    return _places(choice, site, ("tasks", "parking"), choice.parking)
 
 
-def _places(
-    choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str], key: Place, listed: Sequence[str]
-) -> tuple[int, ...]:
+def _places(choice: TasksChoice, site: Site, key: Place, listed: Sequence[str]) -> tuple[int, ...]:
     """The vertices of groups and stations, each once."""
-    names = _Names(choice, vertex_of, known, at)
+    names = _Names(choice, site)
     stations = [station for i, name in enumerate(listed) for station in names.group((*key, i), name)]
     return tuple(dict.fromkeys(v for station in stations for v in station.places))
 
@@ -237,8 +252,8 @@ def _places(
 class _Names:
     """Stations and groups by name."""
 
-    def __init__(self, choice: TasksChoice, vertex_of: VertexOf, known: Sequence[str], at: Callable[..., str]) -> None:
-        self._vertex_of, self._known, self.at, self._group = vertex_of, known, at, choice.groups
+    def __init__(self, choice: TasksChoice, site: Site) -> None:
+        self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
         self._station = {
             name: Station(
                 name,
@@ -280,15 +295,60 @@ def _listed(tasks: Sequence[Task]) -> TaskList:
 
 def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     stations = [names.station((*place, "stops", i), name) for i, name in enumerate(task.stops)]
-    stops = tuple(Stop(station.places[0], task.service_s, "", station) for station in stations)
+    times_s = task.service_s if isinstance(task.service_s, list) else [task.service_s] * len(stations)
+    stops = tuple(Stop(station.places[0], service_s, "", station) for station, service_s in zip(stations, times_s))
     due_s = math.inf if task.due_s is None else task.due_s
     return Task(number, stops, task.release_s, due_s, task.priority, name=task.name or f"task_{number}")
 
 
-def _read(names: _Names, path: Path, where: str) -> list[Task]:
-    """The tasks of a CSV file."""
+def _file(names: _Names, site: Site, path: Path, num_robots: int) -> TaskSource:
+    """The tasks of a file, in the format that its name ends with."""
     if not path.is_file():
-        raise ScenarioError(f"{where}: {shortened(path)}: no such file")
+        raise ScenarioError(f"{site.at('tasks', 'file')}: {shortened(path)}: no such file")
+    if path.suffix == ".tasks":
+        return TaskPool(tuple(_league(names, path, site.cells())), max(1, int(REVEALED * num_robots)))
+    if path.suffix == ".json":
+        return _listed(_checked(names, path, tasks_of_requests(read_json(path, MAX_BYTES, ScenarioError), str(shortened(path)))))
+    if path.suffix in (".yaml", ".yml"):
+        return _listed(_checked(names, path, read_document(path).content.get("tasks")))
+    return _listed(_read(names, path))
+
+
+def _league(names: _Names, path: Path, free: BoolArray) -> Iterator[Task]:
+    """Tasks of the League of Robot Runners: a line each, its cells by row * width + column."""
+    lines = [(n, text.strip()) for n, text in enumerate(read_text(path, MAX_BYTES, ScenarioError).splitlines(), 1)]
+    lines = [(n, text) for n, text in lines if text and not text.startswith("#")][1:]  # after their number
+    vertex = np.full(free.shape, -1)
+    vertex[::-1][free[::-1]] = np.arange(free.sum())  # as readers number cells: from the lower left
+    for number, (n, text) in enumerate(lines):
+        here = names.of_line(f"{shortened(path)}:{n}")
+        cells = [int(word) if word.strip().isdecimal() else -1 for word in text.split(",")]
+        wrong = next((word for word, cell in zip(text.split(","), cells) if not 0 <= cell < free.size or vertex.flat[cell] < 0), None)
+        if wrong is not None:
+            raise ScenarioError(f"{here.at()}: '{wrong.strip()}' is no free cell of the map, expected row * {free.shape[1]} + column")
+        yield _task(here, (), TaskChoice(stops=[f"v{vertex.flat[cell]}" for cell in cells]), number)
+
+
+def _checked(names: _Names, path: Path, content: Any) -> list[Task]:
+    """Tasks of a document."""
+    if not isinstance(content, list) or not content:
+        raise ScenarioError(f"{shortened(path)}: found no tasks, expected a list of them")
+    found = []
+    for number, item in enumerate(content):
+        line = f"{shortened(path)}: [{number}]"
+        try:
+            task = TaskChoice.model_validate(item)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = "".join(f".{part}" for part in first["loc"])
+            found_instead = f", found {first['input']!r}" if key else ""
+            raise ScenarioError(f"{line}{key}: {first['msg'].removeprefix('Value error, ')}{found_instead}") from None
+        found.append(_task(names.of_line(line), (), task, number))
+    return found
+
+
+def _read(names: _Names, path: Path) -> list[Task]:
+    """The tasks of a CSV file."""
     rows = csv.DictReader(read_text(path, MAX_BYTES, ScenarioError).splitlines())
     columns = set(rows.fieldnames or ())
     if lacking := {"release_s", "stops"} - columns:
@@ -315,10 +375,12 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
     routes: tuple[tuple[Station, ...], ...]
     if stream.matrix is not None:
         pairs = [
-            ((names.station((*place, "matrix", a), a), names.station((*place, "matrix", a, b), b)), weight)
+            ((one, other), weight / (len(ones) * len(others)))
             for a, row in stream.matrix.items()
             for b, weight in row.items()
-            if weight > 0 and a != b
+            for ones, others in [(names.group((*place, "matrix", a), a), names.group((*place, "matrix", a, b), b))]
+            for one, other in product(ones, others)
+            if weight > 0 and one != other
         ]
         routes = tuple(route for route, _ in pairs)
         weights = np.array([weight for _, weight in pairs], np.float64)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.task import TaskLog
 from mrp_sumo.errors import ScenarioError
-from mrp_sumo.io.tasks import TasksChoice, sources_of
+from mrp_sumo.io.tasks import Site, TasksChoice, sources_of
 from mrp_sumo.io.tasks_table import read_tasks, write_tasks
 
 VERTICES = {"a": 0, "b": 1, "c": 2, "d": 3}
@@ -23,8 +23,13 @@ def at(*place):
 
 
 def tasks_of(choice, folder=None):
-    (source,) = sources_of(TasksChoice.model_validate(choice), VERTICES.get, list(VERTICES), at, folder, 0, 3.0)
-    return list(source.tasks())
+    return list(source_of(choice, folder).tasks())
+
+
+def source_of(choice, folder=None, names=VERTICES):
+    cells = np.array([[1, 0, 1], [1, 1, 1]], np.bool_)  # v0 to v2 below, v3 and v4 above
+    (source,) = sources_of(TasksChoice.model_validate(choice), Site(names.get, list(names), at, folder, lambda: cells), 0, 3.0, 3)
+    return source
 
 
 def test_a_list_is_by_release():
@@ -49,6 +54,66 @@ def test_a_stream_takes_one_of_each_group():
 def test_a_matrix_weighs_ways():
     found = tasks_of({"streams": [{"arrivals": {"open": 2}, "count": 50, "matrix": {"a": {"b": 1, "c": 0}, "b": {"b": 7, "a": 1}}}]})
     assert {tuple(stop.vertex for stop in task.stops) for task in found} == {(0, 1), (1, 0)}
+
+
+def test_a_matrix_may_be_between_groups():
+    streams = [{"arrivals": {"open": 2}, "count": 400, "matrix": {"pick": {"pack": 3, "d": 1}}}]
+    ways = [task.stops[1].places for task in tasks_of({**GROUPS, "streams": streams})]
+    assert 70 < ways.count((3,)) < 130 and ways.count((2, 3)) == 400 - ways.count((3,))
+
+
+def test_task_requests_of_open_rmf_are_read(tmp_path):
+    patrol = {"category": "patrol", "description": {"places": ["a", "b"], "rounds": 2}, "unix_millis_earliest_start_time": 7000}
+    deliver = {"category": "delivery", "description": {"pickup": {"place": "c"}, "dropoff": {"place": "d"}}}
+    steps = [
+        {"category": "go_to_place", "description": {"waypoint": "b"}},
+        {"category": "wait_for", "description": {"duration": 4000}},
+        {"category": "dropoff", "description": {"place": "a", "handler": "h", "payload": []}},
+    ]
+    phases = [{"activity": {"category": "sequence", "description": {"activities": steps}}}]
+    compose = {"category": "compose", "description": {"category": "x", "phases": phases}, "priority": {"type": "binary", "value": 1}}
+    posts = [
+        {"type": "dispatch_task_request", "request": {**compose, "unix_millis_earliest_start_time": 9500}},
+        patrol,
+        {"type": "robot_task_request", "robot": "r", "request": deliver},
+    ]
+    (tmp_path / "orders.json").write_text(json.dumps(posts))
+    first, second, third = tasks_of("orders.json", tmp_path)
+    assert [stop.vertex for stop in first.stops] == [0, 1, 0, 1] and first.release_s == 0
+    assert [stop.vertex for stop in second.stops] == [2, 3] and second.release_s == 0
+    assert [(stop.vertex, stop.service_s) for stop in third.stops] == [(1, 4), (0, 0)] and (third.release_s, third.priority) == (2.5, 1)
+    (tmp_path / "orders.json").write_text(json.dumps({**patrol, "category": "dance"}))
+    with pytest.raises(ScenarioError, match=r"orders.json: \[0\].category: found 'dance', expected patrol, delivery, clean or compose"):
+        tasks_of("orders.json", tmp_path)
+
+
+def test_tasks_of_the_league_are_a_pool_in_their_order(tmp_path):
+    (tmp_path / "league.tasks").write_text("# cells\n3\n0,3\n5\n2,4\n")
+    names = {f"v{k}": k for k in range(5)}
+    source = source_of("league.tasks", tmp_path, names)
+    assert source.num_open == 4 and [[stop.vertex for stop in task.stops] for task in source.tasks()] == [[3, 0], [2], [4, 1]]
+    (tmp_path / "league.tasks").write_text("1\n0,1\n")
+    with pytest.raises(ScenarioError, match=r"league.tasks:2: '1' is no free cell of the map"):
+        source_of("league.tasks", tmp_path, names)
+
+
+def test_a_yaml_file_has_a_list_of_tasks(tmp_path):
+    (tmp_path / "orders.yaml").write_text("tasks:\n  - {stops: [a, b], service_s: [3, 1]}\n")
+    (task,) = tasks_of("orders.yaml", tmp_path)
+    assert [stop.service_s for stop in task.stops] == [3, 1]
+    (tmp_path / "orders.yaml").write_text("tasks:\n  - {stops: [a, b], service_s: [3]}\n")
+    with pytest.raises(ScenarioError, match=r"orders.yaml: \[0\]: service_s has 1 times, but there are 2 stops"):
+        tasks_of("orders.yaml", tmp_path)
+
+
+def test_a_task_that_no_robot_can_do_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.map").write_text("type octile\nheight 1\nwidth 5\nmap\n..@..\n")
+    (tmp_path / "cut.yaml").write_text(
+        "map: two.map\nrobots: {starts: [v0, v2]}\nplanner: lacam\ntasks: {list: [{stops: [v1]}, {stops: [v0, v3], name: across}]}\n"
+    )
+    assert main(["run", "cut.yaml", "--out", "out"]) == 2
+    assert "cut.yaml:4: tasks: no robot can reach 'v3' after 'v0', a stop of 'across'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

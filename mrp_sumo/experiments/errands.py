@@ -1,0 +1,59 @@
+"""Whether the tasks of a scenario can be done at all: some robot can make the stops of each, one after the other.
+
+Refuses tasks at places that no robot can reach, in one line.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, TaskStream
+from mrp_sumo.core.task import Station
+from mrp_sumo.search.distance import UNREACHABLE, distances
+
+
+def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
+    """What no robot can do, for people; '' where all tasks can be done."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = problem.graph
+    lanes = csr_array((np.ones(graph.num_lanes), (graph.tail, graph.head)), shape=(graph.num_vertices, graph.num_vertices))
+    piece = connected_components(lanes, connection="strong")[1]
+    if not piece.any():  # all is one piece
+        return ""
+    starts = {int(piece[v]): v for v in reversed(problem.start.tolist())}  # one robot of each piece
+    checked: set[tuple[Station, ...]] = set()
+    for name, route in _routes(sources):
+        pieces = {int(piece[v]) for station in route for v in station.places}
+        if route in checked or (len(starts) == 1 and pieces == set(starts)):  # the usual case: one piece
+            continue
+        checked.add(route)
+        furthest = max((_stops_made(problem, start, route) for start in starts.values()), default=0)
+        if furthest < len(route):
+            before = f" after '{route[furthest - 1].name}'" if furthest else ""
+            return f"no robot can reach '{route[furthest].name}'{before}, a stop of '{name}'"
+    return ""
+
+
+def _stops_made(problem: Problem, start: int, route: Sequence[Station]) -> int:
+    """How many stops of a route a robot can make from a vertex."""
+    steps, at = distances(problem.graph), {start}
+    for made, station in enumerate(route):
+        at = {v for v in station.places if min(int(steps.to(v)[u]) for u in at) < UNREACHABLE}
+        if not at:
+            return made
+    return len(route)
+
+
+def _routes(sources: Sequence[TaskSource]) -> Iterator[tuple[str, tuple[Station, ...]]]:
+    """The stations of the stops of every task, and the name of the task or of its stream."""
+    for source in sources:
+        if isinstance(source, ClosedLoop):
+            yield from _routes(source.sources)
+        elif isinstance(source, TaskStream):
+            yield from ((source.name, route) for route in source.routes)
+        elif isinstance(source, TaskList | TaskPool):
+            for task in source.listed:
+                yield task.name, tuple(stop.station or Station("", (stop.vertex,)) for stop in task.stops)

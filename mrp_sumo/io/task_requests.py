@@ -1,0 +1,146 @@
+"""Task requests of Open-RMF, read from JSON as tasks: what a dashboard or `rmf_demos_tasks` would post.
+
+A file has one request or a list of them, each as it is or inside a message with `request` (and `robot`). Read are the categories
+`patrol`, `delivery`, `clean` and `compose` (activities `go_to_place`, `pickup`, `dropoff`, `wait_for`, `perform_action`); times count
+from the earliest start time of the file. Source: `task_request.json` and `task_descriptions/*.json` of Open-RMF's rmf_api_msgs and
+rmf_fleet_adapter. Refuses other categories and activities, in one line that says where.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from mrp_sumo.errors import ScenarioError, nearest
+
+EARLIEST, ESTIMATE = "unix_millis_earliest_start_time", "unix_millis_action_duration_estimate"
+ACTIVITIES = ("go_to_place", "pickup", "dropoff", "wait_for", "perform_action", "sequence")
+
+
+def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
+    """Tasks by the keys of a scenario's list: name, stops, release_s, priority, and service_s of each stop.
+
+    Parameters
+    ----------
+    content
+        The JSON document.
+    where
+        The file, for messages.
+
+    Raises
+    ------
+    ScenarioError
+        One line, for what is no request that this program reads.
+    """
+    listed = content if isinstance(content, list) else [content]
+    requests = [_request(each, f"{where}: [{n}]") for n, each in enumerate(listed)]
+    millis = [_number(request, EARLIEST, f"{where}: [{n}]") for n, request in enumerate(requests)]
+    first = min((t for t in millis if t is not None), default=0.0)
+    found = []
+    for n, (request, at) in enumerate(zip(requests, millis)):
+        stops = list(_stops(request, f"{where}: [{n}]"))
+        found.append(
+            {
+                "name": str(request.get("labels", [f"task_{n}"])[0]) if request.get("labels") else f"task_{n}",
+                "stops": [name for name, _ in stops],
+                "service_s": [seconds for _, seconds in stops],
+                "release_s": 0.0 if at is None else (at - first) / 1000,
+                "priority": _priority(request),
+            }
+        )
+    return found
+
+
+def _request(content: Any, where: str) -> Mapping[str, Any]:
+    found = content.get("request", content) if isinstance(content, dict) else None
+    if not isinstance(found, dict) or "category" not in found:
+        raise ScenarioError(f"{where}: found no task request, expected an object with category and description")
+    return found
+
+
+def _priority(request: Mapping[str, Any]) -> int:
+    """Open-RMF's binary priority, or a number."""
+    found = request.get("priority")
+    value = found.get("value") if isinstance(found, dict) else found
+    return int(value) if isinstance(value, int | float) else 0
+
+
+def _stops(request: Mapping[str, Any], where: str) -> Iterator[tuple[str, float]]:
+    """Names of places, and s for which the robot stays there."""
+    category, what = request["category"], request.get("description", {})
+    where = f"{where}.description"
+    if category == "patrol":
+        for _ in range(int(_number(what, "rounds", where) or 1)):
+            yield from ((_place(each, f"{where}.places"), 0.0) for each in _list(what, "places", where))
+    elif category == "delivery":
+        for key in ("pickup", "dropoff"):
+            yield _place(_member(what, key, where), f"{where}.{key}"), 0.0
+    elif category == "clean":
+        yield _place(what, where), 0.0
+    elif category == "compose":
+        yield from _merged([_activity(phase.get("activity"), f"{where}.phases") for phase in _list(what, "phases", where)], where)
+    else:
+        raise ScenarioError(
+            f"{where.removesuffix('.description')}.category: found '{category}', expected patrol, delivery, clean or compose"
+        )
+
+
+def _activity(activity: Any, where: str) -> list[tuple[str, float]]:
+    """Stops of an activity; a name '' is where the robot is already."""
+    category = activity.get("category") if isinstance(activity, dict) else None
+    if category not in ACTIVITIES:
+        raise ScenarioError(f"{where}: activity '{category}'{nearest(str(category), ACTIVITIES, limit=9)}")
+    what = activity.get("description", {})
+    if category == "sequence":
+        parts = what if isinstance(what, list) else _list(what, "activities", where)
+        return [stop for part in parts for stop in _activity(part, where)]
+    if category == "wait_for":
+        return [("", (_number(what, "duration", where) or 0.0) / 1000)]
+    if category == "perform_action":
+        return [("", (_number(what, ESTIMATE, where) or 0.0) / 1000)]
+    return [(_place(what, where), 0.0)]
+
+
+def _merged(phases: Sequence[Sequence[tuple[str, float]]], where: str) -> list[tuple[str, float]]:
+    """Stops where waiting is counted to the place before."""
+    found: list[tuple[str, float]] = []
+    for name, seconds in (stop for phase in phases for stop in phase):
+        if name and not (found and found[-1][0] == name):
+            found.append((name, seconds))
+        elif found:
+            found[-1] = found[-1][0], found[-1][1] + seconds
+        else:
+            raise ScenarioError(f"{where}: begins where the robot happens to be, expected a place first")
+    return found
+
+
+def _place(what: Any, where: str) -> str:
+    """A name, or an object that has one; of several choices the first."""
+    if isinstance(what, dict):
+        if isinstance(what.get("one_of"), list) and what["one_of"]:
+            return _place(what["one_of"][0], where)
+        what = next((what[key] for key in ("waypoint", "place", "zone", "start_waypoint") if key in what), None)
+        return _place(what, where)
+    if not isinstance(what, str):
+        raise ScenarioError(f"{where}: found {what!r}, expected the name of a place")
+    return what
+
+
+def _member(what: Any, key: str, where: str) -> Any:
+    if not isinstance(what, dict) or key not in what:
+        raise ScenarioError(f"{where}: has no '{key}'")
+    return what[key]
+
+
+def _list(what: Any, key: str, where: str) -> list[Any]:
+    found = _member(what, key, where)
+    if not isinstance(found, list) or not found:
+        raise ScenarioError(f"{where}.{key}: found {found!r}, expected a list")
+    return found
+
+
+def _number(what: Any, key: str, where: str) -> float | None:
+    found = what.get(key) if isinstance(what, dict) else None
+    if found is None:
+        return None
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        raise ScenarioError(f"{where}.{key}: found {found!r}, expected a number")
+    return float(found)
