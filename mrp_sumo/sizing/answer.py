@@ -1,9 +1,10 @@
 """The answer of a capacity study: what is said to people, and what is printed as JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
 from mrp_sumo.sizing.points import Point, compared
@@ -140,6 +141,7 @@ def _lifelong(desk: Desk) -> Answer:
     before_changes = 0.6 if question.what_if else 1.0
     desk.share = GRID_SHARE * before_changes
     curve = coarse(desk)
+    _require_driven(curve.points.values())
     desk.share = before_changes
     served = demand(desk, curve) if question.demand_per_h is not None else None
     limit = limits(curve)
@@ -147,6 +149,13 @@ def _lifelong(desk: Desk) -> Answer:
     why = tuple(reasons(limit.curve.points[n]) for n in limit.curve.sizes)
     gains = _gains(desk, limit, why) if question.what_if and limit.curve.points else ()
     return Answer(question, tuple(desk.asked), limit, served, why, gains, tuple(desk.left_out), desk.spent_s)
+
+
+def _require_driven(points: Iterable[Point]) -> None:
+    """Refuse to answer from nothing."""
+    records = [record for point in points for record in point.records]
+    if records and not any(record.get("observed") for record in records):
+        raise MrpSumoError(f"none of {len(records)} runs could be driven: {records[0]['status']}: {records[0]['reason']}")
 
 
 def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...]:
@@ -223,6 +232,8 @@ def _between(found: Bracket) -> str:
 def _of_peak(found: Limits, sizes: tuple[int, int]) -> str:
     peak, knee = found.peak, found.knee
     best = found.curve.points[found.curve.best].throughput
+    if len(found.curve.sizes) == 1:
+        return f"{found.curve.best} robots do {best.value:.0f} orders an hour."
     if peak.estimate is None:
         return f"More robots bring more up to {found.curve.best}, the most that were tried: {best.value:.0f} orders an hour there."
     within = f"between {peak.low} and {peak.high}" if peak.high is not None else f"{peak.low} or more"

@@ -75,7 +75,7 @@ def predicted_cpu_s(trial: Trial, question: Question) -> float:
     """Roughly what a trial takes. A formula and no clock, so that a budget buys the same runs on every machine."""
     cost = 0.5 + question.effort.horizon_s * trial.robots * (1 + trial.robots / CROWD) / ROBOT_S_PER_CPU_S
     if trial.kind == ONE_SHOT:
-        cost = 2.0 + trial.robots / 10
+        cost = 0.3 + trial.robots / 60
     return cost * (SUMO_TIMES if question.engine == "sumo" else 1.0)
 
 

@@ -31,7 +31,7 @@ SHORT = {  # words for keys
     "one_way": ("execution", "one_way"),
 }
 NUM_STATIONS = 3  # that are tried by themselves
-OTHERS = {"planner": ("lacam", "pibt"), "dispatcher": ("hungarian", "nearest"), "policy": ("adg_switch",)}
+OTHERS = {"planner": ("lacam", "lns2"), "dispatcher": ("hungarian", "nearest"), "policy": ("adg_switch",)}
 
 
 def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:

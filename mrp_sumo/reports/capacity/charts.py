@@ -197,7 +197,7 @@ def floor(setup: SetUp, found: Reasons) -> Chart:
 def in_words(share: Share) -> str:
     """A place and how much it binds."""
     text = f"{share.kind} {share.name}".strip()
-    waited = f", {share.waited_s_per_h / 60:.0f} robot-minutes waited an hour" if share.waited_s_per_h >= 30 else ""
+    waited = f", {share.waited_s_per_h / 60:.0f} robot-minutes waited an hour" if share.waited_s_per_h >= 90 else ""
     return f"{text}, busy {100 * share.utilisation:.0f} % of the time{waited}"
 
 
