@@ -8,12 +8,11 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
 from mrp_sumo.sizing.points import Point, compared
-from mrp_sumo.sizing.question import SATURATED, Question, Trial
+from mrp_sumo.sizing.question import SATURATED, Question, Trial, spendable
 from mrp_sumo.sizing.reasons import Reasons, Share, reasons, undisturbed_s
 from mrp_sumo.sizing.search import Bracket, Desk, Limits, Missing, Recorded, Served, coarse, demand, limits, one_shot
 from mrp_sumo.sizing.what_if import AUTO, obvious
 
-GRID_SHARE = 0.6  # of the budget, for the coarse grid
 SPREADSHEET = 0.8  # utilisation of robots that planning sheets count with
 
 
@@ -138,8 +137,7 @@ def _one_shot(desk: Desk) -> Answer:
 
 def _lifelong(desk: Desk) -> Answer:
     question = desk.question
-    before_changes = 0.6 if question.what_if else 1.0
-    desk.share = GRID_SHARE * before_changes
+    desk.share, before_changes = spendable(question)
     curve = coarse(desk)
     _require_driven(curve.points.values())
     desk.share = before_changes
@@ -222,6 +220,10 @@ def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
 
 
+def _robots(count: int) -> str:
+    return "1 robot" if count == 1 else f"{count} robots"
+
+
 def _between(found: Bracket) -> str:
     """'34', or '32 to 36': an interval, where that is what is known."""
     if found.low is not None and found.high is not None and found.low < found.high:
@@ -233,7 +235,7 @@ def _of_peak(found: Limits, sizes: tuple[int, int]) -> str:
     peak, knee = found.peak, found.knee
     best = found.curve.points[found.curve.best].throughput
     if len(found.curve.sizes) == 1:
-        return f"{found.curve.best} robots do {best.value:.0f} orders an hour."
+        return f"{_robots(found.curve.best)} do {best.value:.0f} orders an hour; other fleets were not tried."
     if peak.estimate is None:
         return f"More robots bring more up to {found.curve.best}, the most that were tried: {best.value:.0f} orders an hour there."
     within = f"between {peak.low} and {peak.high}" if peak.high is not None else f"{peak.low} or more"
@@ -259,7 +261,7 @@ def _of_one_shot(answer: Answer) -> str:
         return "Nothing is known."
     found, target = served.smallest, f"in at least {100 * served.target:.0f} % of draws"
     if found.estimate is None:
-        return f"Not even {served.curve.sizes[0]} robots have plans that are found and driven in time {target}."
+        return f"Not even {_robots(served.curve.sizes[0])} have plans that are found and driven in time {target}."
     most = f", {found.high + 1} do not" if found.high is not None else ", the most that were tried"
     sure = f" (certain up to {found.low})" if found.low is not None and found.low < found.estimate else ""
-    return f"Plans of up to {found.estimate} robots are found and driven in time {target}{sure}{most}."
+    return f"Plans of up to {_robots(found.estimate)} are found and driven in time {target}{sure}{most}."

@@ -17,6 +17,7 @@ Values = dict[Place, tuple[str, Any]]  # of a scenario, with the option that set
 
 SATURATED, DEMAND, ONE_SHOT = "saturated", "demand", "one_shot"
 ON_TIME, SUCCEED = 0.95, 0.8  # wanted shares of orders, and of one-shot draws, where nothing is said
+GRID_SHARE, BEFORE_CHANGES = 0.6, 0.6  # of the budget
 BACKLOG = 2.0  # orders a robot that are known in saturated runs: the one it has, and one that waits
 CORES = 2  # of the machine that budgets are meant for
 ROBOT_S_PER_CPU_S = 5500.0  # of a small fleet on the kinematic engine, planning included
@@ -69,6 +70,12 @@ class Trial:
     robots: int
     seed: int
     change: str = ""  # what is otherwise than in the scenario, as `what_if` reads it
+
+
+def spendable(question: Question) -> tuple[float, float]:
+    """Shares of the budget that the coarse grid may spend, and all that comes before changes are tried."""
+    before_changes = BEFORE_CHANGES if question.what_if else 1.0
+    return GRID_SHARE * before_changes, before_changes
 
 
 def predicted_cpu_s(trial: Trial, question: Question) -> float:

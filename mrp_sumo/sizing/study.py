@@ -17,7 +17,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
 from mrp_sumo.io.scenario import ScenarioFile, changed
-from mrp_sumo.sizing.answer import GRID_SHARE, Answer, answer_of
+from mrp_sumo.sizing.answer import Answer, answer_of
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Record, record_of
 from mrp_sumo.sizing.question import (
@@ -33,6 +33,7 @@ from mrp_sumo.sizing.question import (
     own_demand_per_h,
     predicted_cpu_s,
     require_answerable,
+    spendable,
     values_of,
 )
 from mrp_sumo.sizing.search import grid
@@ -140,7 +141,7 @@ class Study:
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         for n in grid(question):
             cost = question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question) / CORES
-            if spent_s + cost > GRID_SHARE * question.effort.budget_s:
+            if spent_s + cost > self._grid_s:
                 break
             sizes.append(n)
             spent_s += cost
@@ -207,6 +208,12 @@ class Study:
         change = values_of_change(trial.change, self.question, self.nav) if trial.change else {}
         return values_of(trial, self.question, change)
 
+    @property
+    def _grid_s(self) -> float:
+        """What the coarse grid may spend of the budget; one-shot fleets are nothing but a grid."""
+        question = self.question
+        return question.effort.budget_s * (spendable(question)[0] if question.has_tasks else 1.0)
+
     def _recorded(self, trial: Trial, lookup: Lookup) -> Record | None:
         key = self.planned(trial).key
         if key not in self._records and (record := lookup(key)) is not None:
@@ -219,12 +226,12 @@ class Study:
         kind = SATURATED if question.has_tasks else ONE_SHOT
         sizes = grid(question)[:2]
         least_s = question.effort.seeds * sum(predicted_cpu_s(Trial(kind, n, 0), question) for n in sizes) / CORES
-        if least_s > GRID_SHARE * question.effort.budget_s:
+        if least_s > self._grid_s:
             fleets = " and with ".join(map(str, sizes))
             runs = f"{question.effort.seeds} runs of {question.effort.horizon_s / 60:g} min with {fleets} robots"
             raise MrpSumoError(
                 f"--budget {question.effort.budget_s:g}s: too little to say anything: {runs} alone take about {ceil(least_s)} s on {CORES} "
-                f"cores; {ceil(2 * least_s / GRID_SHARE)}s would do"
+                f"cores; {ceil(2 * least_s / spendable(question)[0])}s would do"
             )
 
     def _fits(self, most: int) -> SetUp:
