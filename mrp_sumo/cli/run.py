@@ -64,6 +64,8 @@ def run(options: argparse.Namespace) -> int:
         print_failure(result.status.replace("_", " "), result.note, result.details if options.verbose else "")
     elif result.metric_faults:
         print_failure("metric failed", "; ".join(result.metric_faults), result.details if options.verbose else "")
+    if result.status == "interrupted":
+        return 130
     return 0 if result.status == "completed" and not result.metric_faults else 1
 
 

@@ -21,6 +21,7 @@ class Outcome(StrEnum):
     COMPLETED = "completed"  # every robot stands at its goal
     TIME_LIMIT = "time_limit"
     DEADLOCK = "deadlock"  # stopped on request when a deadlock was found
+    INTERRUPTED = "interrupted"  # stopped by its user, with what there is kept
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,10 @@
-"""The ledger: every visit that robots have been given, under ids that never change, and who passes whom.
+"""The ledger: every visit that robots have been given and that is not over, and who passes whom.
 
-Visits are only ever appended. Where a robot is sent another way, its visits beyond the last one it has been granted are cut
-off, and the new ones are linked in their place; what it holds, has done and has been booked stays as it is. The order of
-passages is that of the policy over all visits that are still to be made; what robots hold comes first in it.
+Visits are appended under ids that do not change until the ledger forgets those that are over; that happens between two steps, and
+whoever keeps ids for longer asks for them again. What was planned and driven is kept by entry, for logs. Where a robot is sent
+another way, its visits beyond the last one it has been granted, or beyond a cut, are cut off, and the new ones are linked in their
+place; what it holds, has done and has been booked stays as it is. The order of passages is that of the policy over all visits that
+are still to be made; what robots hold comes first in it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,6 +39,8 @@ VISIT_COLUMNS = {  # of `Visits`, by what an empty place holds
     "arrived_s": np.nan,
 }
 EMPTY = VISIT_COLUMNS | {"arrive_s": 0.0, "depart_s": 0.0, "robot": 0}  # and of the ledger alone
+LOGGED = ("vertex", "arrive_s", "depart_s", "arrived_s")
+MANY = 20_000  # visits, before which nothing is forgotten
 NEED_COLUMNS = {"resource": 0, "on_lane": False, "left_at_m": 0.0, "freed": False, "passage": 0, "closes": True}
 
 
@@ -49,9 +53,9 @@ class TurnBack:
     xy: FloatArray  # [2]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Entry:
-    """An answer of the dispatcher as the ledger has it: the visits `begin` to `end`."""
+    """An answer of the dispatcher as the ledger has it: the visits `begin` to `end`, but for those that are forgotten."""
 
     t_s: float
     reason: str
@@ -61,6 +65,8 @@ class Entry:
     robot: IntArray  # [K] ascending
     since: IntArray  # [K] number of the visit along the robot's way after which its new ones come
     count: IntArray  # [K] of its new visits
+    past: dict[str, NDArray[Any]] | None = None  # [N] `LOGGED` of all its visits, since some are forgotten
+    live: IntArray | None = None  # [M] places in `past` of those that are not
 
 
 class Ledger:
@@ -75,7 +81,7 @@ class Ledger:
         self.problem = problem
         self.resources = resources
         self.tasks: tuple[Task, ...] = problem.tasks
-        self.num_visits = self.num_needs = 0
+        self.num_visits = self.num_needs = self._num_kept = 0
         self.entries: list[Entry] = []
         self.turn_backs: list[TurnBack] = []
         self.end_of_tasks = np.full(num_robots, -1)  # [R] vertex where each robot is to stay
@@ -254,6 +260,67 @@ class Ledger:
         for r in sorted(replan.left_alone):
             self.state.yielding.pause[r] = self._columns["rank"][self._of_robot["granted"][r]]
         self._show()
+
+    @property
+    def is_full(self) -> bool:
+        """Whether most visits are over, and there are many."""
+        return self.num_visits > max(MANY, 4 * self._num_kept)
+
+    def forget(self) -> None:
+        """Forget visits that are over, and those that were cut off. Ids change."""
+        rank, ids = self._columns["rank"], []
+        for r, oldest in enumerate(self.state.grants.oldest.tolist()):
+            mine, reached = self.all_ids(r), int(self._of_robot["reached"][r])
+            needed = int(np.searchsorted(rank[mine], min(rank[reached], rank[oldest])))
+            ids.append(mine[max(0, needed - 1) :])  # robots stop a little short of what they have reached
+        keep = np.zeros(self.num_visits, np.bool_)
+        keep[np.concatenate(ids)] = True
+        for entry in self.entries:
+            self._log(entry, keep)
+        new = np.cumsum(keep) - 1
+        new_begin = np.append(0, np.cumsum(keep))
+        for entry in self.entries:
+            entry.begin, entry.end = int(new_begin[entry.begin]), int(new_begin[entry.end])
+        count = np.diff(self._need_first[: self.num_visits + 1])
+        need = np.repeat(keep, count)
+        self._columns = {name: column[: self.num_visits][keep] for name, column in self._columns.items()}
+        self._need_columns = {name: column[: self.num_needs][need] for name, column in self._need_columns.items()}
+        self._need_first = np.concatenate([[0], np.cumsum(count[keep])]).astype(np.int64)
+        following = self._columns["next"]
+        following[following >= 0] = new[following[following >= 0]]
+        for r, mine in enumerate(ids):
+            self._of_robot["first"][r] = mine[0]
+            breaks = np.flatnonzero(np.diff(mine) != 1) + 1
+            self._pieces[r] = [(int(new[part[0]]), int(new[part[-1]]) + 1) for part in np.split(mine, breaks)]
+        waits, grants = self.state.waits, self.state.grants
+        of_robots = (*self._of_robot.values(), grants.oldest, grants.wanted, waits.where, *([] if self._cut is None else [self._cut]))
+        for visits in of_robots:
+            visits[:] = np.where((visits >= 0) & keep[np.maximum(visits, 0)], new[np.maximum(visits, 0)], -1)
+        self.num_visits = self._num_kept = int(keep.sum())
+        self.num_needs = int(need.sum())
+        self._show()
+
+    def _log(self, entry: Entry, keep: BoolArray) -> None:
+        """Write down what is forgotten of an entry."""
+        mine = slice(entry.begin, entry.end)
+        if keep[mine].all():
+            return
+        if entry.past is None:
+            entry.past, entry.live = {name: self._columns[name][mine].copy() for name in LOGGED}, np.arange(entry.end - entry.begin)
+        assert entry.live is not None
+        for name in ("depart_s", "arrived_s"):
+            entry.past[name][entry.live] = self._columns[name][mine]
+        entry.live = entry.live[keep[mine]]
+
+    def logged(self, entry: Entry) -> dict[str, NDArray[Any]]:
+        """[N] `LOGGED` of the visits of an entry, as they are now or were when they were forgotten."""
+        mine = slice(entry.begin, entry.end)
+        if entry.past is None or entry.live is None:
+            return {name: self._columns[name][mine] for name in LOGGED}
+        columns = {name: column.copy() for name, column in entry.past.items()}
+        for name in ("depart_s", "arrived_s"):
+            columns[name][entry.live] = self._columns[name][mine]
+        return columns
 
     def decide(self, policy: DecidingPolicy, now_s: float) -> bool:
         """Let a policy change the order of the passages that are still to be made. Returns whether it did.
@@ -504,17 +571,15 @@ class Ledger:
 
 def planned_arrivals(ledger: Ledger) -> FloatArray:
     """[N] when robots arrived at the visits of the first plan, which begin with their starts; NaN: not."""
-    arrived_s, entry = ledger.column("arrived_s"), ledger.entries[0]
-    last = np.cumsum(entry.count)
-    return np.insert(arrived_s[entry.begin : entry.end], last - entry.count, arrived_s[: ledger.num_robots])
+    entry = ledger.entries[0]
+    return np.insert(ledger.logged(entry)["arrived_s"], np.cumsum(entry.count) - entry.count, 0.0)
 
 
 def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
     """What came after the first plan, as it was driven."""
     replies = []
     for entry in ledger.entries[1:]:
-        part = slice(entry.begin, entry.end)
-        columns = {name: frozen(ledger.column(name)[part]) for name in ("vertex", "arrive_s", "depart_s", "arrived_s")}
+        columns = {name: frozen(column) for name, column in ledger.logged(entry).items()}
         first = frozen(np.concatenate([[0], np.cumsum(entry.count)]).astype(np.int64))
         replies.append(Reply(entry.t_s, entry.reason, entry.text, entry.robot, first, frozen(entry.since), **columns))
     return tuple(replies)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from tempfile import SpooledTemporaryFile
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -12,6 +13,8 @@ from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.engines.protocol import Engine
 
 ROWS = 256  # samples are kept in blocks of this many
+MOST_BLOCKS = 64  # until positions are worked out
+IN_MEMORY = 16_000_000  # bytes of each of the four columns, beyond which they are on the disk
 COMPARE_EVERY_S = 10.0  # the engine's own positions are kept this often for the audit, and at the end
 AtGoalReport = Callable[[float, int], None]  # simulated time in s, robots that are where their tasks end
 
@@ -35,12 +38,17 @@ class Listener(Protocol):
         """A step has passed."""
 
 
-@dataclass
 class Recorder:
-    """Keeps samples of every robot. Positions follow from distances along the robots' ways at the end."""
+    """Keeps samples of every robot: x, y, yaw and speed, which go to files without a name where they are many.
 
-    _blocks: list[FloatArray] = field(default_factory=list)  # [ROWS, 3, R]: distance, yaw, speed
-    _count: int = 0
+    Positions follow from distances along the robots' ways, whenever the ledger is about to forget how those went, and at the end.
+    """
+
+    def __init__(self, num_robots: int) -> None:
+        self._blocks: list[FloatArray] = []  # [ROWS, 3, R] each: distance, yaw, speed
+        self._count = 0  # of samples in them
+        self._shape = 0, num_robots
+        self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(4))  # noqa: SIM115 they are read at the end
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
@@ -48,27 +56,58 @@ class Recorder:
             return
         row, motion = self._count % ROWS, moment.ledger.state.motion
         if row == 0:
+            if len(self._blocks) == MOST_BLOCKS:
+                self.settle(moment.ledger)
             self._blocks.append(np.empty((ROWS, 3, len(motion.s_m))))
         block = self._blocks[-1][row]
         block[0], block[1], block[2] = motion.s_m, motion.yaw_rad, motion.speed_mps
         self._count += 1
 
-    def samples(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x, y, yaw and speed, [T, R] each."""
-        s_m, yaw, speed = (np.concatenate([block[:, k] for block in self._blocks])[: self._count] for k in range(3))
+    def settle(self, ledger: Ledger) -> None:
+        """Work out the positions of what has been heard so far."""
+        num_samples, num_robots = self._shape
+        s_m, yaw, speed = (
+            np.concatenate([np.empty((0, num_robots)), *(block[:, k] for block in self._blocks)])[: self._count] for k in range(3)
+        )
         x, y = np.empty_like(s_m), np.empty_like(s_m)
-        for r in range(s_m.shape[1]):
+        for r in range(num_robots):
             at_m, xy = way_of(ledger, r)
             x[:, r] = np.interp(s_m[:, r], at_m, xy[:, 0])
             y[:, r] = np.interp(s_m[:, r], at_m, xy[:, 1])
+        for file, column in zip(self._columns, (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed)):
+            file.write(np.ascontiguousarray(column).data)
+        self._shape = num_samples + self._count, num_robots
+        self._blocks, self._count = [], 0
+
+    def samples(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """x, y, yaw and speed, [T, R] each."""
+        self.settle(ledger)
+        x, y, yaw, speed = (_read(file, self._shape) for file in self._columns)
         return x, y, yaw, speed
+
+    def close(self) -> None:
+        """Let go of the files; what has been read of them stays."""
+        for file in self._columns:
+            file.close()
+
+
+def _read(file: "SpooledTemporaryFile[bytes]", shape: tuple[int, int]) -> FloatArray:
+    """[T, R] what was written; the file's pages, where it is on the disk."""
+    file.seek(0)
+    if shape[0] * shape[1] * 8 <= IN_MEMORY:
+        return np.frombuffer(file.read()).reshape(shape)
+    file.rollover()
+    return np.memmap(file, np.float64, "r", shape=shape)
 
 
 def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray]:
-    """[K] distances along a robot's way, ascending, and [K, 2] where it is then: its visits, and where it turned round on a lane."""
+    """[K] distances along a robot's way as far as the ledger knows it, ascending, and [K, 2] where it is then.
+
+    These are its visits, and where it turned round on a lane.
+    """
     ids = ledger.all_ids(robot)
     at_m, xy = ledger.column("at_m")[ids], ledger.graph.xy[ledger.column("vertex")[ids]]
-    turns = [turn for turn in ledger.turn_backs if turn.robot == robot]
+    turns = [turn for turn in ledger.turn_backs if turn.robot == robot and turn.at_m >= at_m[0]]
     place = np.searchsorted(at_m, [turn.at_m for turn in turns])
     if turns:
         xy = np.insert(xy, place, np.array([turn.xy for turn in turns]), axis=0)

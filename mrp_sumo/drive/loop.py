@@ -7,8 +7,8 @@ obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
 import time
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -44,7 +44,14 @@ from mrp_sumo.errors import PlanError, PlugInError
 
 
 def simulate(
-    problem: Problem, plan: Plan, settings: ExecutionSettings, network: Path, *, progress: AtGoalReport | None = None, gui: bool = False
+    problem: Problem,
+    plan: Plan,
+    settings: ExecutionSettings,
+    network: Path,
+    *,
+    progress: AtGoalReport | None = None,
+    gui: bool = False,
+    stopped: Callable[[], bool] | None = None,
 ) -> Execution:
     """Drive a plan.
 
@@ -60,6 +67,8 @@ def simulate(
         Called about once a simulated second with the time in s and the number of robots at their goals.
     gui
         Show it in sumo-gui, whatever the engine; everything else is the same.
+    stopped
+        Asked between steps; once it says so the execution is over, with outcome INTERRUPTED.
 
     Raises
     ------
@@ -78,16 +87,17 @@ def simulate(
     # a plan in steps lets robots be early, one with the times of real motion does not
     controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
     recovery = Recovery(ledger, world, settings)
-    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan)
+    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped)
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
-    log, recorder, witness = EventLog(), Recorder(), Witness()
+    log, witness = EventLog(), Witness()
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
-    with _engine(problem, settings, network, gui, ways) as bodies:
-        bodies.place(ledger.visits)
-        drive.run(bodies, [log, recorder, witness, *reports])
-    return _execution(drive, plan, log, recorder, witness)
+    with closing(Recorder(problem.num_robots)) as recorder:
+        with _engine(problem, settings, network, gui, ways) as bodies:
+            bodies.place(ledger.visits)
+            drive.run(bodies, [log, recorder, witness, *reports], recorder.settle)
+        return _execution(drive, plan, log, recorder, witness)
 
 
 def _engine(
@@ -110,6 +120,7 @@ class Drive:
     recovery: Recovery
     chosen: Policy  # of the scenario; a new plan may be driven by another
     first: Plan
+    stopped: Callable[[], bool] | None = None  # by the user
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
@@ -148,8 +159,8 @@ class Drive:
             if answer is not None:
                 self.ledger.append(answer, self.controller.policy, 0.0)
 
-    def run(self, bodies: Engine, listeners: Sequence[Listener]) -> None:
-        """Until all tasks are done, or time is up."""
+    def run(self, bodies: Engine, listeners: Sequence[Listener], before_forgetting: Callable[[Ledger], None]) -> None:
+        """Until all tasks are done, or time is up. The ledger forgets what is over, after whoever needs it has been called."""
         settings, dt, state, conditions = self.settings, self.settings.step_length_s, self.ledger.state, self.world.conditions
         look_every, sample_every = max(1, round(LOOK_EVERY_S / dt)), settings.steps_per_sample
         wall, cpu, step = time.perf_counter(), time.process_time(), 0
@@ -166,6 +177,10 @@ class Drive:
                 listener.hear(moment)
             if is_last:
                 break
+            if self.ledger.is_full:
+                before_forgetting(self.ledger)
+                self.ledger.forget()
+                bodies.divert((), self.ledger.visits)
             decided = step > 0 and self._decide(step)
             if (step % look_every == 0 and self._dispatch(bodies)) or decided:
                 self.controller.advance(self.now_s, bodies, conditions, observe=False)
@@ -185,6 +200,9 @@ class Drive:
 
     def _is_over(self) -> bool:
         if self.outcome is Outcome.DEADLOCK:
+            return True
+        if self.stopped is not None and self.stopped():
+            self.outcome = Outcome.INTERRUPTED
             return True
         if all(dispatcher.finished(self.now_s, self.around) for dispatcher in (self.work, self.recovery)):
             self.outcome = Outcome.COMPLETED
@@ -309,7 +327,6 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
     x, y, yaw, speed = recorder.samples(ledger)
-    yaw = (yaw + np.pi) % (2 * np.pi) - np.pi
     believed = None
     if what.localisation_m or what.localisation_rad:
         believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))

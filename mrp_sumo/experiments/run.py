@@ -4,8 +4,12 @@ What cannot be planned is refused by `set_up`. From then on failures are results
 an execution that does not arrive, are written like successes.
 """
 
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution
@@ -50,14 +54,40 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: StageReport | None 
     """
     check_replaceable(out)
     with MapCache() as maps:
-        result = carry_out(file, maps, progress=progress, gui=gui)
+        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True)
         (progress or silent)("writing the run folder", 0.0, 0.0)
         result.write(out, maps)
     return result
 
 
+@contextmanager
+def interrupts() -> Iterator[Callable[[], bool] | None]:
+    """Whether the user has pressed Ctrl-C, which ends nothing by itself the first time. None where it means something else."""
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is not signal.default_int_handler or current_thread() is not main_thread():
+        yield None
+        return
+    pressed = []
+
+    def note(number: int, frame: object) -> None:
+        pressed.append(number)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: bool(pressed)
+    finally:
+        signal.signal(signal.SIGINT, usual)
+
+
 def carry_out(
-    file: ScenarioFile, maps: MapCache, *, execute: bool = True, progress: StageReport | None = None, gui: bool = False
+    file: ScenarioFile,
+    maps: MapCache,
+    *,
+    execute: bool = True,
+    progress: StageReport | None = None,
+    gui: bool = False,
+    keeps_interrupted: bool = False,
 ) -> RunResult:
     """Run a scenario and measure it; writes nothing.
 
@@ -73,6 +103,8 @@ def carry_out(
         Called now and then with the stage and how far it is.
     gui
         Drive in sumo-gui.
+    keeps_interrupted
+        Whether Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`.
 
     Raises
     ------
@@ -82,11 +114,26 @@ def carry_out(
     report = progress or silent
     report("loading the map", 0.0, 0.0)
     setup = set_up(file, maps)
-    return finish(setup, solve(setup, execute=execute, progress=progress), maps, execute=execute, progress=progress, gui=gui)
+    return finish(
+        setup,
+        solve(setup, execute=execute, progress=progress),
+        maps,
+        execute=execute,
+        progress=progress,
+        gui=gui,
+        keeps_interrupted=keeps_interrupted,
+    )
 
 
 def finish(
-    setup: SetUp, solution: Solution, maps: MapCache, *, execute: bool = True, progress: StageReport | None = None, gui: bool = False
+    setup: SetUp,
+    solution: Solution,
+    maps: MapCache,
+    *,
+    execute: bool = True,
+    progress: StageReport | None = None,
+    gui: bool = False,
+    keeps_interrupted: bool = False,
 ) -> RunResult:
     """Drive what was planned, if there is a plan, and measure it.
 
@@ -94,7 +141,7 @@ def finish(
     ----------
     setup, solution
         Of one problem; the setup says how to drive.
-    maps, execute, progress, gui
+    maps, execute, progress, gui, keeps_interrupted
         As for `carry_out`.
     """
     from mrp_sumo.metrics.audit import at_walls, audit
@@ -111,7 +158,7 @@ def finish(
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         try:
-            execution, otherwise = _execute(setup, solution, network, report, gui)
+            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted)
             note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
@@ -148,13 +195,15 @@ def finish(
 def _unanswered(execution: Execution) -> str:
     """A line for people where the planner had no answer to most of what it was asked while robots drove, '' elsewhere."""
     calls = execution.calls
-    if calls is None or calls.failed <= calls.asked / 2:
+    if calls is None or calls.failed + calls.late <= calls.asked / 2:
         return ""
     why = next((event.text for event in execution.events if event.kind == "unresolved"), "")
-    return f"{calls.failed} of {calls.asked} requests had no answer{f', at first: {why}' if why else ''}"
+    return f"{calls.failed + calls.late} of {calls.asked} requests had no answer{f', at first: {why}' if why else ''}"
 
 
-def _execute(setup: SetUp, solution: Solution, network: Path, report: StageReport, gui: bool) -> tuple[Execution | None, str]:
+def _execute(
+    setup: SetUp, solution: Solution, network: Path, report: StageReport, gui: bool, keeps_interrupted: bool
+) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.drive import warm
     from mrp_sumo.drive.fit import lift_ride
@@ -171,7 +220,8 @@ def _execute(setup: SetUp, solution: Solution, network: Path, report: StageRepor
         def progress(t_s: float, at_goal: int) -> None:
             report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
-        run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui)
+        with interrupts() if keeps_interrupted and settings.tasks else nullcontext() as stopped:
+            run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui, stopped=stopped)
         return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:

@@ -196,6 +196,8 @@ def overload(tasks: TaskLog, end_s: float, num_robots: int) -> str:
     The mean number of tasks that wait for a robot grows from each of the last three quarters of the run to the next, by half in all.
     """
     tasks, _ = orders_of(tasks, None)
+    if not end_s:
+        return ""
     edges = np.linspace(0.0, end_s, 5)
     given_s = np.where(np.isnan(tasks.assigned_s), np.inf, tasks.assigned_s)
     waited = [np.clip(np.minimum(given_s, b) - np.maximum(tasks.released_s, a), 0, None).sum() for a, b in pairwise(edges)]

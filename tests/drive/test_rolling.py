@@ -8,21 +8,25 @@ import numpy as np
 import pytest
 from worlds import BURGER, drive, line, problem_of, problem_on, square_grid
 
+from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream
 from mrp_sumo.core.task import Station
+from mrp_sumo.drive import ledger as ledger_module
 from mrp_sumo.drive import replanning
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import first_of
-from mrp_sumo.drive.settings import Planning
+from mrp_sumo.drive.settings import ExecutionSettings, Planning
 from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.errors import ExecutionError, PlanningOverrun
 from mrp_sumo.planning import registry
 from mrp_sumo.planning.registry import planner as planner_of
 from mrp_sumo.traffic.referee import judge
 
+REPLY_COLUMNS = ("robot", "first", "since", "vertex", "arrive_s", "depart_s", "arrived_s")
 ROUTES = tuple(tuple(Station(f"at {v}", (v,)) for v in route) for route in [(0, 24), (4, 20), (20, 4), (24, 0), (2, 22)])
 STREAM = TaskStream("order", Arrivals("open", num_open=6), ROUTES, np.ones(5), (ServiceTime(usual_s=2.0),))
 STARTS = [1, 6, 12, 18, 23]
@@ -130,6 +134,34 @@ def test_nobody_collides_within_a_window(planner):
 def test_windows_bring_robots_past_each_other_and_to_their_stops(tmp_path):
     run = carry(tmp_path, planner="prioritised", planning=Planning(budget_s=1.0, window_s=15.0), time_limit_s=120.0)
     assert run.tasks.state.count("done") >= 12 and run.calls.failed + run.calls.late <= 2
+
+
+def test_a_ledger_that_forgets_drives_and_logs_the_same(tmp_path, monkeypatch):
+    runs = []
+    for many in (10**6, 20):
+        monkeypatch.setattr(ledger_module, "MANY", many)
+        num_forgotten, forget = [0], Ledger.forget
+        monkeypatch.setattr(Ledger, "forget", lambda ledger, count=num_forgotten, forget=forget: (count.append(1), forget(ledger))[1])
+        runs.append(carry(tmp_path, planner="prioritised", planning=Planning(budget_s=1.0, window_s=15.0), time_limit_s=120.0))
+        monkeypatch.setattr(Ledger, "forget", forget)
+    assert len(num_forgotten) > 3  # in the second run
+    one, other = runs
+    for name in ("x_m", "y_m", "yaw_rad", "speed_mps", "arrived_s", "booked_s"):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+    assert one.events == other.events and one.tasks.done_s.tobytes() == other.tasks.done_s.tobytes()
+    for reply, same in zip(one.replies, other.replies, strict=True):
+        assert all(
+            np.array_equal(vars(reply)[name], vars(same)[name], equal_nan=vars(reply)[name].dtype.kind == "f") for name in REPLY_COLUMNS
+        )
+
+
+def test_a_run_that_its_user_stops_ends_with_what_there_is(tmp_path):
+    problem, plan = problem_of(square_grid(5), [[v] for v in STARTS], BURGER)
+    settings = ExecutionSettings(engine="kinematic", dispatcher="nearest", tasks=(STREAM,), time_limit_s=1000.0, planner="prioritised")
+    looks = iter(range(10**6))
+    run = simulate(problem, plan, settings, tmp_path / "none.net.xml", stopped=lambda: next(looks) >= 300)
+    assert run.outcome is Outcome.INTERRUPTED and run.sim_time_s == pytest.approx(30.0)
+    assert len(run.t_s) == 301 and "open" in run.tasks.state
 
 
 def test_a_window_shorter_than_what_passes_until_there_is_another_is_refused():
