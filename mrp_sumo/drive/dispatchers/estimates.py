@@ -14,6 +14,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 FAR_S = 1e7  # of what cannot be reached
+LATER = 1.5  # robots at work are done so much later than if nobody were on their way, to be on the safe side
 LESS_URGENT_S = 1e5  # what a task counts later for each more urgent priority that others have
 
 
@@ -49,7 +50,9 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
     able = np.array(sorted({*work.free.tolist(), *holder.values()}), np.int64)
     ready_s = np.zeros(num_robots)
     for r in sorted(set(range(num_robots)) - set(able.tolist())):
-        ready_s[r], at[r] = _remaining(now_s, around, r) if busy else (FAR_S, at[r])
+        if busy:
+            remaining_s, at[r] = _remaining(now_s, around, r)
+        ready_s[r] = LATER * remaining_s if busy else FAR_S
     waiting = sorted([*holder, *work.unassigned], key=lambda k: (-work.tasks[k].priority, k))
     if len(waiting) > most:
         waiting = [k for k in waiting if work.tasks[k].priority >= work.tasks[waiting[most]].priority]
