@@ -18,7 +18,7 @@ class App {
     this.scene = new Scene(run, this.motion, this.events);
     const few = this.motion.numRobots <= 60;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: false, labels: true, follow: false, found: null, still };
+    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: false, labels: true, follow: false, found: null, still };
     this.clock = 0;
     this.dirty = true;
     this.frames = 0;
@@ -125,6 +125,7 @@ class App {
   select(robot, show = false) {
     const { view, scene, motion } = this;
     view.selected = robot;
+    if (view.task >= 0 && this.run.tasks.robot[view.task] !== robot) view.task = -1;
     view.found = null;
     if (robot < 0) view.follow = false;
     this.showToggles();
@@ -152,6 +153,18 @@ class App {
     const tab = this.panel.tab;
     this.select(events.robot[i], true);
     if (tab === "events") this.panel.open("events");
+  }
+
+  /* Go to where a task got its robot, and show the way of it. */
+  showTask(k) {
+    const { tasks } = this.run, [, assigned] = tasks.times[k];
+    this.play(false);
+    this.view.task = k;
+    if (assigned === null) return this.panel.open("tasks");
+    this.seek(assigned);
+    this.motion.seek(this.view.t);
+    this.select(tasks.robot[k], true);
+    this.panel.open("tasks");
   }
 
   step(direction) {

@@ -31,7 +31,19 @@ from mrp_sumo.reports.pictures.view import AnyRun, furniture_and_walls, is_grid_
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
 
 SOURCES = Path(__file__).parent
-SCRIPTS = ("data.js", "elements.js", "labels.js", "main.js", "motion.js", "panel.js", "scene.js", "shaders.js", "timeline.js")
+SCRIPTS = (
+    "data.js",
+    "elements.js",
+    "labels.js",
+    "main.js",
+    "motion.js",
+    "panel.js",
+    "rows.js",
+    "scene.js",
+    "shaders.js",
+    "tasks.js",
+    "timeline.js",
+)
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
 MARGIN_M = 0.6
@@ -177,6 +189,7 @@ def replay_page(record: RunRecord, about: About) -> str:
         "map": _map(record, about.outline, low, high),
     }
     head |= _add_motion(columns, execution, low, high)
+    head["tasks"] = _tasks(execution)
     used = _add_plan(columns, record, low, high)
     index = used.pop("vertex_index")
     head |= used | _add_events(columns, record, index)
@@ -310,6 +323,24 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
         "target": index[record.target] if len(record.target) else [],
         "vertex_index": index,
     }
+
+
+def _tasks(execution: Execution) -> dict[str, Any] | None:
+    """The tasks that were known, and by station when robots waited there, were served and left; None in runs without tasks."""
+    if execution.tasks is None:
+        return None
+    log, stops = execution.tasks, execution.stops
+
+    def rounded(times: FloatArray) -> list[float | None]:
+        return [round(t, 2) if math.isfinite(t) else None for t in times.tolist()]
+
+    times = zip(*(rounded(column) for column in (log.released_s, log.assigned_s, log.opened_s, log.done_s)))
+    at: dict[str, list[tuple[float, ...]]] = {}
+    if stops is not None:
+        for name, begin_s, queued_s, end_s in zip(stops.station, stops.begin_s, stops.queued_s, stops.end_s):
+            at.setdefault(name, []).append((round(begin_s - queued_s, 2), round(begin_s, 2), round(end_s, 2)))
+    busiest = sorted(at.items(), key=lambda item: (-len(item[1]), item[0]))
+    return {"name": log.name, "robot": log.robot.tolist(), "times": list(times), "stations": busiest}
 
 
 def _add_events(columns: Columns, record: RunRecord, index: IntArray) -> dict[str, Any]:

@@ -1,52 +1,8 @@
-/* The side panel: the run, its robots, its events, one robot. */
+/* The side panel: the run, its robots, its tasks, its events, one robot. */
 import { BLOCKED, NEVER, STATE_NAMES, WAITING } from "./constants.js";
 import { STATE_VARIABLES, clockText, cssColor, icon, kindColor, make, spanText } from "./elements.js";
-
-/* A list of any length: only the rows in sight exist. Rows that stay in sight stay the same elements, or clicks would get lost. */
-class Rows {
-  constructor(render, refresh = () => {}) {
-    this.render = render; // (item, index) -> element
-    this.refresh = refresh; // (element, item, index)
-    this.inner = make("div");
-    this.element = make("div", { className: "rows" }, this.inner);
-    this.element.addEventListener("scroll", () => this.draw());
-    this.items = [];
-    this.shown = new Map();
-  }
-
-  set(items) {
-    this.items = items;
-    this.shown.clear();
-    this.inner.replaceChildren();
-    this.inner.style.height = `${items.length * 34}px`;
-    this.draw();
-  }
-
-  draw() {
-    const top = this.element.scrollTop, height = this.element.clientHeight || 600;
-    const a = Math.max(0, Math.floor(top / 34) - 4), b = Math.min(this.items.length, Math.ceil((top + height) / 34) + 4);
-    for (const [i, row] of this.shown) {
-      if (i >= a && i < b) continue;
-      row.remove();
-      this.shown.delete(i);
-    }
-    for (let i = a; i < b; i++) {
-      let row = this.shown.get(i);
-      if (!row) {
-        row = this.render(this.items[i], i);
-        row.style.top = `${i * 34}px`;
-        this.shown.set(i, row);
-        this.inner.append(row);
-      }
-      this.refresh(row, this.items[i], i);
-    }
-  }
-
-  reveal(index) {
-    const top = index * 34, view = this.element;
-    if (top < view.scrollTop + 34 || top > view.scrollTop + view.clientHeight - 68) view.scrollTop = top - view.clientHeight / 3;
-  }
-}
+import { Rows } from "./rows.js";
+import { showTasks } from "./tasks.js";
 
 export class Panel {
   constructor(app) {
@@ -65,6 +21,7 @@ export class Panel {
       });
     }
     new ResizeObserver(() => this.lists.forEach((list) => list.draw())).observe(this.body);
+    document.querySelector('.tabs [data-tab="tasks"]').hidden = !app.run.tasks;
     this.lists = [];
   }
 
@@ -75,6 +32,7 @@ export class Panel {
     this.update = () => {};
     if (tab === "run") this.showRun();
     else if (tab === "events") this.showEvents();
+    else if (tab === "tasks") showTasks(this);
     else if (this.app.view.selected >= 0) this.showRobot(this.app.view.selected);
     else this.showRobots();
     this.lists.forEach((list) => list.draw());

@@ -5,6 +5,7 @@ import { SIDES, chooseSides } from "./labels.js";
 import { Robots, Strokes, packed } from "./shaders.js";
 
 const TRAIL_S = 20;
+const MAX_TASK_PIECES = 800; // of the way of one task
 const MAX_TRAIL_PIECES = 48000;
 const MAX_LABELS = 260;
 const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
@@ -308,7 +309,7 @@ export class Scene {
     const step = Math.max(1, Math.round(TRAIL_S / m.period / each)); // samples a piece; pieces end at multiples, so that they stand still
     const k = m.sampleAt(view.t), newest = k - (k % step);
     const rgb = theme.states.map((c) => packed(c, 0));
-    trails.begin(m.numRobots * (each + 1));
+    trails.begin(m.numRobots * (each + 1) + MAX_TASK_PIECES);
     const fade = new Uint32Array(each + 2);
     for (let j = 0; j < fade.length; j++) fade[j] = Math.round(150 * Math.max(0, 1 - j / (each + 1))) << 24;
     for (let r = 0; r < m.numRobots; r++) {
@@ -328,7 +329,18 @@ export class Scene {
       }
       if (jb) trails.add(ax, ay, bx, by, 0.07, 2, false, color | fade[ja], color | fade[jb]);
     }
+    if (view.task >= 0) this.drawTask(view.task, (150 << 24) | rgb[AT_GOAL]);
     trails.end();
+  }
+
+  /* The way that a robot drove for a task, from when it had it until it was done. */
+  drawTask(k, color) {
+    const { motion: m, trails } = this, { tasks } = this.run, [, from, , to] = tasks.times[k], base = tasks.robot[k] * m.numSamples;
+    const a = m.sampleAt(from), b = m.sampleAt(to === null ? m.end : to), step = Math.max(1, Math.ceil((b - a) / MAX_TASK_PIECES));
+    for (let s = a; s < b; s += step) {
+      const e = Math.min(b, s + step), x = m.x[base + s] * m.unit, y = m.y[base + s] * m.unit, u = m.x[base + e] * m.unit, v = m.y[base + e] * m.unit;
+      if (x !== u || y !== v) trails.add(x, y, u, v, 0.1, 3, false, color, color);
+    }
   }
 
   /* Names, in a canvas of their own: sharp at any zoom, and text can be nothing else than text there. */
