@@ -21,7 +21,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 sys.path.insert(0, str(TESTS))
-STUDY = ("warehouse_lifelong", "--quick", "--robots", "2..8", "--horizon", "5min", "--budget", "40s", "--json")
+STUDY = ("warehouse_lifelong", "--quick", "--robots", "1..4", "--horizon", "3min", "--budget", "8s", "--json")
 
 
 def coverage(studies: int) -> dict[str, float]:
@@ -67,7 +67,7 @@ def kills(count: int) -> dict[str, float | bool]:
         while killed < count:
             study = subprocess.Popen(_command(Path(folder, "killed")), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
             try:
-                study.wait(chance.uniform(1.0, 6.0))
+                study.wait(chance.uniform(2.0, 12.0))
                 if killed >= count // 2:  # it has ended: the rest would kill nothing
                     break
                 Path(folder, "killed", "answer.json").unlink()

@@ -20,8 +20,8 @@ ON_TIME, SUCCEED = 0.95, 0.8  # wanted shares of orders, and of one-shot draws, 
 GRID_SHARE, BEFORE_CHANGES = 0.6, 0.6  # of the budget
 BACKLOG = 2.0  # orders a robot that are known in saturated runs: the one it has, and one that waits
 CORES = 2  # of the machine that budgets are meant for
-ROBOT_S_PER_CPU_S = 5500.0  # of a small fleet on the kinematic engine, planning included
-CROWD = 100.0  # robots that make a robot-second twice as dear
+ROBOT_S_PER_CPU_S = 3500.0  # of a small fleet on the kinematic engine, planning included
+CROWD = 300.0  # robots that make a robot-second twice as dear
 SUMO_TIMES = 10.0  # what a run costs more on SUMO
 
 

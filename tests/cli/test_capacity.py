@@ -6,7 +6,7 @@ import pytest
 
 from mrp_sumo.cli.main import main
 
-SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3min", "--quick", "--budget", "2.8s", "--json"]
+SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3min", "--quick", "--budget", "3s", "--json"]
 
 
 def told(capsys, *arguments):
