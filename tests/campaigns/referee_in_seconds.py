@@ -3,8 +3,9 @@
 A plan of a planner of ours, retimed, is mutated: stays get longer or shorter, single visits earlier or later, runs slower or faster.
 Whether a robot can drive its runs is a linear program: speeds on a fine grid of time, bounded in value and change, such that every
 lane is as long as it is, but for the least error that does. The motion that is farthest along in sum is a second program, and is
-sampled: circles, and rectangles with shapely, another author's geometry. Verdicts within a small band around a bound are left alone:
-there the two differ by how finely they look.
+sampled: circles, and rectangles with shapely, another author's geometry. No motion is the farthest along at every moment (who hurries
+to a visit passes it slowly), so where the referee says that two are too close, a third program has both as far along as they can be then.
+Verdicts within a small band around a bound are left alone: there the two differ by how finely they look.
 """
 
 import json
@@ -60,7 +61,7 @@ class RefereeInSeconds:
         plan = plan_of(ways)
         verdict = judge_in_seconds(problem, plan, STEP_S)
         motions = [motion(problem, robot, tuple(way)) for robot, way in enumerate(ways)]
-        faults = [*wrong_times(problem, verdict.faults, motions), *wrong_distances(problem, verdict.meetings, motions)]
+        faults = [*wrong_times(problem, verdict.faults, motions), *wrong_distances(problem, verdict.meetings, motions, ways)]
         if faults:
             (folder / "plan.json").write_text(json.dumps(ways, indent=1))
         ended = "impossible times" if verdict.faults else "too close" if verdict.meetings else "drivable"
@@ -154,8 +155,8 @@ class Motion:
 
 
 @lru_cache(maxsize=4096)
-def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ...]) -> Motion:
-    """By linear programs, run by run."""
+def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ...], moment: float | None = None) -> Motion:
+    """By linear programs, run by run; as far along as it can be at a moment, or in sum."""
     fleet, graph = problem.fleet, problem.graph
     top, accel, decel = (float(x[robot]) for x in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2))
     xy = graph.xy[[v for v, _, _ in way]]
@@ -173,7 +174,8 @@ def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ..
         begin = leave[a] - STEP_S / 2
         passes = [way[k][1] for k in range(a + 1, b + 1)]
         lengths = np.hypot(*along[a:b].T)
-        error, t, s = run(tuple(p - begin for p in passes), tuple(lengths.tolist()), top, accel, decel, at_rest, slack)
+        since = moment - begin if moment is not None and begin < moment < passes[-1] else None
+        error, t, s = run(tuple(p - begin for p in passes), tuple(lengths.tolist()), top, accel, decel, at_rest, slack, since)
         worst = max(worst, error)
         if not np.isfinite(error):
             break
@@ -191,9 +193,16 @@ def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ..
 
 @lru_cache(maxsize=65536)
 def run(
-    passes: tuple[float, ...], lengths: tuple[float, ...], top: float, accel: float, decel: float, at_rest: float, slack: float
+    passes: tuple[float, ...],
+    lengths: tuple[float, ...],
+    top: float,
+    accel: float,
+    decel: float,
+    at_rest: float,
+    slack: float,
+    farthest_at: float | None,
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """(least error of a lane, moments, places) of a run from rest, with visits at these moments."""
+    """(least error of a lane, moments, places) of a run from rest, with visits at these moments; farthest at one, or in sum."""
     nothing = np.zeros(0)
     if min(np.diff(passes, prepend=0.0)) <= 0:
         return np.inf, nothing, nothing
@@ -201,7 +210,7 @@ def run(
     n = int(np.ceil(end / GRID_S))
     t = np.linspace(0.0, end, n + 1)
     h = end / n
-    moments = np.array([0.0, *passes])
+    moments = np.array([0.0, *passes] if farthest_at is None else [0.0, *passes, farthest_at])
     cell = np.minimum((moments / h).astype(int), n - 1)
     since = moments - cell * h
     # place at a moment: trapezoids of the cells before, and a part of the one it is in, as sums of speeds [n + 1]
@@ -211,6 +220,7 @@ def run(
         weight[k, 1 : i + 1] += h / 2
         weight[k, i] += x - x * x / (2 * h)
         weight[k, i + 1] += x * x / (2 * h)
+    weight, farthest = weight[: len(passes) + 1], weight[len(passes) + 1 :]
     lanes = np.diff(weight, axis=0)
     rows = np.arange(n)
     change = np.zeros((n, n + 1))
@@ -227,7 +237,8 @@ def run(
         return error, nothing, nothing
     bounds[-1] = (0.0, error + 1e-5)
     sums = np.concatenate([np.cumsum(np.ones(n + 1)[::-1])[::-1], [0.0]])  # of all places, about
-    found = linprog(-sums, A_ub=less, b_ub=bound, bounds=bounds)
+    aim = sums if farthest_at is None else np.append(farthest[0], 0.0)
+    found = linprog(-aim, A_ub=less, b_ub=bound, bounds=bounds)
     if not found.success:
         return np.inf, nothing, nothing
     v = found.x[:-1]
@@ -249,7 +260,7 @@ def wrong_times(problem: Problem, faults: tuple[str, ...], motions: list[Motion]
     return found
 
 
-def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: list[Motion]) -> list[str]:
+def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: list[Motion], ways: list[Visits]) -> list[str]:
     end = max((float(m.t_s[-1]) for m in motions), default=0.0) + 0.5
     t = np.arange(0.0, end, SAMPLE_S)
     xy = [np.stack([np.interp(t, m.t_s, m.xy[:, axis]) for axis in (0, 1)], 1) for m in motions]
@@ -257,14 +268,14 @@ def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: li
     fleet, found = problem.fleet, []
     apart = float(fleet.separation_m) - CLOSE_M
     band = BAND_M + BAND_S * float(fleet.max_speed_mps.max())
-    said = {(m.robot, m.other): describe_meeting(m, problem) for m in reversed(meetings)}
+    said = {(m.robot, m.other): m for m in reversed(meetings)}
     for i, j in combinations(range(len(motions)), 2):
         if max(motions[i].error_m - motions[i].slack_m, motions[j].error_m - motions[j].slack_m) > -1e-3:
             continue  # who cannot drive his times is nowhere
         distance = np.hypot(*(xy[i] - xy[j]).T)
         least, k = float(distance.min()), int(distance.argmin())
-        if (i, j) in said and least > apart + band:
-            found.append(f"{said[i, j]}; sampled, they stay {least:.3f} m apart")
+        if (i, j) in said and least > apart + band and (then := distance_at(problem, said[i, j], ways)) > apart + band:
+            found.append(f"{describe_meeting(said[i, j], problem)}; sampled, they stay {least:.3f} m apart, {then:.3f} m then")
         if (i, j) not in said and least < apart - band:
             found.append(f"robots {i} and {j} come {least:.3f} m close at {t[k]:.2f} s, and the referee says nothing")
         near = np.flatnonzero(distance < 2 * float(fleet.radius_m[0]))
@@ -273,6 +284,15 @@ def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: li
             if shapely.intersects(*shapes).any():
                 found.append(f"the footprints of robots {i} and {j} overlap, and the referee says nothing")
     return found
+
+
+def distance_at(problem: Problem, meeting: Meeting, ways: list[Visits]) -> float:
+    """How far apart two robots are at the moment of a meeting when both are as far along as they can be then."""
+    there = []
+    for robot in (meeting.robot, meeting.other):
+        farthest = motion(problem, robot, tuple(ways[robot]), meeting.t_s)
+        there.append([float(np.interp(meeting.t_s, farthest.t_s, farthest.xy[:, axis])) for axis in (0, 1)])
+    return float(np.hypot(*np.subtract(*there)))
 
 
 def footprints(fleet: Fleet, robot: int, xy: np.ndarray, yaw: np.ndarray) -> np.ndarray:
