@@ -54,7 +54,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
     grants, following, rank, reached, granted = state.grants, visits.next, visits.rank, visits.reached, visits.granted
     cause, other, wanted, asked, on_lane = grants.cause, grants.other, grants.wanted, grants.asked_s, grants.on_lane
     allowed, claims, claimer, holder, held, turn = grants.allowed_m, grants.claims, grants.claimer, grants.holder, grants.held, grants.turn
-    turns, yaw, heading, earliest = visits.turns, state.motion.yaw_rad, visits.heading_rad, visits.earliest_s
+    turns, yaw, heading, earliest, due = visits.turns, state.motion.yaw_rad, visits.heading_rad, visits.earliest_s, visits.due_s
     lane, at, short_of = visits.lane, visits.at_m, visits.short_of_m
     first_need, resource, passage, passing, reverse = needs.first, needs.resource, needs.passage, needs.passing, visits.reverse
     pause, pause_for, home, s_m = state.yielding.pause, state.yielding.pause_for, state.home, state.motion.s_m
@@ -88,7 +88,8 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
             if turns[m] and yaw[r] != heading[k]:
                 cause[r] = TURNING
                 break
-            lead = 0.0 if standing else max(top[r] / decel[r], reach[r] / top[r])  # in time to drive through
+            stays = earliest[m] > due[m] + 1e-6  # it is planned to stop there
+            lead = 0.0 if standing or stays else max(top[r] / decel[r], reach[r] / top[r])  # in time to drive through
             if now < earliest[m] - lead - 1e-9:
                 cause[r] = PLANNED
                 break

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from worlds import BURGER, CART, cross, graph_of, least_distance_m, line, problem_of, random_grid, square_grid
 
+from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.plan import Plan, paths_of_plan
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.loop import simulate
@@ -18,6 +19,7 @@ from mrp_sumo.traffic.referee import judge
 
 STEP_S = ExecutionSettings().step_length_s
 CROSSING = [[3, 2, 1, 0, 7, 8, 9], [6, 5, 4, 0, 10, 11, 12]]  # from the east to the west, from the north to the south, at once
+FAST = RobotType("fast", 0.6, 0.6, 2.0, 0.5, 0.5, 1.57, 0.1)  # brakes for 4 s, over 4 m
 LATER = [[3, 2, 1, 0, 7, 8, 9], [6, 5, 4, 4, 0, 10, 11, 12]]
 
 
@@ -155,3 +157,14 @@ def test_who_passes_first_is_read_from_who_sets_out_first():
     retimed = retime(problem, plan, ExecutionSettings())
     again = retime(problem, Plan(retimed.first, retimed.vertex, retimed.arrive_s, retimed.depart_s), ExecutionSettings())
     assert again.arrive_s == pytest.approx(retimed.arrive_s)
+
+
+def test_robots_that_brake_for_seconds_stop_where_they_are_planned_to():
+    problem, plan = problem_of(line(12, 1.0), [list(range(12))], FAST)
+    plan = retime(problem, plan, ExecutionSettings())
+    later = np.where(np.arange(12) > 5, 6.0, 0.0)  # it stops halfway, for less than it takes to brake
+    stays = replace(plan, arrive_s=plan.arrive_s + later, depart_s=plan.depart_s + np.append(later[1:], 0.0), in_steps=None)
+    timed = ExecutionSettings(policy="adg_timed", engine="kinematic")
+    planned = retime(problem, stays, timed)
+    assert planned.depart_s[5] == pytest.approx(stays.depart_s[5], abs=STEP_S) and planned.depart_s[5] > planned.arrive_s[5]
+    assert np.abs(simulate(problem, planned, timed, None).arrived_s - planned.arrive_s).max() <= STEP_S + 1e-6
