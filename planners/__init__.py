@@ -9,6 +9,7 @@ PLUGINS = {
         "continuous": "planners.safe_interval.continuous:Continuous",
         "prioritised": "planners.safe_interval.prioritised:Prioritised",
         "cbs": "planners.conflict_based.cbs:Cbs",
+        "ccbs": "planners.safe_interval.ccbs:Ccbs",
         "cbs_ta": "planners.conflict_based.cbs_ta:CbsTa",
         "ecbs": "planners.conflict_based.ecbs:Ecbs",
         "ecbs_ta": "planners.conflict_based.ecbs_ta:EcbsTa",

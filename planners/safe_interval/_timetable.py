@@ -124,6 +124,12 @@ class Timetable:
             found.append((lane, moves.run_first.item(moves.course.item(ray)) + lanes - 1, left))
         return found
 
+    def search_around(self, robot: int, resource: IntArray, begin: IntArray, end: IntArray) -> Way | None:
+        """The earliest way of a robot that holds none of some resources from some step on until another [H]. The table has only these."""
+        self.clear()
+        self._reserve(-1, (resource, begin, end))
+        return self._search(self.table, robot, WHOLE, _table.FOREVER, 1.0)
+
     def passing(self, resource: int) -> IntArray:
         """The robots that hold a resource, in order."""
         begin = int(self.table.row[resource])
@@ -217,9 +223,13 @@ class Timetable:
 
     def _start_of(self, robot: int) -> tuple[IntArray, IntArray, IntArray]:
         """What a robot holds at its start as long as it is protected."""
-        moves, start = self.moves[0], self.problem.start[robot]
-        resource = moves.at[moves.at_first[start] : moves.at_first[start + 1]]
+        resource = self.needed_at(int(self.problem.start[robot]))
         return resource, np.zeros(len(resource), np.int64), np.full(len(resource), self._protected_steps)
+
+    def needed_at(self, vertex: int) -> IntArray:
+        """The resources that a robot at a vertex holds."""
+        moves = self.moves[0]
+        return moves.at[moves.at_first[vertex] : moves.at_first[vertex + 1]]
 
     def plan(self) -> Plan:
         """The ways as timed visits; all robots have one."""

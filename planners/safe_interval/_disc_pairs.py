@@ -1,0 +1,162 @@
+"""Kernel: what two discs cost at least that must not collide, by conflict-based search over both.
+
+It is the weight of an edge of the WDG heuristic (Li, Felner, Boyarski, Ma, Koenig, "Improved heuristics for multi-agent path finding with
+conflict-based search", IJCAI 2019).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+from planners.safe_interval._discs import Ways, add_rule, conflicts, copy_rules, find, lift, new_ways, rule_against, take, write_way
+
+EPS = 1e-6  # s
+MOST_CONFLICTS = 4  # that are looked at in a node
+
+
+class Pair(NamedTuple):
+    """Room for a tree of N nodes."""
+
+    parent: np.ndarray  # [N]
+    robot: np.ndarray  # [N] which of both has one rule more than at the parent
+    is_stay: np.ndarray  # [N] the rule
+    place: np.ndarray  # [N]
+    times: np.ndarray  # [N, 2]
+    way: np.ndarray  # [N, 2]
+    cost: np.ndarray  # [N, 2] s, inf: that robot has no way
+    bound: np.ndarray  # [N] s
+    child: np.ndarray  # [N] the first of two, 0: not known yet, -1: the node is a solution
+    heap: np.ndarray  # [N]
+    found: np.ndarray  # [MOST_CONFLICTS, 3]
+    ways: Ways
+
+
+def new_pair(nodes: int, moves: int) -> Pair:
+    """Room for so many nodes, and for moves of their ways."""
+    index = [np.zeros(nodes, np.int64) for _ in range(4)]
+    return Pair(
+        *index, np.zeros((nodes, 2)), np.zeros((nodes, 2), np.int64), np.zeros((nodes, 2)), np.zeros(nodes),
+        np.zeros(nodes, np.int64), np.zeros(nodes, np.int64), np.zeros((MOST_CONFLICTS, 3), np.int64), new_ways(moves),
+    )  # fmt: skip
+
+
+@kernel(allocates=False)
+def least_cost(lanes, left_s, start, goal, given, reach, pair, rules, scratch):
+    """A bound on the sum of costs of two robots, exact where there is room to find them.
+
+    Parameters
+    ----------
+    left_s, start, goal, given
+        Two each: see `_discs.find`.
+    rules
+        Room for all that one may not do.
+    """
+    pair.ways.first[0] = 0
+    pair.parent[0] = -1
+    used, made, count = 0, 1, 1
+    for k in range(2):
+        used, fits = add_way(lanes, left_s, start, goal, given, 0, k, pair, rules, scratch, used)
+        if not fits:
+            return 0.0
+    pair.bound[0] = pair.cost[0, 0] + pair.cost[0, 1]
+    pair.child[0] = pair.heap[0] = 0
+    while count:
+        n = take(pair.bound, pair.heap, count)
+        count -= 1
+        bound = pair.bound[n]
+        if not bound < np.inf:
+            return np.inf
+        if pair.child[n] == 0:
+            used, fits = split(lanes, left_s, start, goal, given, reach, n, made, pair, rules, scratch, used)
+            if not fits or pair.child[n] < 0:
+                return bound
+            made += 2
+            pair.bound[n] = max(bound, min(total(pair, made - 2), total(pair, made - 1)))
+            if pair.bound[n] > bound + EPS:
+                lift(pair.bound, pair.heap, count, n)
+                count += 1
+                continue
+        for c in range(pair.child[n], pair.child[n] + 2):
+            pair.bound[c] = max(pair.bound[n], total(pair, c))
+            if pair.bound[c] < np.inf:
+                pair.child[c] = 0
+                lift(pair.bound, pair.heap, count, c)
+                count += 1
+    return np.inf
+
+
+@kernel(allocates=False)
+def total(pair, n):
+    """What both cost at a node."""
+    return pair.cost[n, 0] + pair.cost[n, 1]
+
+
+@kernel(allocates=False)
+def split(lanes, left_s, start, goal, given, reach, node, made, pair, rules, scratch, used):
+    """Make the children (`made`, and the next) for that conflict of a node of which the cheaper one costs most.
+
+    Returns the number of ways by then, and whether there is room.
+    """
+    ways, best, chosen = pair.ways, -1.0, made
+    one, other = pair.way[node, 0], pair.way[node, 1]
+    num = conflicts(lanes, ways, one, other, reach, MOST_CONFLICTS, pair.found, 0)
+    if made + 4 > len(pair.parent):
+        return used, False
+    for c in range(num):
+        low = np.inf
+        for k in range(2):
+            n = chosen + k
+            is_stay, place, t0, t1 = rule_against(
+                lanes, ways, pair.found[c, 0], one, pair.found[c, 1], other, pair.found[c, 2], reach, k == 1
+            )
+            pair.parent[n], pair.robot[n], pair.is_stay[n], pair.place[n] = node, k, is_stay, place
+            pair.times[n, 0], pair.times[n, 1] = t0, t1
+            pair.way[n, 1 - k], pair.cost[n, 1 - k] = pair.way[node, 1 - k], pair.cost[node, 1 - k]
+            used, fits = add_way(lanes, left_s, start, goal, given, n, k, pair, rules, scratch, used)
+            if not fits:
+                return used, False
+            low = min(low, total(pair, n))
+        if low > best:
+            best = low
+            if chosen > made:
+                for k in range(2):
+                    copy_node(pair, chosen + k, made + k)
+        chosen = made + 2
+    pair.child[node] = made if num else -1
+    return used, True
+
+
+@kernel(allocates=False)
+def copy_node(pair, n, into):
+    """The same node under another number."""
+    pair.parent[into], pair.robot[into], pair.is_stay[into], pair.place[into] = (
+        pair.parent[n],
+        pair.robot[n],
+        pair.is_stay[n],
+        pair.place[n],
+    )
+    for k in range(2):
+        pair.times[into, k], pair.way[into, k], pair.cost[into, k] = pair.times[n, k], pair.way[n, k], pair.cost[n, k]
+
+
+@kernel(allocates=False)
+def add_way(lanes, left_s, start, goal, given, n, k, pair, rules, scratch, used):
+    """Let one of both drive at a node. Returns the number of ways by then, and whether there is room."""
+    base = given[0] if k == 0 else given[1]
+    copy_rules(base, rules)
+    at = n
+    while at > 0:
+        if pair.robot[at] == k:
+            if rules.count[pair.is_stay[at]] >= len(rules.lane):
+                return used, False
+            add_rule(rules, pair.is_stay[at], pair.place[at], pair.times[at, 0], pair.times[at, 1])
+        at = pair.parent[at]
+    entry = find(lanes, left_s[k], start[k], goal[k], rules, scratch)
+    if entry == -2:
+        return used, False
+    pair.cost[n, k] = scratch.arrived[entry] if entry >= 0 else np.inf
+    if entry >= 0 and not write_way(entry, scratch, start[k], used, pair.ways):
+        return used, False
+    pair.way[n, k] = used
+    return used + (1 if entry >= 0 else 0), True

@@ -1,0 +1,422 @@
+"""Kernels of discs that drive straight lanes at one speed: when two collide, and the earliest way of one that keeps off times.
+
+The moments at which one robot may set out relative to another without a collision are all but one interval, since the set of pairs of
+moments at which two discs on straight ways overlap is convex.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+
+NEVER = 1e15  # s: after all finite times; who leaves a vertex before this leaves it, who stays until inf is there to stay
+EPS = 1e-7  # s that two may be too close
+MOVES, STAYS_OTHER, STAYS_ONE = 0, 1, 2  # who moves in a conflict: both, the first, the second
+
+
+class Lanes(NamedTuple):
+    """The graph: V vertices, L lanes sorted by tail."""
+
+    first: np.ndarray  # [V + 1]
+    tail: np.ndarray  # [L]
+    head: np.ndarray  # [L]
+    xy: np.ndarray  # [V, 2] m
+    duration: np.ndarray  # [L] s
+
+
+class Ways(NamedTuple):
+    """Ways by number: W ways of K moves altogether."""
+
+    first: np.ndarray  # [W + 1]
+    start: np.ndarray  # [W] vertex
+    lane: np.ndarray  # [K]
+    left: np.ndarray  # [K] s, when the robot sets out
+
+
+def new_ways(room: int) -> Ways:
+    """No ways; room for so many, and for so many moves of them."""
+    index = [np.zeros(room, np.int64) for _ in range(3)]
+    return Ways(index[0], index[1], index[2], np.zeros(room))
+
+
+class Rules(NamedTuple):
+    """What one robot may not do: K departures and M stays, sorted; there may be room for more."""
+
+    count: np.ndarray  # [2] K and M
+    lane: np.ndarray  # [K] to which it may not depart
+    not_from: np.ndarray  # [K] s, from when on
+    not_until: np.ndarray  # [K] s, and until when
+    vertex: np.ndarray  # [M] at which it may not stay
+    begins: np.ndarray  # [M] s, if it has come before
+    lasts: np.ndarray  # [M] s, until this or longer
+
+
+class Scratch(NamedTuple):
+    """Room for a search of N entries."""
+
+    move_of: np.ndarray  # [L] the first forbidden departure, -1: none
+    stay_of: np.ndarray  # [V] the first forbidden stay, -1: none
+    leave_by: np.ndarray  # [M] s, of those who come before a forbidden stay begins
+    best: np.ndarray  # [V + M] s, earliest arrival by state
+    state: np.ndarray  # [N]
+    vertex: np.ndarray  # [N]
+    until: np.ndarray  # [N] s
+    arrived: np.ndarray  # [N] s
+    parent: np.ndarray  # [N]
+    lane: np.ndarray  # [N]
+    left: np.ndarray  # [N] s
+    key: np.ndarray  # [N] s
+    heap: np.ndarray  # [N]
+
+
+def new_scratch(num_vertices: int, num_lanes: int, room: int) -> Scratch:
+    """Room for so many entries and stays."""
+    index, moment = (lambda: np.zeros(room, np.int64)), (lambda: np.zeros(room))
+    return Scratch(
+        np.full(num_lanes, -1), np.full(num_vertices, -1), moment(), np.zeros(num_vertices + room),
+        index(), index(), moment(), moment(), index(), index(), moment(), moment(), index(),
+    )  # fmt: skip
+
+
+@kernel(allocates=False)
+def too_close_on(cx, cy, ux, uy, long, reach):
+    """When |c + u t| < reach, t from 0 to `long`: an interval, empty as (0, 0)."""
+    a, b, c = ux * ux + uy * uy, cx * ux + cy * uy, cx * cx + cy * cy - reach * reach
+    if a <= 0.0:
+        return (0.0, long) if c < 0.0 else (0.0, 0.0)
+    root = b * b - a * c
+    if root <= 0.0:
+        return 0.0, 0.0
+    root = np.sqrt(root)
+    low, high = max(0.0, (-b - root) / a), min(long, (-b + root) / a)
+    return (low, high) if low < high else (0.0, 0.0)
+
+
+@kernel(allocates=False)
+def passes(lanes, e, v, reach):
+    """When a robot on lane e is too close to vertex v, after it has set out: an open interval, empty as (0, 0)."""
+    a, b, long = lanes.tail[e], lanes.head[e], lanes.duration[e]
+    x, y = lanes.xy[v, 0], lanes.xy[v, 1]
+    if (
+        max(lanes.xy[a, 0], lanes.xy[b, 0]) + reach < x or min(lanes.xy[a, 0], lanes.xy[b, 0]) - reach > x
+        or max(lanes.xy[a, 1], lanes.xy[b, 1]) + reach < y or min(lanes.xy[a, 1], lanes.xy[b, 1]) - reach > y
+    ):  # fmt: skip
+        return 0.0, 0.0
+    ux, uy = (lanes.xy[b, 0] - lanes.xy[a, 0]) / long, (lanes.xy[b, 1] - lanes.xy[a, 1]) / long
+    return too_close_on(lanes.xy[a, 0] - x, lanes.xy[a, 1] - y, ux, uy, long, reach)
+
+
+@kernel(allocates=False)
+def collide(lanes, e, f, reach):
+    """How much later the one on lane f sets out than the one on lane e when they collide: an open interval, empty as (0, 0).
+
+    The extremes of t - s over the pairs of moments (t on e, s on f) at which they are too close: on a border of the rectangle of all
+    pairs, or where a line of equal t - s touches the ellipse.
+    """
+    a, b, c, d = lanes.tail[e], lanes.head[e], lanes.tail[f], lanes.head[f]
+    long, other_long = lanes.duration[e], lanes.duration[f]
+    ax, ay, cx, cy = lanes.xy[a, 0], lanes.xy[a, 1], lanes.xy[c, 0], lanes.xy[c, 1]
+    bx, by, dx, dy = lanes.xy[b, 0], lanes.xy[b, 1], lanes.xy[d, 0], lanes.xy[d, 1]
+    if (
+        max(ax, bx) + reach < min(cx, dx) or max(cx, dx) + reach < min(ax, bx)
+        or max(ay, by) + reach < min(cy, dy) or max(cy, dy) + reach < min(ay, by)
+    ):  # fmt: skip
+        return 0.0, 0.0
+    ux, uy, wx, wy = (bx - ax) / long, (by - ay) / long, (dx - cx) / other_long, (dy - cy) / other_long
+    low, high = np.inf, -np.inf
+    for at_end in range(2):
+        t = long if at_end else 0.0
+        t0, t1 = too_close_on(cx - ax - ux * t, cy - ay - uy * t, wx, wy, other_long, reach)
+        if t1 > t0:
+            low, high = min(low, t - t1), max(high, t - t0)
+        s = other_long if at_end else 0.0
+        t0, t1 = too_close_on(ax - cx - wx * s, ay - cy - wy * s, ux, uy, long, reach)
+        if t1 > t0:
+            low, high = min(low, t0 - s), max(high, t1 - s)
+    nx, ny = ux - wx, uy - wy
+    size = np.hypot(nx, ny)
+    if size > 1e-12:
+        nx, ny = nx / size, ny / size
+        px, py = ax - cx, ay - cy
+        slope = wx * ny - wy * nx
+        if abs(slope) > 1e-12:
+            for sign in (-1.0, 1.0):
+                delay = (sign * reach - (px * ny - py * nx)) / slope
+                t = -((px + wx * delay) * nx + (py + wy * delay) * ny) / size
+                if 0.0 <= t <= long and 0.0 <= t - delay <= other_long:
+                    low, high = min(low, delay), max(high, delay)
+    return (low, high) if low < high else (0.0, 0.0)
+
+
+@kernel(allocates=False)
+def conflicts(lanes, ways, one, other, reach, most, found, num):
+    """Write the conflicts of two ways to `found` from row `num` on, by time: kind, and which move or stay of each. Returns the new number.
+
+    Stay k of a way is the one before its move k. Rows are as many as there is room for.
+    """
+    a, b, c, d = ways.first[one], ways.first[one + 1], ways.first[other], ways.first[other + 1]
+    i, j = a, c  # moves of both, each after its stay
+    most = min(most + num, len(found))
+    while num < most:
+        begin, left = arrival(lanes, ways, one, i), ways.left[i] if i < b else np.inf
+        other_begin, other_left = arrival(lanes, ways, other, j), ways.left[j] if j < d else np.inf
+        end = left + lanes.duration[ways.lane[i]] if i < b else np.inf
+        other_end = other_left + lanes.duration[ways.lane[j]] if j < d else np.inf
+        if i < b and j < d and left < other_end and other_left < end:
+            low, high = collide(lanes, ways.lane[i], ways.lane[j], reach)
+            if low + EPS < other_left - left < high - EPS:
+                found[num, 0], found[num, 1], found[num, 2] = MOVES, i - a, j - c
+                num += 1
+        if i < b and num < most and left < other_left and other_begin < end and other_left > other_begin + EPS:
+            v = ways.start[other] if j == c else lanes.head[ways.lane[j - 1]]
+            low, high = passes(lanes, ways.lane[i], v, reach)
+            if high > low and other_begin < left + high - EPS and other_left > left + low + EPS:
+                found[num, 0], found[num, 1], found[num, 2] = STAYS_OTHER, i - a, j - c
+                num += 1
+        if j < d and num < most and other_left < left and begin < other_end and left > begin + EPS:
+            v = ways.start[one] if i == a else lanes.head[ways.lane[i - 1]]
+            low, high = passes(lanes, ways.lane[j], v, reach)
+            if high > low and begin < other_left + high - EPS and left > other_left + low + EPS:
+                found[num, 0], found[num, 1], found[num, 2] = STAYS_ONE, i - a, j - c
+                num += 1
+        if i >= b and j >= d:
+            break
+        if end <= other_end:
+            i += 1
+        else:
+            j += 1
+    return num
+
+
+@kernel(allocates=False)
+def arrival(lanes, ways, way, k):
+    """When a robot begins the stay before its move k (counted in all ways)."""
+    return 0.0 if k == ways.first[way] else ways.left[k - 1] + lanes.duration[ways.lane[k - 1]]
+
+
+@kernel(allocates=False)
+def conflicts_with_all(lanes, ways, one, others, reach, most, found, of):
+    """The conflicts of a way with others [N]; `of` says with which of them. Returns how many."""
+    num = 0
+    for k in range(len(others)):
+        before = num
+        num = conflicts(lanes, ways, one, others[k], reach, most, found, num)
+        of[before:num] = k
+    return num
+
+
+@kernel(allocates=False)
+def lift(key, heap, count, entry):
+    """Add an entry to a binary heap of `count`, the smallest key on top."""
+    k = count
+    while k > 0:
+        up = (k - 1) >> 1
+        if key[heap[up]] <= key[entry]:
+            break
+        heap[k] = heap[up]
+        k = up
+    heap[k] = entry
+
+
+@kernel(allocates=False)
+def take(key, heap, count):
+    """Take the entry with the smallest key away."""
+    top, entry, last, k = heap[0], heap[count - 1], count - 1, 0
+    while True:
+        down = 2 * k + 1
+        if down >= last:
+            break
+        if down + 1 < last and key[heap[down + 1]] < key[heap[down]]:
+            down += 1
+        if key[heap[down]] >= key[entry]:
+            break
+        heap[k] = heap[down]
+        k = down
+    heap[k] = entry
+    return top
+
+
+@kernel(allocates=False)
+def find(lanes, left_s, start, goal, rules, scratch):
+    """The earliest way to a goal, to stay, for a robot that is at its start from 0 on.
+
+    A vertex has windows of arrival; in each a robot must have left by some time. At rest it may wait, so within a window the earlier of
+    two arrivals is as good as the later (Phillips, Likhachev, ICRA 2011).
+
+    Parameters
+    ----------
+    left_s
+        [V] to the goal without others, inf: none.
+
+    Returns
+    -------
+    int
+        The entry at the goal, -1: no way, -2: no room.
+    """
+    num_moves, num_stays, num_vertices = rules.count[0], rules.count[1], len(lanes.first) - 1
+    if num_stays > len(scratch.leave_by):
+        return -2
+    for k in range(num_moves - 1, -1, -1):
+        scratch.move_of[rules.lane[k]] = k
+    for k in range(num_stays - 1, -1, -1):
+        v = rules.vertex[k]
+        later = k + 1 < num_stays and rules.vertex[k + 1] == v
+        scratch.leave_by[k] = min(rules.lasts[k], scratch.leave_by[k + 1]) if later else rules.lasts[k]
+        scratch.stay_of[v] = k
+    scratch.best[: num_vertices + num_stays] = np.inf
+    found = search(lanes, left_s, start, goal, rules, scratch)
+    for k in range(num_moves):
+        scratch.move_of[rules.lane[k]] = -1
+    for k in range(num_stays):
+        scratch.stay_of[rules.vertex[k]] = -1
+    return found
+
+
+@kernel(allocates=False)
+def search(lanes, left_s, start, goal, rules, scratch):
+    """See `find`."""
+    num_moves, num_stays, num_vertices = rules.count[0], rules.count[1], len(lanes.first) - 1
+    window = scratch.stay_of[start]
+    while 0 <= window < num_stays and rules.vertex[window] == start and rules.begins[window] <= 0.0:
+        window += 1
+    inside = 0 <= window < num_stays and rules.vertex[window] == start
+    scratch.state[0] = num_vertices + window if inside else start
+    scratch.until[0] = scratch.leave_by[window] if inside else np.inf
+    scratch.vertex[0], scratch.arrived[0], scratch.parent[0], scratch.lane[0], scratch.key[0] = start, 0.0, -1, -1, left_s[start]
+    scratch.best[scratch.state[0]] = 0.0
+    scratch.heap[0] = 0
+    if not np.isfinite(left_s[start]):
+        return -1
+    entries = count = 1
+    while count:
+        n = take(scratch.key, scratch.heap, count)
+        count -= 1
+        v, t, until = scratch.vertex[n], scratch.arrived[n], scratch.until[n]
+        if t > scratch.best[scratch.state[n]]:
+            continue
+        if v == goal and until == np.inf:
+            return n
+        for e in range(lanes.first[v], lanes.first[v + 1]):
+            w = lanes.head[e]
+            if not np.isfinite(left_s[w]):
+                continue
+            window, since = scratch.stay_of[w], 0.0
+            while True:
+                inside = 0 <= window < num_stays and rules.vertex[window] == w
+                before = rules.begins[window] if inside else np.inf
+                at = max(t, since - lanes.duration[e])
+                m = scratch.move_of[e]
+                while 0 <= m < num_moves and rules.lane[m] == e and rules.not_from[m] <= at:
+                    if at < rules.not_until[m]:
+                        at = rules.not_until[m]
+                    m += 1
+                there, stays_until = at + lanes.duration[e], scratch.leave_by[window] if inside else np.inf
+                state = num_vertices + window if inside else w
+                if at >= until:
+                    break
+                if there < before and there < stays_until and there < scratch.best[state]:
+                    if entries >= len(scratch.heap):
+                        return -2
+                    scratch.best[state] = there
+                    scratch.state[entries], scratch.vertex[entries], scratch.until[entries] = state, w, stays_until
+                    scratch.arrived[entries], scratch.parent[entries] = there, n
+                    scratch.lane[entries], scratch.left[entries] = e, at
+                    scratch.key[entries] = there + left_s[w]
+                    lift(scratch.key, scratch.heap, count, entries)
+                    entries += 1
+                    count += 1
+                if not inside:
+                    break
+                since = before
+                window += 1
+    return -1
+
+
+@kernel(allocates=False)
+def write_way(entry, scratch, start, way, ways):
+    """Add the way that led to an entry under this number, the next one. Returns whether there is room."""
+    num, n, begin = 0, entry, ways.first[way]
+    while scratch.parent[n] >= 0:
+        num += 1
+        n = scratch.parent[n]
+    if begin + num > len(ways.lane) or way + 2 > len(ways.first):
+        return False
+    n = entry
+    for k in range(begin + num - 1, begin - 1, -1):
+        ways.lane[k], ways.left[k] = scratch.lane[n], scratch.left[n]
+        n = scratch.parent[n]
+    ways.start[way], ways.first[way + 1] = start, begin + num
+    return True
+
+
+@kernel
+def new_rules(moves, stays):
+    """No rules, with room for so many."""
+    return Rules(
+        np.zeros(2, np.int64), np.zeros(moves, np.int64), np.zeros(moves), np.zeros(moves), np.zeros(stays, np.int64), np.zeros(stays),
+        np.zeros(stays),
+    )  # fmt: skip
+
+
+@kernel
+def with_rule(rules, is_stay, place, t0, t1):
+    """The rules and one more."""
+    num_moves, num_stays = rules.count[0], rules.count[1]
+    new = new_rules(num_moves + 1 - is_stay, num_stays + is_stay)
+    copy_rules(rules, new)
+    add_rule(new, is_stay, place, t0, t1)
+    return new
+
+
+@kernel(allocates=False)
+def copy_rules(rules, into):
+    """The same rules in other arrays."""
+    num_moves, num_stays = rules.count[0], rules.count[1]
+    into.count[0], into.count[1] = num_moves, num_stays
+    for k in range(num_moves):
+        into.lane[k], into.not_from[k], into.not_until[k] = rules.lane[k], rules.not_from[k], rules.not_until[k]
+    for k in range(num_stays):
+        into.vertex[k], into.begins[k], into.lasts[k] = rules.vertex[k], rules.begins[k], rules.lasts[k]
+
+
+@kernel(allocates=False)
+def add_rule(rules, is_stay, place, t0, t1):
+    """Insert one: a stay at a vertex (begins, lasts), or a departure to a lane (from, until)."""
+    k = rules.count[is_stay]
+    rules.count[is_stay] = k + 1
+    if is_stay:
+        sort_in(rules.vertex, rules.begins, rules.lasts, k, place, t0, t1)
+    else:
+        sort_in(rules.lane, rules.not_from, rules.not_until, k, place, t0, t1)
+
+
+@kernel(allocates=False)
+def sort_in(where, first, second, k, place, t0, t1):
+    """Insert one row into k, which are sorted by the first two columns."""
+    while k > 0 and (where[k - 1] > place or (where[k - 1] == place and first[k - 1] > t0)):
+        where[k], first[k], second[k] = where[k - 1], first[k - 1], second[k - 1]
+        k -= 1
+    where[k], first[k], second[k] = place, t0, t1
+
+
+@kernel(allocates=False)
+def rule_against(lanes, ways, kind, one, i, other, j, reach, second):
+    """What a conflict forbids the first of two robots, or the second: is_stay, place, two times (see `Rules`).
+
+    Each pair of an action that is forbidden the one and one that is forbidden the other collides. Where both move, either may not depart
+    until it no longer collides with the other's departure as it is. Where one stays, the mover may not depart until the stay is over; the
+    other may not begin a stay before the mover has passed that lasts as long as it lasts now.
+    """
+    a, b = ways.first[one] + i, ways.first[other] + j
+    if kind == MOVES:
+        e, f, t, u = ways.lane[a], ways.lane[b], ways.left[a], ways.left[b]
+        low, high = collide(lanes, e, f, reach)
+        return (0, f, u, t + high) if second else (0, e, t, u - low)
+    if kind == STAYS_ONE:
+        one, other, a, b, second = other, one, b, a, not second
+    e, t = ways.lane[a], ways.left[a]
+    v = ways.start[other] if b == ways.first[other] else lanes.head[ways.lane[b - 1]]
+    until = ways.left[b] if b < ways.first[other + 1] else np.inf
+    low, high = passes(lanes, e, v, reach)
+    return (1, v, t + high, min(until, NEVER)) if second else (0, e, t, until - low)

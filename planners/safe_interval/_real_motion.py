@@ -1,0 +1,113 @@
+"""The robots' real motion, for conflict-based search: ways of `Timetable`, which conflict where two hold one resource in one step."""
+
+from collections.abc import Sequence
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from planners.safe_interval import _table
+from planners.safe_interval._conflict_tree import Conflict, OutOfTime, Tree
+from planners.safe_interval._first_ways import first_ways
+from planners.safe_interval._improvement import Improvement
+from planners.safe_interval._overlaps import overlaps
+from planners.safe_interval._timetable import Timetable, Way
+
+Held = tuple[tuple[int, int], ...]  # (resource, step) that a robot may not hold
+
+ORDERS = 16  # of robots that are tried
+MOST_FIRST = 1_000_000  # entries in which first ways are looked for
+NEIGHBOURHOOD, ENTRIES = 6, 1000  # see `continuous`
+MOST_NODES = 100  # of a tree over two robots
+MOST_OVERLAPS = 4096
+
+
+class RealMotion:
+    """A problem in the robots' own motion, with the ways that have been found in it."""
+
+    nothing: Held = ()
+
+    def __init__(self, problem: Problem, step_length_s: float, deadline_s: float) -> None:
+        self.problem = problem
+        self._timetable, self._deadline_s = Timetable(problem, step_length_s), deadline_s
+        self._ways: list[Way] = []
+        self._found = np.zeros((MOST_OVERLAPS, 3), np.int64)
+
+    def clash(self) -> str:
+        """Who stands at its goal for ever in somebody's way there."""
+        timetable, problem = self._timetable, self.problem
+        for robot in range(timetable.num_robots):
+            if perf_counter() > self._deadline_s:
+                raise OutOfTime
+            timetable.look_back(robot)
+        for what, place in (("start", problem.start), ("have to end", problem.target)):
+            holder: dict[int, int] = {}
+            for robot, v in enumerate(place.tolist()):
+                for resource in timetable.needed_at(v).tolist():
+                    other = holder.setdefault(resource, robot)
+                    if other != robot:
+                        names, label = problem.fleet.robot_name, problem.graph.label
+                        both = f"'{label(int(place[other]))}' and '{label(v)}'"
+                        return f"{names[other]} and {names[robot]} {what} at {both}, which are too close to each other"
+        return ""
+
+    def search(self, robot: int, forbidden: Held) -> int | None:
+        """The earliest way of a robot."""
+        resource, step = (np.array([place[k] for place in forbidden], np.int64) for k in range(2))
+        way = self._timetable.search_around(robot, resource, step, step + 1)
+        if way is None:
+            return None
+        self._ways.append(way)
+        return len(self._ways) - 1
+
+    def cost_s(self, way: int) -> float:
+        """When the robot stands at its goal."""
+        return self._ways[way].steps * self._timetable.dt
+
+    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[Conflict]:
+        """The first and the longest overlap with each other robot, of what both hold."""
+        found = []
+        one = self._ways[way]
+        for other, its in zip(others, their_ways):
+            two = self._ways[its]
+            num = overlaps(one.resource, one.begin, one.end, two.resource, two.begin, two.end, self._found)
+            if num:
+                resource, begin, end = self._found[:num].T
+                chosen = {int(np.argmin(begin)), int(np.argmax(np.minimum(end, _table.FOREVER - 1) - begin))}
+                found += [Conflict(robot, other, way, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
+        return found
+
+    def split(self, conflict: Conflict, ours: Held, theirs: Held) -> tuple[Held, Held]:
+        """Neither may hold the resource in the last step in which both do."""
+        place = conflict.what[0], conflict.what[1]
+        return (*ours, place), (*theirs, place)
+
+    def least_cost_s(self, robot: int, other: int, ours: Held, theirs: Held) -> float:
+        """What two robots cost at least that must not conflict, by a tree of their own."""
+        tree = Tree(self, (robot, other), self._deadline_s, pairs=False)
+        tree.best_first([ours, theirs], MOST_NODES)
+        return tree.bound_s
+
+    def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
+        """Ways without conflicts, not the best: those of `continuous`."""
+        timetable = self._timetable
+        by_length = np.argsort(timetable.alone, kind="stable")
+        for k in range(ORDERS):
+            order = by_length if k == 0 else rng.permutation(timetable.num_robots)
+            if first_ways(timetable, order, (k + 1) * 2 * timetable.steps_of_a_lane, deadline_s, timetable.work + MOST_FIRST):
+                break
+        else:
+            return None
+        if timetable.steps.sum() * timetable.dt > enough_s and perf_counter() < deadline_s:
+            Improvement(timetable, NEIGHBOURHOOD, rng).until(deadline_s, ENTRIES * timetable.num_robots)
+        ways = [way for way in timetable.way if way is not None]
+        self._ways += ways
+        return list(range(len(self._ways) - len(ways), len(self._ways)))
+
+    def plan(self, their_ways: Sequence[int]) -> Plan:
+        """The robots' ways as timed visits."""
+        self._timetable.clear()
+        for robot, way in enumerate(their_ways):
+            self._timetable.add(robot, self._ways[way])
+        return self._timetable.plan()

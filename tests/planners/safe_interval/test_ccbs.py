@@ -1,0 +1,194 @@
+"""Continuous-time CBS: as cheap as slow truth, within w of it, and never too close whenever one looks."""
+
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+from scipy.optimize import LinearConstraint, milp
+from scipy.spatial.distance import pdist
+from worlds import BURGER, graph_of, line, square_grid
+
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.plan import Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
+from mrp_sumo.planning.registry import planner
+
+pytestmark = pytest.mark.kernel
+
+RADIUS_M = 0.3
+LATE = 1000.0
+
+
+def problem_of(graph, start, goal):
+    return Problem(graph, fleet_of(BURGER, len(start)), np.array(start), np.array(goal), np.arange(len(start)), 3.0)
+
+
+def made(name="ccbs", **parameters):
+    chosen = planner(name, parameters)
+    chosen.prepare()
+    return chosen
+
+
+def solved(problem, **parameters):
+    result = made(**parameters).plan(problem, 60.0)
+    assert result.status is Status.SOLVED, result.message
+    return result
+
+
+def random_problem(seed, robots):
+    """Seven vertices anywhere in 4 x 4 m that are not too close, joined at random."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 4, (1, 2))
+    while len(xy) < 7:
+        point = rng.uniform(0, 4, 2)
+        if np.hypot(*(xy - point).T).min() > 2.2 * RADIUS_M:
+            xy = np.vstack([xy, point])
+    tree = [(int(rng.integers(k)), k) for k in range(1, 7)]
+    pairs = dict.fromkeys([*tree, *(tuple(sorted(rng.choice(7, 2, replace=False).tolist())) for _ in range(3))])
+    return problem_of(graph_of(xy, list(pairs)), rng.permutation(7)[:robots], rng.permutation(7)[:robots])
+
+
+def walks(graph, start, goal, most_m):
+    """All ways from start to goal up to a length, as lists of vertices."""
+    found, open_ = [], [([start], 0.0)]
+    while open_:
+        way, long = open_.pop()
+        if way[-1] == goal:
+            found.append((long, way))
+        for lane in range(graph.first[way[-1]], graph.first[way[-1] + 1]):
+            longer = long + float(graph.length_m[lane])
+            open_ += [([*way, int(graph.head[lane])], longer)] * (longer <= most_m and len(way) < 7)
+    return found
+
+
+def too_close_after(p, q, velocity, other_velocity, long, other_long):
+    """(low, high) of how much later the second sets out when they collide, by looking closely; None where never."""
+    delay = np.linspace(-other_long, long, 4001)
+    begin, end = np.maximum(0, delay), np.minimum(long, delay + other_long)
+    gap = np.asarray(p) - q + delay[:, None] * other_velocity
+    slope = velocity - other_velocity
+    at = np.clip(-(gap @ slope) / max(slope @ slope, 1e-12), begin, end)
+    close = delay[np.hypot(*(gap + at[:, None] * slope).T) < 2 * RADIUS_M]
+    return (close[0], close[-1]) if len(close) else None
+
+
+def least_cost(graph, ways):
+    """The least sum of arrivals of robots on given ways: departures and arrivals as a mixed integer linear program."""
+    first = np.cumsum([0, *(len(way) - 1 for way in ways)])
+    num = int(first[-1])
+    rows, low, cost = [], [], np.zeros(num)
+
+    def at_least(plus, minus, by, switch=None):
+        """Departure `plus` less departure `minus` is at least `by`, if the switch (number, value) is set; None stands for 0."""
+        rows.append(({k: sign for k, sign in ((plus, 1.0), (minus, -1.0)) if k is not None}, switch))
+        low.append(by)
+
+    pieces, constant = [], 0.0
+    for r, way in enumerate(ways):
+        xy = graph.xy[way]
+        long = np.hypot(*np.diff(xy, axis=0).T)
+        for k in range(len(way) - 1):
+            at_least(first[r] + k, first[r] + k - 1 if k else None, long[k - 1] if k else 0.0)
+            pieces.append((r, "move", first[r] + k, xy[k], (xy[k + 1] - xy[k]) / long[k], long[k]))
+        for k in range(len(way)):
+            before, after = (first[r] + k - 1 if k else None), (first[r] + k if k < len(way) - 1 else None)
+            pieces.append((r, "stay", before, after, xy[k], long[k - 1] if k else 0.0))
+        if len(way) > 1:
+            cost[first[r + 1] - 1] = 1.0
+            constant += long[-1]
+    switches = 0
+    for one, two in combinations(pieces, 2):
+        if one[0] == two[0] or one[1] == two[1] == "stay":
+            continue
+        if one[1] == two[1] == "move":
+            found = too_close_after(one[3], two[3], one[4], two[4], one[5], two[5])
+            if found:
+                at_least(two[2], one[2], found[1], (switches, 0))
+                at_least(one[2], two[2], -found[0], (switches, 1))
+                switches += 1
+            continue
+        move, stay = (one, two) if one[1] == "move" else (two, one)
+        t = np.linspace(0, move[5], 2001)
+        close = t[np.hypot(*(move[3] + t[:, None] * move[4] - stay[4]).T) < 2 * RADIUS_M]
+        if len(close):  # the stay begins after the mover has passed, or ends before
+            begins, ends = stay[2] is not None, stay[3] is not None
+            at_least(*((stay[2], move[2], close[-1] - stay[5]) if begins else (None, None, LATE / 2)), (switches, 0))
+            at_least(*((move[2], stay[3], -close[0]) if ends else (None, None, LATE / 2)), (switches, 1))
+            switches += 1
+    matrix, bound = np.zeros((len(rows), num + switches)), np.array(low)
+    for i, (row, switch) in enumerate(rows):
+        for k, value in row.items():
+            matrix[i, k] = value
+        if switch is not None:  # off by LATE where the switch says so
+            matrix[i, num + switch[0]] = LATE if switch[1] == 0 else -LATE
+            bound[i] -= 0.0 if switch[1] == 0 else LATE
+    found = milp(
+        np.append(cost, np.zeros(switches)),
+        constraints=LinearConstraint(matrix, bound, np.inf),
+        integrality=np.append(np.zeros(num), np.ones(switches)),
+        bounds=(0, np.append(np.full(num, LATE / 4), np.ones(switches))),
+    )
+    return found.fun + constant if found.success else np.inf
+
+
+@pytest.mark.parametrize(("seed", "robots"), [(3, 2), (7, 2), (10, 2), (12, 2), (15, 2), (104, 3)])
+def test_discs_cost_what_the_best_of_all_ways_costs(seed, robots):
+    problem = random_problem(seed, robots)
+    cost = solved(problem, motion="unit", radius_m=RADIUS_M).stats["cost_s"]
+    truth = np.inf
+    both = [walks(problem.graph, int(s), int(g), cost + 0.01) for s, g in zip(problem.start, problem.target)]
+    for ways in sorted(product(*both), key=lambda ways: sum(long for long, _ in ways)):
+        if sum(long for long, _ in ways) < min(truth, cost + 0.01):
+            truth = min(truth, least_cost(problem.graph, [way for _, way in ways]))
+    assert truth == pytest.approx(cost, abs=0.02)
+    bounded = solved(problem, motion="unit", radius_m=RADIUS_M, w=1.3)
+    assert cost - 1e-6 <= bounded.stats["cost_s"] <= 1.3 * cost
+
+
+@pytest.mark.parametrize("w", [1.0, 1.2])
+def test_discs_are_never_too_close(w):
+    solutions = 0
+    for seed in range(100, 108):
+        problem = random_problem(seed, 3)
+        found = made(motion="unit", radius_m=RADIUS_M, w=w, max_nodes=500).plan(problem, 60.0)
+        if found.plan is None:
+            continue
+        solutions += 1
+        plan, t = found.plan, np.arange(0, found.plan.end_s.max() + 0.1, 0.01)
+        places = []
+        for r in range(3):
+            visits = slice(plan.first[r], plan.first[r + 1])
+            times = np.stack([plan.arrive_s[visits], np.minimum(plan.depart_s[visits], 1e6)], 1).ravel()
+            xy = np.repeat(problem.graph.xy[plan.vertex[visits]], 2, axis=0)
+            places.append(np.stack([np.interp(t, times, xy[:, 0]), np.interp(t, times, xy[:, 1])], 1))
+        assert min(pdist(at).min() for at in np.stack(places, 1)) > 2 * RADIUS_M - 1e-6
+    assert solutions >= 4
+
+
+def test_real_motion_is_drivable_and_costs_no_more_than_pbs_and_continuous():
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        graph = square_grid(4)
+        problem = problem_of(graph, rng.permutation(16)[:4], rng.permutation(16)[:4])
+        best = solved(problem)
+        others = [made(name).plan(problem, 60.0).stats["cost_s"] for name in ("pbs", "continuous")]
+        verdict = judge_in_seconds(problem, best.plan)
+        assert not verdict.faults
+        assert not verdict.meetings
+        assert best.stats["cost_s"] <= min(others) + 1e-6
+        assert best.stats["lower_bound_s"] == pytest.approx(best.stats["cost_s"])
+
+
+@pytest.mark.parametrize("parameters", [{"w": 0.9}, {"motion": "brownian"}, {"radius_m": -1.0}, {"speed_mps": 0.0}, {"max_nodes": 0}])
+def test_parameters_that_mean_nothing_are_refused(parameters):
+    with pytest.raises(ScenarioError, match=next(iter(parameters))):
+        planner("ccbs", parameters)
+
+
+def test_goals_too_close_for_discs_are_named():
+    problem = problem_of(line(4), [0, 3], [1, 2])
+    found = made(motion="unit", radius_m=RADIUS_M).plan(problem, 10.0)
+    assert found.status is Status.INFEASIBLE
+    assert "robot_0 and robot_1 have to end at 'v1' and 'v2', which are too close" in found.message
