@@ -37,7 +37,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         "cost",
         _count(m["soc_steps"], "steps (sum of costs)"),
         _count(m["cost_steps"], "cells (paper's count)"),
-        _count(m["lower_bound_steps"] or None, "steps lower bound"),  # 0: the planner proves nothing
+        # 0: the planner proves nothing; plans in seconds have no steps to compare with
+        _count(None if m["soc_steps"] is None else m["lower_bound_steps"] or None, "steps lower bound"),
     )
     if m["tasks_done"] is not None:
         yield "tasks", f"{m['tasks_done']} done, {m['tasks_open']} open", _count(m["throughput_per_h"], "an hour")

@@ -104,9 +104,14 @@ class Ccbs:
             status,
             plan=motion.plan(ways) if ways else None,
             planning_time_s=perf_counter() - began,
+            lower_bound_steps=self._sure_s(stats["lower_bound_s"], problem.num_robots) / problem.step_s,
             stats=stats | ({"cost_s": sum(map(motion.cost_s, ways))} if ways else {}),
             message=message,
         )
+
+    def _sure_s(self, bound_s: float, num_robots: int) -> float:
+        """The bound on arrivals of robots: they are there up to a step before they stand. None of discs holds for robots."""
+        return max(0.0, bound_s - num_robots * self.step_length_s) if self.motion == "real" else 0.0
 
     def _motion(self, problem: Problem, deadline_s: float) -> "Motion":
         from planners.safe_interval._real_motion import RealMotion
