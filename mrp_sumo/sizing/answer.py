@@ -238,8 +238,8 @@ def _of_peak(found: Limits, sizes: tuple[int, int]) -> str:
         return f"{_robots(found.curve.best)} do {best.value:.0f} orders an hour; other fleets were not tried."
     if peak.estimate is None:
         return f"More robots bring more up to {found.curve.best}, the most that were tried: {best.value:.0f} orders an hour there."
-    within = f"between {peak.low} and {peak.high}" if peak.high is not None else f"{peak.low} or more"
-    text = f"Up to {peak.estimate} robots are worth having (the most throughput is {within}): {best.value:.0f} orders an hour."
+    within = f"between {peak.low} and {peak.high}" if peak.high is not None else f"at {peak.low} or more"
+    text = f"Up to {peak.estimate} robots are worth having (the peak lies {within}): {best.value:.0f} orders an hour."
     if knee.estimate is not None and knee.estimate < peak.estimate:
         text += f" {knee.estimate} robots do 95 % of that" + (f" ({_between(knee)})." if _between(knee) != str(knee.estimate) else ".")
     return text

@@ -205,9 +205,9 @@ def _peak(curve: Curve) -> Bracket:
         return Bracket(None, best, None)  # it still rises at the last size
     tests = [compared(curve.points[best], curve.points[n]) for n in others]
     worse = {n for n, p, test in zip(others, holm([t.p_value for t in tests]), tests) if p < 0.05 and test.difference.value < 0}
-    low = max((n for n in worse if n < best), default=None)
+    below = [n for n in curve.sizes if n < best and (n in worse or side(curve, n) < 0)]  # the peak is not below the knee
     high = min((n for n in worse if n > best), default=None)
-    return Bracket(best, curve.sizes[0] if low is None else low + 1, None if high is None else high - 1)
+    return Bracket(best, below[-1] + 1 if below else curve.sizes[0], None if high is None else high - 1)
 
 
 def _knee(curve: Curve) -> Bracket:

@@ -107,11 +107,12 @@ def _one_more(option: str, name: str, amount: str, question: Question, nav: NavG
 
 
 def _unused(tasks: TasksChoice, nav: NavGraph, have: Sequence[str], count: int) -> list[str]:
-    """The vertices nearest to a station's that no station uses."""
+    """The vertices nearest to a station's that no station uses; dead ends first, where robots that are served stand in nobody's way."""
     used = {v for station in tasks.stations.values() for v in (*station.places, *station.queue)}
     used |= {member for members in tasks.groups.values() for member in members}
     at = [nav.vertex_of_name[v] for name in have for v in (tasks.stations[name].places if name in tasks.stations else [name])]
     away_m = np.hypot(*(nav.xy[:, None] - nav.xy[at]).transpose(2, 0, 1)).min(1)
     same = np.isin(nav.level, nav.level[at]) & (nav.component == nav.component[at[0]])
-    free = [v for v in np.argsort(away_m, kind="stable").tolist() if same[v] and nav.label(v) not in used and f"v{v}" not in used]
+    order = np.lexsort((away_m, np.diff(nav.first) > 1))
+    free = [v for v in order.tolist() if same[v] and nav.label(v) not in used and f"v{v}" not in used]
     return [nav.label(v) for v in free[:count]]
