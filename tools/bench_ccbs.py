@@ -1,0 +1,90 @@
+"""Measures `ccbs` on the literature's roadmaps, beside the published figures.
+
+    python tools/bench_ccbs.py                             sparse, 25 robots, 25 tasks of 30 s, optimal
+    python tools/bench_ccbs.py --w 1.05 --robots 20        within 5 %, 20 robots
+    python tools/bench_ccbs.py --roadmap dense --tasks 1 2 another roadmap, some of its tasks
+    python tools/bench_ccbs.py --json                      a line a task, for machines
+
+The roadmaps are those of Andreychuk et al. (MIT licence): a zip of `<roadmap>/map.xml` and `<roadmap>/<k>_task.xml`, with `--zip`.
+Robots are discs of 0.353553 m at unit speed.
+"""
+
+import argparse
+import io
+import json
+import time
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.registry import planner
+
+ROADMAPS = Path(__file__).resolve().parents[2] / "shared/reference/data/ccbs/roadmaps.zip"
+DISC = RobotType("disc", 0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.0)
+RADIUS_M = 0.353553
+LEAST_M = 1e-6  # two vertices are at one place
+PUBLISHED = {"sparse": (25, 25, 23, 17, 6), "dense": (25, 25, 24, 19, 7), "super-dense": (25, 23, 14, 9, 1)}  # of 25, 5 to 25 robots
+
+
+def read_roadmap(text: bytes) -> PlanGraph:
+    """Vertices and lanes of a graphml file."""
+    root, spaces = ElementTree.parse(io.BytesIO(text)).getroot(), {"g": "http://graphml.graphdrawing.org/xmlns"}
+    nodes = root.findall(".//g:node", spaces)
+    number = {node.get("id"): k for k, node in enumerate(nodes)}
+    xy = np.array([[float(x) for x in node.findtext("g:data", "", spaces).split(",")] for node in nodes])
+    edges = [(number[edge.get("source")], number[edge.get("target")]) for edge in root.iterfind(".//g:edge", spaces)]
+    lanes = np.array(list(dict.fromkeys(edges)))
+    length_m = np.maximum(np.hypot(*(xy[lanes[:, 1]] - xy[lanes[:, 0]]).T), LEAST_M)
+    return plan_graph(nav_graph(name="roadmap", xy=xy, lanes=lanes, length_m=length_m), kind="roadmap", cell_m=1.0)
+
+
+def read_tasks(text: bytes, num_robots: int) -> IntArray:
+    """[2, R] starts and goals of the first robots."""
+    agents = ElementTree.fromstring(text).findall("agent")[:num_robots]
+    return np.array([[int(agent.get(key, "")) for agent in agents] for key in ("start_id", "goal_id")], np.int64)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--zip", type=Path, default=ROADMAPS)
+    parser.add_argument("--roadmap", choices=PUBLISHED, default="sparse")
+    parser.add_argument("--robots", type=int, default=25)
+    parser.add_argument("--tasks", type=int, nargs="*", default=range(1, 26))
+    parser.add_argument("--w", type=float, default=1.0)
+    parser.add_argument("--time-limit", type=float, default=30.0)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    if not options.zip.exists():
+        parser.error(f"{options.zip} is not there; name the roadmaps with --zip")
+    archive = zipfile.ZipFile(options.zip)
+    graph = read_roadmap(archive.read(f"{options.roadmap}/map.xml"))
+    chosen = planner("ccbs", {"motion": "unit", "radius_m": RADIUS_M, "w": options.w})
+    chosen.prepare()
+    solved = 0
+    for k in options.tasks:
+        start, goal = read_tasks(archive.read(f"{options.roadmap}/{k}_task.xml"), options.robots)
+        problem = Problem(graph, fleet_of(DISC, len(start)), start, goal, np.arange(len(start)), 1.0)
+        begun = time.process_time()
+        result = chosen.plan(problem, options.time_limit)
+        cpu_s, stats = time.process_time() - begun, result.stats
+        solved += result.plan is not None
+        cost_s, bound_s = stats.get("cost_s"), stats["lower_bound_s"]
+        row = {"task": k, "status": str(result.status), "cost_s": cost_s, "bound_s": bound_s, "nodes": stats["nodes"], "cpu_s": cpu_s}
+        if options.json:
+            print(json.dumps(row), flush=True)
+        else:
+            print(
+                "  ".join(f"{key} {value:.3f}" if isinstance(value, float) else f"{key} {value}" for key, value in row.items()), flush=True
+            )
+    if not options.json:
+        best = dict(zip(range(5, 26, 5), PUBLISHED[options.roadmap])).get(options.robots, "-")
+        print(f"solved {solved} of {len(options.tasks)}; best published, optimal, in 30 s: {best} of 25")
+
+
+if __name__ == "__main__":
+    main()
