@@ -19,14 +19,24 @@ from mrp_sumo.core.execution import Reply
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
 from mrp_sumo.io.arrow import dictionary, numbers, texts
 
+ROWS_AT_ONCE = 200_000  # about, of a long run's table
+
 
 def write_replans(path: Path, replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequence[str]) -> None:
-    """Write the table of at least one reply."""
-    pq.write_table(replans_table(replies, graph, robot_name), path, compression="zstd")
+    """Write the table of at least one reply, some replies at a time: those of a long run would take a lot of memory at once."""
+    size = np.cumsum([len(reply.vertex) for reply in replies])
+    begins = np.searchsorted(size, np.arange(0, max(int(size[-1]), 1), ROWS_AT_ONCE), side="right")
+    begins = np.unique(np.append(0, begins[begins < len(replies)]))
+    parts = [(a, b) for a, b in zip(begins.tolist(), [*begins.tolist()[1:], len(replies)])]
+    first = replans_table(replies[: parts[0][1]], graph, robot_name)
+    with pq.ParquetWriter(path, first.schema, compression="zstd") as writer:
+        writer.write_table(first)
+        for begin, end in parts[1:]:
+            writer.write_table(replans_table(replies[begin:end], graph, robot_name, begin).cast(first.schema))
 
 
-def replans_table(replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequence[str]) -> pa.Table:
-    """The table in memory."""
+def replans_table(replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequence[str], begin: int = 0) -> pa.Table:
+    """The table in memory; `begin` is the number of the first reply."""
     columns: dict[str, list[NDArray[Any]]] = {}
     for number, reply in enumerate(replies):
         count = np.diff(reply.first)
@@ -50,7 +60,7 @@ def replans_table(replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequen
     xy = graph.xy[np.maximum(vertex, 0)]
     return pa.table(
         {
-            "replan": numbers(replan),
+            "replan": numbers(replan + begin),
             "t_s": numbers(np.array([reply.t_s for reply in replies])[replan]),
             "reason": dictionary([replies[k].reason for k in replan.tolist()]),
             "text": dictionary([replies[k].text for k in replan.tolist()]),
