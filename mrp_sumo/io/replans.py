@@ -29,6 +29,9 @@ def write_replans(path: Path, replies: Sequence[Reply], graph: PlanGraph, robot_
     begins = np.unique(np.append(0, begins[begins < len(replies)]))
     parts = [(a, b) for a, b in zip(begins.tolist(), [*begins.tolist()[1:], len(replies)])]
     first = replans_table(replies[: parts[0][1]], graph, robot_name)
+    if len(parts) == 1:
+        pq.write_table(first, path, compression="zstd")
+        return
     with pq.ParquetWriter(path, first.schema, compression="zstd") as writer:
         writer.write_table(first)
         for begin, end in parts[1:]:
