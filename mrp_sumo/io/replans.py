@@ -25,7 +25,7 @@ ROWS_AT_ONCE = 200_000  # about, of a long run's table
 def write_replans(path: Path, replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequence[str]) -> None:
     """Write the table of at least one reply, some replies at a time: those of a long run would take a lot of memory at once."""
     size = np.cumsum([len(reply.vertex) for reply in replies])
-    begins = np.searchsorted(size, np.arange(0, max(int(size[-1]), 1), ROWS_AT_ONCE), side="right")
+    begins = np.searchsorted(size, np.arange(ROWS_AT_ONCE, int(size[-1]), ROWS_AT_ONCE), side="right")
     begins = np.unique(np.append(0, begins[begins < len(replies)]))
     parts = [(a, b) for a, b in zip(begins.tolist(), [*begins.tolist()[1:], len(replies)])]
     first = replans_table(replies[: parts[0][1]], graph, robot_name)
