@@ -52,7 +52,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
             depart(now - dt, motion.s_m, motion.moved_m, was_mps, visits, left_s)
             before[:] = reached
             arrive(now, dt, s_m, visits, state, log, 0)
-            pass_through(before, visits, left_s)
+            pass_through(now, before, visits, left_s)
             look_late(step, s_m, rank, reached, lag, past_m, past_lag, seen, left_m)
             release(left_m, visits, needs, grants)
             motion.s_m[:] = s_m
@@ -102,10 +102,12 @@ def depart(began, was_m, moved_m, was_mps, visits, left_s):
 
 
 @kernel(inline="always")
-def pass_through(before, visits, left_s):
-    """Visits that were made in this step are left at once, unless the robot stops there."""
+def pass_through(now, before, visits, left_s):
+    """Visits that were made in this step are left at once, unless the robot stops there: then at the end of the step, or later."""
     for r in range(len(before)):
         k = before[r]
         while k != visits.reached[r]:
             k = visits.next[k]
             left_s[k] = visits.arrived_s[k]
+        if k != before[r] and k == visits.granted[r]:
+            left_s[k] = now
