@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import isnan
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
@@ -71,6 +72,8 @@ class Answer:
         found = [f"the budget did not buy {text}" for text in self.left_out]
         if self.limits and not self.limits.rises:
             found.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
+        if self.limits and self.served and _too_short(self.served):
+            found.append("runs are too short to tell whether orders are on time: most are due after the end; give a longer --horizon")
         short = [p.robots for p in self.points if self.limits and not p.is_steady]
         if short:
             found.append(f"runs are too short to tell the warm-up with {_listed(short)} robots; the first half is left out there")
@@ -247,12 +250,19 @@ def _of_peak(found: Limits, sizes: tuple[int, int]) -> str:
 
 def _of_demand(served: Served, question: Question) -> str:
     found, wanted = served.smallest, f"A demand of {question.demand_per_h:.0f} orders an hour"
+    if not served.curve.points:
+        return f"Whether a{wanted[1:]} is met was not tried."
+    if _too_short(served):
+        return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
     if found.estimate is None:
-        return (
-            f"{wanted} is not met by {question.sizes[1] if found.low and found.low > question.sizes[1] else served.curve.sizes[-1]} robots."
-        )
+        return f"{wanted} is not met by any fleet that was tried on it, up to {_robots(served.curve.sizes[-1])}."
     sure = _between(found)
     return f"{wanted} is met from {found.estimate} robots on" + (f" ({sure})." if sure != str(found.estimate) else ".")
+
+
+def _too_short(served: Served) -> bool:
+    shares = [share for point in served.curve.points.values() for share in point.punctual(served.within_s).tolist()]
+    return bool(shares) and all(map(isnan, shares))
 
 
 def _of_one_shot(answer: Answer) -> str:

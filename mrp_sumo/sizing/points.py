@@ -14,6 +14,7 @@ from mrp_sumo.metrics.warm_up import warm_up_length
 
 BINS = 60  # of a run, for the warm-up
 HOUR_S = 3600.0
+TELLING = 0.25  # share of the orders of a run that must be due within it, so that it says whether they are on time
 SETTLE = 0.2  # of the horizon, in which floors that are empty at first fill up, before orders are asked whether they are on time
 TIMES = ("released_s", "assigned_s", "done_s", "due_s")  # of orders, in observations
 Record = Mapping[str, Any]  # of a batch
@@ -80,7 +81,8 @@ class Point:
         return t_mean(self.per_h)
 
     def punctual(self, within_s: float) -> FloatArray:
-        """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out.
+        """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out. NaN for
+        a run that is too short for most of its orders to be due.
 
         Parameters
         ----------
@@ -90,8 +92,10 @@ class Point:
         found = []
         for t in self._times:
             due_s = np.where(np.isfinite(t["due_s"]), t["due_s"], t["released_s"] + within_s)
-            asked = (t["released_s"] >= SETTLE * self.horizon_s) & (due_s <= self.horizon_s)
-            found.append(float((t["done_s"][asked] <= due_s[asked]).mean()) if asked.any() else np.nan)
+            settled = (t["released_s"] >= SETTLE * self.horizon_s) & (t["released_s"] <= self.horizon_s)
+            asked = settled & (due_s <= self.horizon_s)
+            enough = asked.any() and asked.sum() >= TELLING * settled.sum()
+            found.append(float((t["done_s"][asked] <= due_s[asked]).mean()) if enough else np.nan)
         return np.array(found)
 
     @property

@@ -12,6 +12,7 @@ the coarse grid is the answer.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import isnan
 
 from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.statistics import Interval, holm, wilson
@@ -251,7 +252,9 @@ class Served:
 def demand(desk: Desk, saturated: Curve) -> Served:
     """The smallest fleet whose share of punctual orders reaches the target: a guess from the saturated curve, a bracket, bisection."""
     question, curve = desk.question, Curve(desk, DEMAND)
-    target, (least, most) = question.on_time, question.sizes
+    target, (least, most), wanted = question.on_time, question.sizes, question.demand_per_h or 0.0
+    short = [n for n in saturated.sizes if n <= saturated.best and saturated.points[n].throughput.high < target * wanted]
+    least = min(max([least, *(n + 1 for n in short)]), most)  # who cannot do it with always work waiting does not do it at all
     within_s = PATIENCE * undisturbed_s(saturated.points[saturated.sizes[0]]) if saturated.points else 0.0
 
     def share(point: Point) -> Interval:
@@ -260,7 +263,7 @@ def demand(desk: Desk, saturated: Curve) -> Served:
     def judge(n: int) -> int | None:
         return _judge(curve, n, question.effort, "the smallest fleet for the demand", share, target)
 
-    return Served(curve, _smallest(judge, share, curve, (least, most), _guess(saturated, question)), target, within_s)
+    return Served(curve, _smallest(judge, share, curve, (least, most), max(least, _guess(saturated, question))), target, within_s)
 
 
 def one_shot(desk: Desk) -> Served:
@@ -301,11 +304,13 @@ def _succeeded(curve: Curve, n: int) -> float:
 
 
 def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable[[Point], Interval], target: float) -> int | None:
-    """1: the target is reached, -1: it is not, 0: undecided with all the seeds allowed, None: the budget is spent."""
+    """1: the target is reached, -1: it is not, 0: undecided with all the seeds allowed, None: it cannot be told, or the budget is spent."""
     for seeds in _growing(effort):
         if not curve.ask({n: max(seeds, curve.seeds(n))}, reason):
             return None if n not in curve.points else 0
         found = interval(curve.points[n])
+        if isnan(found.value):
+            return None  # no run is long enough to tell
         if found.low >= target or found.high < target:
             return 1 if found.value >= target else -1
     return 0

@@ -59,6 +59,13 @@ def test_a_demand_beyond_the_peak_is_met_by_no_fleet():
     assert "is not met" in answer.sentence
 
 
+def test_runs_that_are_too_short_for_orders_to_be_due_decide_nothing():
+    asked = question((4, 60), replace(EFFORT, horizon_s=150.0), demand_per_h=100.0)  # an order is due after 180 s
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
+    assert answer.served.smallest.estimate is None
+    assert "cannot be told" in answer.sentence and any("longer --horizon" in note for note in answer.notes)
+
+
 def test_the_largest_fleet_whose_plans_succeed():
     asked = question((2, 80), replace(EFFORT, most_seeds=20), tasks=None, on_time=0.8)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
