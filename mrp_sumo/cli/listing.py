@@ -8,6 +8,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
@@ -72,7 +73,7 @@ def _files(what: str) -> list[Entry]:
         from mrp_sumo.io.scenario import robot_type
 
         types = [robot_type(path.stem, folder, folder) for path in files]
-        return [{**{key: value for key, value in vars(one).items() if key != "source"}, "summary": one.source} for one in types]
+        return [{**{key: value for key, value in asdict(one).items() if key != "source"}, "summary": one.source} for one in types]
     if what == "suites":
         from mrp_sumo.experiments.suite import read_suite
 
@@ -121,4 +122,6 @@ def _lines(entry: Entry) -> Iterable[str]:
 
 def _shown(value: Any) -> str:
     """As YAML has it."""
+    if isinstance(value, dict):
+        return f"({', '.join(f'{key} {_shown(inner)}' for key, inner in value.items())})"
     return json.dumps(value) if value is None or isinstance(value, bool | list) else "''" if value == "" else str(value)

@@ -39,6 +39,7 @@ from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
 
 Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)]
 OfRobot = Annotated[float, Field(ge=1e-4, le=1e3, allow_inf_nan=False)]  # sizes and speeds, generously
+OfBattery = Annotated[float, Field(ge=1e-5, le=1e5, allow_inf_nan=False)]  # and of what it weighs
 GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
 
@@ -98,11 +99,11 @@ class Discretisation(_Strict):
 class BatteryShape(_Strict):
     """The battery of a robot type, and what drains it, after Open-RMF's model."""
 
-    voltage_v: OfRobot
-    capacity_ah: OfRobot
-    charging_a: OfRobot
-    mass_kg: OfRobot
-    inertia_kgm2: OfRobot
+    voltage_v: OfBattery
+    capacity_ah: OfBattery
+    charging_a: OfBattery
+    mass_kg: OfBattery
+    inertia_kgm2: OfBattery
     friction: float = Field(ge=0, le=10, description="Coefficient.")
     device_w: float = Field(0.0, ge=0, le=1e5, description="Drawn by computer and sensors all the time.")
 

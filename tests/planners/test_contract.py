@@ -18,7 +18,7 @@ from mrp_sumo.traffic.schedule import schedule_of
 pytestmark = pytest.mark.kernel
 
 ROBOT = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
-ALL = tuple(name for name in planner_names() if name != "external")  # which is nothing without a program
+ALL = tuple(name for name in planner_names() if name not in ("external", "plan_file"))  # nothing without a program, or a file
 ASSIGNING = [name for name in ALL if planner_class(name).assigns]
 COORDINATED = [name for name in ALL if planner_class(name).guarantee != "no coordination"]
 IN_STEPS = [name for name in ALL if "seconds" not in getattr(planner_class(name), "supports", ())]  # a lane is a step for these
