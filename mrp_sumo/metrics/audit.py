@@ -15,6 +15,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.metrics import _audit, _walls
 
+TOGETHER = 4096  # samples looked at together, so that long runs take little memory
 LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
@@ -157,29 +158,18 @@ def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> d
 def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """What the kernel finds; robots are looked at with the walls of the square that they are in, and farther ones where there are none."""
     x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
-    here = np.isfinite(x) & np.isfinite(y)
-    if not here.any() or not len(walls):
+    if not len(walls) or (found := _extent(x, y)) is None:
         return np.inf, np.zeros(4), np.zeros((0, 5))
+    low, high, moved_m = found
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
-    xy = np.stack([x[here], y[here]], axis=1)
-    low = xy.min(axis=0)
-    side_m = max(PLACE_M, float(np.ptp(xy, axis=0).max()) / MOST_PLACES)
-    column, row = np.floor((xy - low) / side_m).astype(np.int64).T
-    columns, rows = int(column.max()) + 1, int(row.max()) + 1
-    square = column * rows + row
-    is_used = np.zeros(columns * rows, np.bool_)
-    is_used[square] = True
-    place = np.flatnonzero(is_used)
-    cell = np.full(x.shape, -1, np.int64)
-    cell[here] = (np.cumsum(is_used) - 1)[square]
-    corner = low + side_m * np.stack([place // rows, place % rows], axis=1)
+    side_m = max(PLACE_M, float((high - low).max()) / MOST_PLACES)
+    cell, corner = _squares(x, y, low, high, side_m)
     way = walls[:, 1] - walls[:, 0]
     bearing = np.arctan2(way[:, 1], way[:, 0])
     strokes = np.column_stack([walls.mean(axis=1), bearing, np.hypot(*way.T) / 2, np.cos(bearing), np.sin(bearing)])
     boxes = np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1)
-    moved_m = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
-    around_m = float(np.hypot(half_length, half_width).max()) + float(moved_m[np.isfinite(moved_m)].max(initial=0.0))
-    everything = np.concatenate([xy, walls.reshape(-1, 2)])
+    around_m = float(np.hypot(half_length, half_width).max()) + moved_m
+    everything = np.concatenate([[low, high], walls.reshape(-1, 2)])
     farthest_m, look_m = float(np.hypot(*np.ptp(everything, axis=0))) + around_m, LOOK_M
     while True:
         near_m = around_m + look_m
@@ -191,6 +181,38 @@ def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tup
         if look_m > farthest_m:
             return np.inf, where, hits
         look_m *= 8
+
+
+def _extent(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, float] | None:
+    """The corners [2] of the least rectangle around all robots at all times, and the farthest that one moved between two samples, in m."""
+    low, high, moved_m = np.full(2, np.inf), np.full(2, -np.inf), 0.0
+    for begin in range(0, len(x), TOGETHER):
+        some_x, some_y = x[begin : begin + TOGETHER + 1], y[begin : begin + TOGETHER + 1]
+        here = np.isfinite(some_x) & np.isfinite(some_y)
+        if here.any():
+            xy = np.stack([some_x[here], some_y[here]], axis=1)
+            low, high = np.minimum(low, xy.min(axis=0)), np.maximum(high, xy.max(axis=0))
+        moved = np.hypot(np.diff(some_x, axis=0), np.diff(some_y, axis=0))
+        moved_m = max(moved_m, float(moved[np.isfinite(moved)].max(initial=0.0)))
+    return (low, high, moved_m) if np.isfinite(low).all() else None
+
+
+def _squares(x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray, side_m: float) -> tuple[IntArray, FloatArray]:
+    """[T, R] the square that each robot is in, -1 where it is absent, and [P, 2] the lower left corners of those that any is in."""
+    columns, rows = (np.floor((high - low) / side_m).astype(np.int64) + 1).tolist()
+    is_used, cell = np.zeros(columns * rows, np.bool_), np.full(x.shape, -1, np.int64)
+    blocks = [slice(begin, begin + TOGETHER) for begin in range(0, len(x), TOGETHER)]
+    for block in blocks:
+        here = np.isfinite(x[block]) & np.isfinite(y[block])
+        column, row = np.floor((np.stack([x[block][here], y[block][here]], axis=1) - low) / side_m).astype(np.int64).T
+        square = column * rows + row
+        is_used[square] = True
+        cell[block][here] = square
+    number = np.append(np.cumsum(is_used) - 1, -1)  # -1 stays
+    for block in blocks:
+        cell[block] = number[cell[block]]
+    place = np.flatnonzero(is_used)
+    return cell, low + side_m * np.stack([place // rows, place % rows], axis=1)
 
 
 def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[dict[str, Any]]]:

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
-from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import Evidence, metric
+
+TOGETHER = 4096  # samples looked at together, so that long runs take little memory
 
 
 @metric(
@@ -34,20 +35,15 @@ def robot_idle_share(run: Evidence) -> float | None:
 
 @metric("m", "less", "driven by all robots")
 def distance_m(run: Evidence) -> float | None:
-    return None if run.once(_logs) is None else float(run.once(_driven_m)[-1].sum())
+    return None if run.once(_logs) is None else run.once(_driven_m)[0]
 
 
 @metric("m", "less", "of it, what was not driven from a task's first stop to those after it")
 def empty_distance_m(run: Evidence) -> float | None:
-    logs, execution = run.once(_logs), run.execution
-    if logs is None or execution is None:
+    if run.once(_logs) is None:
         return None
-    stops, driven_m = logs[1], run.once(_driven_m)
-    loaded_m = 0.0
-    for k in np.flatnonzero(stops.task[1:] == stops.task[:-1]) + 1:  # from one stop of a task to the next
-        span = np.interp((stops.since_s[k], stops.begin_s[k]), execution.t_s, driven_m[:, stops.robot[k]])
-        loaded_m += float(span[1] - span[0])
-    return float(driven_m[-1].sum()) - loaded_m
+    driven_m, loaded_m = run.once(_driven_m)
+    return driven_m - loaded_m
 
 
 @metric("", "none", "mean number of robots that waited for a place of the station where most did")
@@ -124,13 +120,24 @@ def _shares(run: Evidence) -> dict[str, float]:
     return {name: float(share) for name, share in found.items()}
 
 
-def _driven_m(run: Evidence) -> FloatArray:
-    """[T, R] driven by each sample."""
-    assert run.execution is not None
-    x, y = run.execution.x_m, run.execution.y_m
-    steps = np.nan_to_num(np.hypot(np.diff(x, axis=0, prepend=x[:1]), np.diff(y, axis=0, prepend=y[:1])))
-    driven: FloatArray = np.cumsum(steps, 0)
-    return driven
+def _driven_m(run: Evidence) -> tuple[float, float]:
+    """Driven by all robots in the whole run, and from one stop of a task to the next, m. Looks at some samples at a time."""
+    logs, execution = run.once(_logs), run.execution
+    assert logs is not None and execution is not None
+    stops, t, x, y = logs[1], execution.t_s, execution.x_m, execution.y_m
+    loaded = np.flatnonzero(stops.task[1:] == stops.task[:-1]) + 1
+    moments = np.clip(np.concatenate([stops.since_s[loaded], stops.begin_s[loaded]]), t[0], t[-1])
+    robot, at_m = np.tile(stops.robot[loaded], 2), np.zeros(2 * len(loaded))
+    so_far = np.zeros(x.shape[1])
+    for begin in range(0, len(t), TOGETHER):
+        block = slice(begin, begin + TOGETHER + 1)  # with the first of the next
+        steps = np.nan_to_num(np.hypot(np.diff(x[block], axis=0), np.diff(y[block], axis=0)))
+        driven = so_far + np.concatenate([np.zeros((1, len(so_far))), np.cumsum(steps, axis=0)])
+        for k in np.flatnonzero((moments >= t[block][0]) & (moments <= t[block][-1])).tolist():
+            at_m[k] = np.interp(moments[k], t[block], driven[:, robot[k]])
+        so_far = driven[-1]
+    began_m, ended_m = at_m.reshape(2, -1)
+    return float(so_far.sum()), float((ended_m - began_m).sum())
 
 
 def _queues(run: Evidence) -> list[tuple[float, int]]:
