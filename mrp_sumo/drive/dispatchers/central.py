@@ -5,35 +5,23 @@ section 5. Ways are those of the run's planner, which plans all robots together 
 places to park, and tasks with one end are not kept apart.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
-from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
-class Central:
+class Central(ByTask):
     """All robots that carry nothing and all tasks not begun are matched anew each time; the sum of times to pick-ups is least."""
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
-        """See Dispatcher."""
-        return around.work.all_done
-
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """See Dispatcher."""
+    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+        """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
-        if not around.work.news:
-            return
         found = choice(now_s, around, len(around.work.current), reassign=True)
         pick_up_s = found.pick_up_s[found.able]
         robots, columns = linear_sum_assignment(pick_up_s + found.later_s)
         matched = [(int(found.able[i]), found.task[c]) for i, c in zip(robots, columns) if pick_up_s[i, c] < FAR_S]
-        yield around.work.request(now_s, around.start, around.closed, kept(dict(matched), around))
-
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
-        """See Dispatcher."""
-        return around.plan(request)
+        return kept(dict(matched), around)

@@ -3,32 +3,24 @@
 The assignment problem of Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics Quarterly 2, 1955.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
-from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
-class Hungarian:
+class Hungarian(ByTask):
     """The sum of the times at which tasks will be done is least, busy robots included; of more tasks than robots the shortest go first."""
 
     reassign: bool = True  # tasks may go to others until their first stops are made
     busy: bool = True  # a task may wait for a robot that is at work
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
-        """See Dispatcher."""
-        return around.work.all_done
-
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """See Dispatcher."""
+    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+        """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
-        if not around.work.news:
-            return
         found = choice(now_s, around, len(around.work.current), reassign=self.reassign, busy=self.busy)
         cost_s = found.pick_up_s + found.rest_s + found.later_s
         for column, k in enumerate(found.task):
@@ -37,8 +29,4 @@ class Hungarian:
         matched = zip(*(side.tolist() for side in linear_sum_assignment(cost_s))) if found.task else ()
         able = set(found.able.tolist())
         given = {r: found.task[c] for r, c in matched if r in able and found.pick_up_s[r, c] < FAR_S}
-        yield around.work.request(now_s, around.start, around.closed, kept(given, around))
-
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
-        """See Dispatcher."""
-        return around.plan(request)
+        return kept(given, around)

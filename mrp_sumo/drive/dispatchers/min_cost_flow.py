@@ -6,21 +6,19 @@ Research 21, 1973. Its own time is the way from where the robot will be free, an
 out again when something has changed.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
-from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.plugins import registry
 
 
 @dataclass(frozen=True)
-class MinCostFlow:
+class MinCostFlow(ByTask):
     """Rows of several tasks for each robot, busy robots included, as a flow for which the sum of times until tasks are done is least."""
 
     depth: int = 3  # tasks in a row at most
@@ -30,14 +28,8 @@ class MinCostFlow:
         if self.depth < 1:
             raise ScenarioError(f"depth is {self.depth}, expected 1 or more")
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
-        """See Dispatcher."""
-        return around.work.all_done
-
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """See Dispatcher."""
-        if not around.work.news:
-            return
+    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+        """See ByTask."""
         num_robots = len(around.work.current)
         found = choice(now_s, around, self.depth * num_robots, reassign=self.reassign, busy=True)
         depth = max(1, min(self.depth, -(-len(found.task) // num_robots)))  # no longer rows than all need
@@ -56,8 +48,4 @@ class MinCostFlow:
             row = [c for c in column_of[r].tolist() if c >= 0 and found.pick_up_s[r, c] < FAR_S]
             if row:
                 given[r] = found.task[min(row, key=lambda c: found.later_s[c])]  # the first in the row of the most urgent
-        yield around.work.request(now_s, around.start, around.closed, kept(given, around))
-
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
-        """See Dispatcher."""
-        return around.plan(request)
+        return kept(given, around)

@@ -4,27 +4,19 @@ The insertion rule of Potvin and Rousseau, "A parallel route building algorithm 
 windows", European Journal of Operational Research 66, 1993.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice
-from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
-class Regret:
+class Regret(ByTask):
     """Of the tasks that free robots can do soonest, the one that loses most with its second best robot goes first."""
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
-        """See Dispatcher."""
-        return around.work.all_done
-
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """See Dispatcher."""
-        if not around.work.news:
-            return
+    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+        """See ByTask."""
         found, given = choice(now_s, around, len(around.work.free), reassign=False), dict[int, int]()
         free = found.able.tolist()
         done_s = found.pick_up_s + found.rest_s + found.later_s
@@ -39,8 +31,4 @@ class Regret:
             if found.pick_up_s[robot, c] < FAR_S:
                 given[robot] = found.task[c]
                 free.remove(robot)
-        yield around.work.request(now_s, around.start, around.closed, given)
-
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
-        """See Dispatcher."""
-        return around.plan(request)
+        return given

@@ -6,33 +6,25 @@ there for good. Here the run's planner plans all together and makes room, so suc
 few stations, the paper's rule leaves most robots without work.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.request import Request
 from mrp_sumo.core.task import Task
+from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_to
-from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
-class TokenPassing:
+class TokenPassing(ByTask):
     """Free robots in turn take the most urgent and nearest task, best one at whose ends no other robot's task ends."""
 
     exclusive: bool = False  # as in the paper, never another
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
-        """See Dispatcher."""
-        return around.work.all_done
-
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """See Dispatcher."""
+    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+        """See ByTask."""
         work = around.work
-        if not work.news:
-            return
         start, given, waiting = around.start, dict[int, int](), list(work.unassigned)
         away = dict(zip(waiting, steps_to(around, start, waiting).T))
         ends = [work.tasks[k].stops[-1].places for k in work.current.tolist() if k >= 0]
@@ -46,11 +38,7 @@ class TokenPassing:
                 given[r] = best
                 waiting.remove(best)
                 ends.append(work.tasks[best].stops[-1].places)
-        yield work.request(now_s, start, around.closed, given)
-
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
-        """See Dispatcher."""
-        return around.plan(request)
+        return given
 
 
 def _touches(task: Task, token: set[int]) -> bool:

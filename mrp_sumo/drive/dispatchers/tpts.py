@@ -4,28 +4,20 @@ Source: Ma, Li, Kumar and Koenig, "Lifelong multi-agent path finding for online 
 the run's planner for ways, and without the rule on ends (see `token_passing`).
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, steps_to
-from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
-class Tpts:
+class Tpts(ByTask):
     """Free robots in turn take the nearest task, also from a robot that would be at its first stop later; that one is next."""
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
-        """See Dispatcher."""
-        return around.work.all_done
-
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """See Dispatcher."""
+    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+        """See ByTask."""
         work = around.work
-        if not work.news:
-            return
         start = around.start
         holder = {int(work.current[r]): r for r in range(len(work.current)) if work.may_pass_on(r)}
         tasks = [*holder, *work.unassigned]
@@ -43,8 +35,4 @@ class Tpts:
                 holder[task] = r
                 break
         given = {r: k for k, r in holder.items()}
-        yield work.request(now_s, start, around.closed, kept(given, around))
-
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
-        """See Dispatcher."""
-        return around.plan(request)
+        return kept(given, around)

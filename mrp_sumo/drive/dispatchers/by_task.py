@@ -1,0 +1,32 @@
+"""What dispatchers of tasks share: they decide when there is news, and the run's planner has ways for all robots.
+
+Each dispatcher says in `given` who gets which task.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+
+from mrp_sumo.core.request import Request
+from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.surroundings import Surroundings
+
+
+class ByTask(ABC):
+    """Gives tasks to robots; all ways are planned anew when a task comes or a stop is made."""
+
+    @abstractmethod
+    def given(self, now_s: float, around: Surroundings) -> Mapping[int, int]:
+        """Tasks, by the robots that are to have them from now on; what robots have already need not be said again."""
+
+    def finished(self, now_s: float, around: Surroundings) -> bool:
+        """See Dispatcher."""
+        return around.work.all_done
+
+    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+        """See Dispatcher."""
+        if around.work.news:
+            yield around.work.request(now_s, around.start, around.closed, self.given(now_s, around))
+
+    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+        """See Dispatcher."""
+        return around.plan(request)
