@@ -156,14 +156,39 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[RobotType
         read = own_metric if run_programs else partial(find, "metrics")
         _located(file, ("record", "metrics", i), partial(read, name, file.folder))
     parameters = scenario.planner.parameters
-    if scenario.planner.name == "plan_file" and isinstance(path := parameters.get("path"), str) and path:
-        parameters = {**parameters, "path": str(file.folder / path)}
+    if path := _plan_path(scenario, file.folder):
+        parameters = {**parameters, "path": str(path)}
     return (
         _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
         _planner(file, parameters),
         _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
     )
+
+
+def named_files(scenario: Scenario, folder: Path) -> list[Path]:
+    """Files beside the map that a scenario names and that decide about its run: of robots, a plan, tasks.
+
+    Parameters
+    ----------
+    folder
+        Where relative paths begin.
+    """
+    found = []
+    if isinstance(name := scenario.robots.type, str):
+        bundled = bundled_folder("robots") / f"{name}.yaml"
+        found.append(bundled if bundled.is_file() else folder / name)
+    if path := _plan_path(scenario, folder):
+        found.append(path)
+    if scenario.tasks is not None and scenario.tasks.file is not None:
+        found.append(folder / scenario.tasks.file)
+    return found
+
+
+def _plan_path(scenario: Scenario, folder: Path) -> Path | None:
+    """The plan that is there already, if the scenario names one."""
+    path = scenario.planner.parameters.get("path") if scenario.planner.name == "plan_file" else None
+    return folder / path if isinstance(path, str) and path else None
 
 
 def _plug_in(

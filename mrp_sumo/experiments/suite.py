@@ -381,7 +381,7 @@ class _Inputs:
         return self._of_scenario[rest]
 
     def _read(self, scenario: Scenario) -> tuple[str, str]:
-        from mrp_sumo.experiments.set_up import choices
+        from mrp_sumo.experiments.set_up import choices, named_files
         from mrp_sumo.maps.load import files_of
 
         whole = ScenarioFile(scenario, self._document, self._places)
@@ -394,11 +394,7 @@ class _Inputs:
             paths = list(files_of(path, reader, self._folder)) if listed else [path]
         except MrpSumoError as error:
             raise ScenarioError(f"{whole.at('map', 'file')}: {error}") from None
-        if isinstance(name := scenario.robots.type, str):
-            bundled = bundled_folder("robots") / f"{name}.yaml"
-            paths.append(bundled if bundled.is_file() else self._folder / name)
-        if scenario.planner.name == "plan_file":
-            paths.append(self._folder / str(scenario.planner.parameters.get("path", "")))
+        paths += named_files(scenario, self._folder)
         try:
             return input_hash(paths), plug_in_hash(scenario, self._folder)
         except OSError as error:
@@ -406,12 +402,13 @@ class _Inputs:
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:
-    """What a scenario names: files, map reader, planner, assigner, policy, metrics."""
+    """What a scenario names: files, map reader, planner, tasks, assigner, policy, metrics."""
     parts = (
         scenario.map.file,
         scenario.map.reader,
         scenario.robots.type,
         scenario.planner,
+        scenario.tasks,
         scenario.assignment,
         scenario.execution,
         scenario.record,

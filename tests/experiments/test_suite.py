@@ -117,6 +117,16 @@ def test_key_depends_on_what_a_map_file_refers_to(tmp_path):
         runs_of(file, "1")
 
 
+@pytest.mark.parametrize("values", ["tasks: named.csv", "planner: {name: plan_file, parameters: {path: named.csv}}"])
+def test_key_depends_on_the_files_that_a_scenario_names(tmp_path, values):
+    keys = []
+    for text in ("release_s,stops\n0,lobby\n", "release_s,stops\n5,lobby\n"):
+        (tmp_path / "named.csv").write_text(text)
+        file = suite(tmp_path, f"base: {{map: office, robots: 2, {values}}}\ngrid_search: {{seed: [0]}}\n")
+        keys += [run.key for run in runs_of(file, "1")]
+    assert len(set(keys)) == 2
+
+
 def test_map_as_a_mapping_replaces_that_of_the_base(tmp_path):
     (tmp_path / "base.yaml").write_text("map: {file: office, graph: 0, level: L1, snap_m: 0.2}\nrobots: {count: 2}\n")
     file = suite(tmp_path, "base: base.yaml\ngrid_search:\n  map:\n  - {file: warehouse, meters_per_pixel: 0.05}\n  - office\n")
