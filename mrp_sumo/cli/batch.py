@@ -105,7 +105,7 @@ def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse
     for planned in shown:
         print(f"    {planned.key}  {_differs(batch, planned)}" if planned else "    ... (-v lists all)")
     seconds, source = estimate_s(batch, workers, options.retries)
-    print(f"about {_duration(seconds)} on {workers} workers ({source}); into {folder}")
+    print(f"about {duration(seconds)} on {workers} workers ({source}); into {folder}")
 
 
 def _differs(batch: "BatchFolder", planned: Any) -> str:
@@ -128,7 +128,8 @@ def _shown(value: object) -> str:
     return str(value)
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """A predicted time, for people."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

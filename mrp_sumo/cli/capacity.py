@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.batch import stoppable
+from mrp_sumo.cli.batch import duration, stoppable
 from mrp_sumo.errors import BatchError, MrpSumoError
 
 if TYPE_CHECKING:
@@ -165,13 +165,9 @@ def _beforehand(study: "Study") -> str:
 
     sizes = ", ".join(map(str, estimate.sizes))
     return (
-        f"about {_minutes(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots, and at most {_minutes(estimate.budget_s)} with "
+        f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots, and at most {duration(estimate.budget_s)} with "
         "all that follows, as predicted"
     )
-
-
-def _minutes(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def _in_words(answer: "Answer", page: Path) -> str:

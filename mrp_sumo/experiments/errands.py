@@ -5,8 +5,7 @@ Refuses tasks at places that no robot can reach, in one line.
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
+from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, TaskStream
 from mrp_sumo.core.task import Station
@@ -15,12 +14,8 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 
 def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
     """What no robot can do, for people; '' where all tasks can be done."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
     graph = problem.graph
-    lanes = csr_array((np.ones(graph.num_lanes), (graph.tail, graph.head)), shape=(graph.num_vertices, graph.num_vertices))
-    piece = connected_components(lanes, connection="strong")[1]
+    piece = strong_components(graph.num_vertices, graph.tail, graph.head)
     if not piece.any():  # all is one piece
         return ""
     starts = {int(piece[v]): v for v in reversed(problem.start.tolist())}  # one robot of each piece

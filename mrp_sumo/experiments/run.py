@@ -10,7 +10,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from threading import current_thread, main_thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.plan import Status
@@ -25,9 +25,6 @@ from mrp_sumo.experiments.solve import Solution, StageReport, located, silent, s
 from mrp_sumo.io.run_folder import check_replaceable, plain
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.maps.clearance import standing_walls
-
-if TYPE_CHECKING:
-    pass
 
 POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statuses of runs whose plug-in broke its contract
 PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)

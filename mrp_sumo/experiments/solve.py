@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.referee import Verdict, judge
-
-if TYPE_CHECKING:
-    pass
 
 ASSIGNMENT = 3  # purpose of the stream of chance, beside those of traffic.draw
 

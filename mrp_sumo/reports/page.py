@@ -60,17 +60,6 @@ def page(
     """
     sections = [s for s in sections if s.parts or s.text]
     lines = [
-        "<!DOCTYPE html>",
-        '<html lang="en">',
-        "<head>",
-        '<meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f'<meta name="generator" content="{GENERATOR}">',
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">",
-        f"<title>{html.escape(title)}</title>",
-        f"<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>",
-        "</head>",
-        "<body>",
         f"<header><h1>{html.escape(title)}</h1>",
         f'<p class="lead">{html.escape(lead)}</p>' if lead else "",
         "</header>",
@@ -90,7 +79,37 @@ def page(
         lines.append("</section>")
     lines.append("</main>")
     lines.append("<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in about) + "</footer>")
-    lines.append("</body>\n</html>\n")
+    return document(title, GENERATOR, lines)
+
+
+def document(title: str, generator: str, body: Sequence[str], *style_sheets: Path) -> str:
+    """A page that stands alone, without scripts and network.
+
+    Parameters
+    ----------
+    title, generator
+        For its head.
+    body
+        Lines of HTML; empty ones are left out.
+    style_sheets
+        In addition to that of all reports.
+    """
+    style = "".join(path.read_text(encoding="utf-8") for path in (STYLE_SHEET, *style_sheets))
+    lines = [
+        "<!DOCTYPE html>",
+        '<html lang="en">',
+        "<head>",
+        '<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f'<meta name="generator" content="{generator}">',
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">",
+        f"<title>{html.escape(title)}</title>",
+        f"<style>\n{style}</style>",
+        "</head>",
+        "<body>",
+        *body,
+        "</body>\n</html>\n",
+    ]
     return "\n".join(line for line in lines if line)
 
 

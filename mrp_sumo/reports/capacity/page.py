@@ -14,7 +14,7 @@ from mrp_sumo.experiments.identity import library_versions
 from mrp_sumo.io.results import write_whole
 from mrp_sumo.reports.capacity.charts import floor, flow, in_words, parts, service, success, throughput
 from mrp_sumo.reports.charts.chart import Chart
-from mrp_sumo.reports.page import STYLE_SHEET as SHARED_STYLE_SHEET
+from mrp_sumo.reports.page import document
 from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
 from mrp_sumo.sizing.question import BACKLOG, CORES
@@ -24,7 +24,6 @@ from mrp_sumo.sizing.study import Study
 
 PAGE, DOCUMENT = "capacity.html", "answer.json"
 STYLE_SHEET = Path(__file__).with_name("page.css")
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 def write_capacity_page(study: Study, answer: Answer, folder: Path, kept: Sequence[Kept] = ()) -> Path:
@@ -44,18 +43,7 @@ def write_capacity_page(study: Study, answer: Answer, folder: Path, kept: Sequen
 def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]] = ()) -> str:
     """The whole page; `replays` are kept runs and where their replay pages are, seen from here."""
     scenario = study.question.file.scenario
-    lines = [
-        "<!DOCTYPE html>",
-        '<html lang="en">',
-        "<head>",
-        '<meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        '<meta name="generator" content="mrp-sumo capacity">',
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
-        f"<title>{_text(scenario.name)}: how many robots fit</title>",
-        f"<style>\n{SHARED_STYLE_SHEET.read_text(encoding='utf-8')}{STYLE_SHEET.read_text(encoding='utf-8')}</style>",
-        "</head>",
-        "<body>",
+    body = [
         f'<header><p class="question">How many robots fit? {_text(scenario.name)}</p><h1>{_text(answer.sentence)}</h1></header>',
         "<main>",
         _tiles(answer),
@@ -63,9 +51,8 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, st
         *(_lifelong(study, answer, replays) if answer.limits else _one_shot(answer)),
         *_small_print(study, answer),
         "</main>",
-        "</body>\n</html>\n",
     ]
-    return "\n".join(line for line in lines if line)
+    return document(f"{scenario.name}: how many robots fit", "mrp-sumo capacity", body, STYLE_SHEET)
 
 
 def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]]) -> list[str]:
