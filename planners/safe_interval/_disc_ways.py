@@ -3,7 +3,7 @@
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._discs import Rules, arrival, collide, passes
+from planners.safe_interval._discs import Rules, arrival, collide, passes, stands_at
 
 
 @kernel
@@ -24,7 +24,7 @@ def rules_around(lanes, ways, others, reach, room):
             begin = arrival(lanes, ways, other, k)
             last = k == ways.first[other + 1]
             end = np.inf if last else ways.left[k]
-            u = ways.start[other] if k == ways.first[other] else lanes.head[ways.lane[k - 1]]
+            u = stands_at(lanes, ways, other, k)
             num_moves, num_stays = rules.count[0], rules.count[1]
             if num_moves + 2 * len(lanes.tail) > room or num_stays + len(lanes.first) > room:
                 rules.count[0] = -1

@@ -169,15 +169,13 @@ def conflicts(lanes, ways, one, other, reach, most, found, num):
                 found[num, 0], found[num, 1], found[num, 2] = MOVES, i - a, j - c
                 num += 1
         if i < b and num < most and left < other_left and other_begin < end and other_left > other_begin + EPS:
-            v = ways.start[other] if j == c else lanes.head[ways.lane[j - 1]]
-            low, high = passes(lanes, ways.lane[i], v, reach)
-            if high > low and other_begin < left + high - EPS and other_left > left + low + EPS:
+            v = stands_at(lanes, ways, other, j)
+            if meets_stay(lanes, ways.lane[i], left, v, other_begin, other_left, reach):
                 found[num, 0], found[num, 1], found[num, 2] = STAYS_OTHER, i - a, j - c
                 num += 1
         if j < d and num < most and other_left < left and begin < other_end and left > begin + EPS:
-            v = ways.start[one] if i == a else lanes.head[ways.lane[i - 1]]
-            low, high = passes(lanes, ways.lane[j], v, reach)
-            if high > low and begin < other_left + high - EPS and left > other_left + low + EPS:
+            v = stands_at(lanes, ways, one, i)
+            if meets_stay(lanes, ways.lane[j], other_left, v, begin, left, reach):
                 found[num, 0], found[num, 1], found[num, 2] = STAYS_ONE, i - a, j - c
                 num += 1
         if i >= b and j >= d:
@@ -187,6 +185,19 @@ def conflicts(lanes, ways, one, other, reach, most, found, num):
         else:
             j += 1
     return num
+
+
+@kernel(allocates=False)
+def meets_stay(lanes, lane, left, vertex, begin, until, reach):
+    """Whether a move that sets out at `left` comes too close to a stay at a vertex from `begin` until `until`."""
+    low, high = passes(lanes, lane, vertex, reach)
+    return high > low and begin < left + high - EPS and until > left + low + EPS
+
+
+@kernel(allocates=False)
+def stands_at(lanes, ways, way, k):
+    """The vertex of the stay before a way's move k (counted in all ways)."""
+    return ways.start[way] if k == ways.first[way] else lanes.head[ways.lane[k - 1]]
 
 
 @kernel(allocates=False)
@@ -416,7 +427,7 @@ def rule_against(lanes, ways, kind, one, i, other, j, reach, second):
     if kind == STAYS_ONE:
         one, other, a, b, second = other, one, b, a, not second
     e, t = ways.lane[a], ways.left[a]
-    v = ways.start[other] if b == ways.first[other] else lanes.head[ways.lane[b - 1]]
+    v = stands_at(lanes, ways, other, b)
     until = ways.left[b] if b < ways.first[other + 1] else np.inf
     low, high = passes(lanes, e, v, reach)
     return (1, v, t + high, min(until, NEVER)) if second else (0, e, t, until - low)

@@ -142,24 +142,3 @@ def holders(table, resource, begin, end, num, robot, found):
                 overlaps += 1
             k += 1
     return overlaps
-
-
-@kernel(allocates=False)
-def first_overlap(one_resource, one_begin, one_end, other_resource, other_begin, other_end):
-    """The first step at which two robots hold one resource, FOREVER if never. Both are in order of resources, then of time."""
-    i, j, first = 0, 0, FOREVER
-    while i < len(one_resource) and j < len(other_resource):
-        if one_resource[i] != other_resource[j]:
-            if one_resource[i] < other_resource[j]:
-                i += 1
-            else:
-                j += 1
-            continue
-        begin = max(one_begin[i], other_begin[j])
-        if begin < min(one_end[i], other_end[j]):
-            first = min(first, begin)
-        if one_end[i] < other_end[j]:
-            i += 1
-        else:
-            j += 1
-    return first

@@ -110,7 +110,8 @@ class Node:
 
 def first_conflict(ways: "list[Way]") -> tuple[int, int] | None:
     """The two robots that hold one resource at once the earliest."""
-    from planners.safe_interval._table import FOREVER, first_overlap
+    from planners.safe_interval._overlaps import first_overlap
+    from planners.safe_interval._table import FOREVER
 
     earliest, pair = FOREVER, None
     for i, one in enumerate(ways):
