@@ -44,7 +44,7 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
     from mrp_sumo.errors import PlanError
     from mrp_sumo.formats.instances import problem_of_places, read_instance
     from mrp_sumo.formats.peers import print_places, read_places
-    from mrp_sumo.formats.plan_files import is_json, read_plan_file, text_of
+    from mrp_sumo.formats.plan_files import is_json, read_plan_file, require_on_graph, text_of
     from mrp_sumo.formats.plan_json import read_plan
 
     text, kind = text_of(source), kind_of(destination, chosen)
@@ -56,9 +56,7 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
     instance = read_instance(map_path, None, 0)
     if is_json(text):
         plan = read_plan(source)
-        for vertex in (plan.vertex.max(initial=0), plan.vertex.min(initial=0)):
-            if not 0 <= vertex < max(1, instance.problem.graph.num_vertices):
-                raise PlanError(f"{source.name}: vertex {vertex} is not on {map_path.name}")
+        require_on_graph(plan, instance.problem.graph, source.name, map_path.name)
         write(destination, kind, replace(instance.problem, step_s=step_of(text)), plan, instance.cells)
         return
     problem = problem_of_places(instance, read_places(text, None, source.name), source.name)

@@ -5,6 +5,7 @@ Refuses what is no plan for the problem's robots and vertices.
 
 from pathlib import Path
 
+from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -52,14 +53,19 @@ def read_plan_file(path: Path, problem: Problem, cells: Cells | None) -> tuple[P
     text = text_of(path)
     if is_json(text):
         plan = read_plan(path, problem.fleet.robot_name)
-        for vertex in (plan.vertex.max(initial=0), plan.vertex.min(initial=0)):
-            if not 0 <= vertex < max(1, problem.graph.num_vertices):
-                raise PlanError(f"{path.name}: vertex {vertex} is not on '{problem.graph.name}', which has {problem.graph.num_vertices}")
+        require_on_graph(plan, problem.graph, path.name, f"'{problem.graph.name}', which has {problem.graph.num_vertices}")
         return plan, ""
     shift = (0, 0) if cells is None else shift_of(read_places(text, problem.num_robots, path.name), problem, cells)
     plan = read_paths(text, problem, cells, path.name, shift)
     columns, rows = shift
     return plan, f"{path.name} counts cells from another corner: {columns:+d} columns and {rows:+d} rows to the map's" if any(shift) else ""
+
+
+def require_on_graph(plan: Plan, graph: PlanGraph, name: str, where: str) -> None:
+    """Refuse a plan with a vertex that a graph does not have; raises PlanError. `name` is that of the plan's file, `where` the graph's."""
+    for vertex in (plan.vertex.max(initial=0), plan.vertex.min(initial=0)):
+        if not 0 <= vertex < max(1, graph.num_vertices):
+            raise PlanError(f"{name}: vertex {vertex} is not on {where}")
 
 
 def plan_and_goals(path: Path, problem: Problem, cells: Cells | None) -> tuple[Plan, Problem, str]:

@@ -14,8 +14,8 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.metrics import _audit, _walls
+from mrp_sumo.metrics.metric import TOGETHER
 
-TOGETHER = 4096  # samples looked at together, so that long runs take little memory
 LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed

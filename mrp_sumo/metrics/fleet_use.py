@@ -6,9 +6,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import Evidence, metric
-
-TOGETHER = 4096  # samples looked at together, so that long runs take little memory
+from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
 
 
 @metric(

@@ -16,6 +16,8 @@ from mrp_sumo.traffic.referee import Verdict
 YES_NO = "yes/no"  # the unit of what is true or false
 UNITS = {"_s": "s", "_m": "m", "_mps": "m/s", "_steps": "steps", "_j": "J"}  # by the end of a name
 
+TOGETHER = 4096  # samples of a run to look at together, so that long runs take little memory
+
 T = TypeVar("T")
 
 
