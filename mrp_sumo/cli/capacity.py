@@ -56,6 +56,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--replays", action="store_true", help="make replay pages of a run at the knee and of one at the collapse")
     parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")
+    parser.add_argument(
+        "--confirm", choices=("sumo",), help="drive knee, peak, collapse and the fleet for the demand in SUMO, too, on top of the budget"
+    )
     parser.add_argument("--seed", type=int, metavar="N", help="first seed (default: the scenario's)")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON")
     parser.add_argument("--out", metavar="DIR", help="folder of runs and page (default: runs/capacity_<scenario>)")
@@ -114,6 +117,7 @@ def question_of(options: argparse.Namespace) -> "Question":
         engine=options.engine,
         seed=options.seed,
         what_if=options.what_if,
+        confirm=options.confirm,
         command=_command(options),
     )
 
@@ -128,7 +132,7 @@ def _sizes(text: str) -> tuple[int, int]:
 def _command(options: argparse.Namespace) -> str:
     """The command line that asks the same, whatever it is asked with."""
     parts = ["mrp-sumo", "capacity", options.scenario]
-    for name in ("demand", "on_time", "robots", "budget", "horizon", "seed"):
+    for name in ("demand", "on_time", "robots", "budget", "horizon", "confirm", "seed"):
         if (value := getattr(options, name)) is not None:
             parts += [f"--{name.replace('_', '-')}", str(value)]
     parts += ["--quick"] * options.quick + (["--engine", options.engine] if options.engine != "kinematic" else [])
@@ -164,9 +168,10 @@ def _beforehand(study: "Study") -> str:
     from mrp_sumo.sizing.question import CORES
 
     sizes = ", ".join(map(str, estimate.sizes))
+    confirmed = f", then at most {duration(estimate.confirm_s)} to confirm it in SUMO" if estimate.confirm_s else ""
     return (
         f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots, and at most {duration(estimate.budget_s)} with "
-        "all that follows, as predicted"
+        f"all that follows{confirmed}, as predicted"
     )
 
 
@@ -178,6 +183,12 @@ def _in_words(answer: "Answer", page: Path) -> str:
     for gain in answer.gains:
         mean = gain.difference.difference
         lines.append(f"What if {gain.change}: {mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f}).")
+    for size in answer.confirmed:
+        mean = size.difference.difference
+        lines.append(
+            f"SUMO {'confirms' if size.agrees else 'does not confirm'} the {size.name} at {size.robots}: {size.measure} "
+            f"{size.difference.second:.4g}, {size.difference.first:.4g} without it ({mean.low:+.3g} to {mean.high:+.3g})."
+        )
     return "\n".join([*lines, f"{page}"])
 
 

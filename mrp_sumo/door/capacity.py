@@ -94,6 +94,7 @@ def capacity(
     horizon_s: float | None = None,
     what_if: Sequence[str] = (),
     engine: str = "kinematic",
+    confirm: str | None = None,
     seed: int | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -120,6 +121,8 @@ def capacity(
         Changes that are tried: "stations.pack: +1", "planner: lacam", "auto", ...
     engine
         "kinematic" or "sumo".
+    confirm
+        "sumo": drive the sizes that the answer names in SUMO, too; takes time on top of the budget.
     seed
         The first; the scenario's by default.
     workers
@@ -161,6 +164,7 @@ def capacity(
             engine=engine,
             seed=seed,
             what_if=what_if,
+            confirm=confirm,
             command=f"ms.capacity({file.scenario.name!r}, ...)",
         )
     )

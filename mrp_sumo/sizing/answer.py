@@ -8,6 +8,7 @@ from typing import Any
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
+from mrp_sumo.sizing.confirmation import Confirmation, confirmations
 from mrp_sumo.sizing.points import Point, compared
 from mrp_sumo.sizing.question import SATURATED, Question, Trial, spendable
 from mrp_sumo.sizing.reasons import Reasons, Share, reasons, undisturbed_s
@@ -41,6 +42,7 @@ class Answer:
     served: Served | None  # None where no demand is known
     reasons: tuple[Reasons, ...]  # of every size, ascending
     gains: tuple[Gain, ...]  # the best first
+    confirmed: tuple[Confirmation, ...]  # sizes that were driven in SUMO, too
     left_out: tuple[str, ...]  # what the budget did not buy
     spent_s: float  # predicted, of the budget
 
@@ -85,6 +87,12 @@ class Answer:
                 f"robots blocked each other for good in {point.num_deadlocked} of {len(point.records)} runs with {point.robots} robots, "
                 "and in none with fewer"
             )
+        found += [
+            f"SUMO does not confirm the {size.name} at {_robots(size.robots)}: {size.difference.second:.4g} instead of "
+            f"{size.difference.first:.4g}"
+            for size in self.confirmed
+            if not size.agrees
+        ]
         return tuple(found)
 
     @property
@@ -117,6 +125,7 @@ class Answer:
                 "limit": _share(self.at_peak.limit) if self.at_peak else None,
                 "curve": [_row(point, self.question) for point in self.points],
                 "what_if": [_gain(gain) for gain in self.gains],
+                "confirmed": [_confirmed(size) for size in self.confirmed],
                 "notes": list(self.notes),
                 "seeds": sorted({self.question.first_seed + trial.seed for trial in self.trials}),
                 "command": self.question.command,
@@ -135,7 +144,9 @@ def answer_of(question: Question, recorded: Recorded) -> tuple[Answer | None, tu
 
 
 def _one_shot(desk: Desk) -> Answer:
-    return Answer(desk.question, tuple(desk.asked), None, one_shot(desk), (), (), tuple(desk.left_out), desk.spent_s)
+    served, spent_s = one_shot(desk), desk.spent_s
+    confirmed = confirmations(desk, None, served) if desk.question.confirm else ()
+    return Answer(desk.question, tuple(desk.asked), None, served, (), (), confirmed, tuple(desk.left_out), spent_s)
 
 
 def _lifelong(desk: Desk) -> Answer:
@@ -149,7 +160,9 @@ def _lifelong(desk: Desk) -> Answer:
     desk.share = 1.0
     why = tuple(reasons(limit.curve.points[n]) for n in limit.curve.sizes)
     gains = _gains(desk, limit, why) if question.what_if and limit.curve.points else ()
-    return Answer(question, tuple(desk.asked), limit, served, why, gains, tuple(desk.left_out), desk.spent_s)
+    spent_s = desk.spent_s  # of the budget; confirmation comes on top
+    confirmed = confirmations(desk, limit, served) if question.confirm else ()
+    return Answer(question, tuple(desk.asked), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s)
 
 
 def _require_driven(points: Iterable[Point]) -> None:
@@ -212,6 +225,22 @@ def _gain(gain: Gain) -> dict[str, Any]:
         "p_value": round(gain.p_value, 5),
         "replications": mean.count,
         "variance_reduction": _number(gain.difference.variance_reduction),
+    }
+
+
+def _confirmed(size: Confirmation) -> dict[str, Any]:
+    mean = size.difference.difference
+    return {
+        "name": size.name,
+        "robots": size.robots,
+        "measure": size.measure,
+        "kinematic": _number(size.difference.first),
+        "sumo": _number(size.difference.second),
+        "difference": _number(mean.value),
+        "low": _number(mean.low),
+        "high": _number(mean.high),
+        "replications": mean.count,
+        "agrees": size.agrees,
     }
 
 

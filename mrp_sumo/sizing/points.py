@@ -82,7 +82,7 @@ class Point:
 
     def punctual(self, within_s: float) -> FloatArray:
         """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out. NaN for
-        a run that is too short for most of its orders to be due.
+        a run that broke, or is too short for most of its orders to be due.
 
         Parameters
         ----------
@@ -90,7 +90,12 @@ class Point:
             After they come, orders without a due time are due.
         """
         found = []
-        for t in self._times:
+        times = iter(self._times)
+        for record in self.records:
+            if not record.get("observed"):
+                found.append(np.nan)
+                continue
+            t = next(times)
             due_s = np.where(np.isfinite(t["due_s"]), t["due_s"], t["released_s"] + within_s)
             settled = (t["released_s"] >= SETTLE * self.horizon_s) & (t["released_s"] <= self.horizon_s)
             asked = settled & (due_s <= self.horizon_s)
@@ -118,9 +123,14 @@ class Point:
         return sum(run["deadlocks"] > 0 for run in self.observed)
 
     @property
+    def succeeded(self) -> FloatArray:
+        """[R] of one-shot runs: 1 where plans were found and driven in time, else 0."""
+        return np.array([float(bool(record["success"])) for record in self.records])
+
+    @property
     def num_succeeded(self) -> int:
         """Of one-shot runs: plans that were found and driven in time."""
-        return sum(bool(record["success"]) for record in self.records)
+        return int(self.succeeded.sum())
 
 
 def compared(one: Point, other: Point, share: float = 1.0, confidence: float = 0.95) -> PairedMeans:

@@ -23,6 +23,7 @@ CORES = 2  # of the machine that budgets are meant for
 ROBOT_S_PER_CPU_S = 3500.0  # of a small fleet on the kinematic engine, planning included
 CROWD = 300.0  # robots that make a robot-second twice as dear
 SUMO_TIMES = 10.0  # what a run costs more on SUMO
+IN_SUMO = "execution.engine: sumo"  # the change of trials that confirm the answer
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class Question:
     engine: str = "kinematic"
     first_seed: int = 0
     what_if: tuple[str, ...] = ()  # as the user wrote them; 'auto' tries the obvious ones
+    confirm: bool = False  # drive the sizes that the answer names in SUMO, too
     command: str = ""  # that asks it again
 
     @property
@@ -83,7 +85,7 @@ def predicted_cpu_s(trial: Trial, question: Question) -> float:
     cost = 0.5 + question.effort.horizon_s * trial.robots * (1 + trial.robots / CROWD) / ROBOT_S_PER_CPU_S
     if trial.kind == ONE_SHOT:
         cost = 0.3 + trial.robots / 60
-    return cost * (SUMO_TIMES if question.engine == "sumo" else 1.0)
+    return cost * (SUMO_TIMES if question.engine == "sumo" or trial.change == IN_SUMO else 1.0)
 
 
 def values_of(trial: Trial, question: Question, changed: Values) -> Values:
@@ -154,6 +156,8 @@ def require_answerable(question: Question) -> None:
     name, tasks = question.file.scenario.name, question.file.scenario.tasks
     if not 1 <= low <= high:
         raise MrpSumoError(f"--robots {low}..{high}: expected at least one robot, and the smaller number first, such as 5..60")
+    if question.confirm and question.engine == "sumo":
+        raise MrpSumoError("--confirm sumo: with --engine sumo every run is driven in SUMO already; leave one of them out")
     if tasks is None:
         if question.demand_per_h is not None:
             raise MrpSumoError(f"--demand: '{name}' has no orders to count; give it tasks (docs/scenario.md), or leave --demand out")

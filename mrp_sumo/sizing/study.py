@@ -18,6 +18,7 @@ from mrp_sumo.experiments.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
 from mrp_sumo.io.scenario import ScenarioFile, changed
 from mrp_sumo.sizing.answer import Answer, answer_of
+from mrp_sumo.sizing.confirmation import most_trials
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Record, record_of
 from mrp_sumo.sizing.question import (
@@ -54,6 +55,7 @@ def asked(
     engine: str = "kinematic",
     seed: int | None = None,
     what_if: Sequence[str] = (),
+    confirm: str | None = None,
     command: str = "",
 ) -> Question:
     """The question, with what follows from the scenario where nothing is said. The parameters are those of `mrp-sumo capacity`."""
@@ -68,6 +70,7 @@ def asked(
         engine=engine,
         first_seed=file.scenario.seed if seed is None else seed,
         what_if=tuple(what_if),
+        confirm=confirm == "sumo",
         command=command,
     )
     require_answerable(question)
@@ -104,6 +107,7 @@ class Estimate:
     sizes: tuple[int, ...]  # of the coarse grid, as far as the budget goes
     grid_s: float  # the grid alone
     budget_s: float  # at most, with all that follows from it
+    confirm_s: float  # at most, what confirmation takes on top
 
 
 class Study:
@@ -145,7 +149,9 @@ class Study:
                 break
             sizes.append(n)
             spent_s += cost
-        return Estimate(tuple(sizes), spent_s, question.effort.budget_s)
+        last = most_trials(question.has_tasks, sizes[-1]) if question.confirm else []
+        confirm_s = sum(predicted_cpu_s(trial, question) for trial in last) / CORES
+        return Estimate(tuple(sizes), spent_s, question.effort.budget_s, confirm_s)
 
     def run(
         self,

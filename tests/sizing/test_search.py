@@ -7,6 +7,7 @@ import pytest
 from fleets import EFFORT, Fleets, question, rises_and_falls
 
 from mrp_sumo.sizing.answer import answer_of
+from mrp_sumo.sizing.question import DEMAND, IN_SUMO, SATURATED
 from mrp_sumo.sizing.search import Desk, coarse, grid, limits
 
 
@@ -81,6 +82,22 @@ def test_what_ifs_are_paired_and_ranked():
     assert best.change == "planner: pibt" and best.share == pytest.approx(0.12, abs=0.02) and best.p_value < 0.01
     assert best.difference.variance_reduction > 0.3
     assert none.p_value > 0.05
+
+
+def test_the_sizes_that_an_answer_names_are_driven_in_sumo_too():
+    asked = question((4, 60), demand_per_h=150.0, confirm=True)
+    plain, _ = answer_of(replace(asked, confirm=False), Fleets(rises_and_falls, asked))
+    fleets = Fleets(rises_and_falls, asked, {IN_SUMO: 0.98})
+    answer, trials = answer_of(asked, fleets)
+    in_sumo = {(trial.kind, trial.robots) for trial in trials if trial.change == IN_SUMO}
+    limit = answer.limits
+    named = {limit.knee.estimate, limit.peak.estimate, limit.collapse.estimate}
+    assert in_sumo == {(SATURATED, n) for n in named} | {(DEMAND, answer.served.smallest.estimate)}
+    assert all(size.agrees for size in answer.confirmed) and answer.spent_s == plain.spent_s
+    slower, _ = answer_of(asked, Fleets(rises_and_falls, asked, {IN_SUMO: 0.8}))
+    knee = next(size for size in slower.confirmed if "knee" in size.name)
+    assert not knee.agrees and knee.difference.second == pytest.approx(0.8 * knee.difference.first, rel=0.02)
+    assert any("SUMO does not confirm the knee" in note for note in slower.notes)
 
 
 def test_an_answer_follows_from_finished_runs_alone():

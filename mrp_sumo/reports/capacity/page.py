@@ -17,6 +17,7 @@ from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.page import document
 from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
+from mrp_sumo.sizing.confirmation import Confirmation
 from mrp_sumo.sizing.question import BACKLOG, CORES
 from mrp_sumo.sizing.replays import Kept
 from mrp_sumo.sizing.search import Bracket
@@ -49,6 +50,7 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, st
         _tiles(answer),
         *_gaps(answer.notes),
         *(_lifelong(study, answer, replays) if answer.limits else _one_shot(answer)),
+        *_confirmed(answer.confirmed),
         *_small_print(study, answer),
         "</main>",
     ]
@@ -128,6 +130,31 @@ def _help(gains: Sequence[Gain], robots: int) -> list[str]:
     head = f"<tr><th>change</th>{numbers}<th></th></tr>"
     return [
         f"<p>Each change alone, with {robots} robots, on the same orders as without it. Verdicts allow for how many were tried.</p>",
+        f'<div class="scroll"><table class="help"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>',
+    ]
+
+
+def _confirmed(sizes: Sequence[Confirmation]) -> list[str]:
+    if not sizes:
+        return []
+    rows = []
+    for size in sizes:
+        mean, share = size.difference.difference, size.measure != "throughput_per_h"
+        names = {"throughput_per_h": "orders an hour", "on_time": "orders on time", "succeeded": "draws that succeed"}
+
+        def shown(value: float, sign: str = "", share: bool = share) -> str:
+            return f"{100 * value:{sign}.1f} %" if share else f"{value:{sign}.1f}"
+
+        rows.append(
+            f"<tr><th>{_text(size.name)}, {size.robots} robots</th><td>{names[size.measure]}</td>"
+            f"<td class=number>{shown(size.difference.first)}</td><td class=number>{shown(size.difference.second)}</td>"
+            f"<td class=number>{shown(mean.low, '+')} to {shown(mean.high, '+')}</td><td>{'yes' if size.agrees else 'no'}</td></tr>"
+        )
+    numbers = "".join(f"<th class=number>{name}</th>" for name in ("kinematic", "SUMO", "95 % limits of the difference"))
+    head = f"<tr><th></th><th></th>{numbers}<th>agree</th></tr>"
+    return [
+        "<h2>Confirmed in SUMO</h2>",
+        "<p>The sizes that the answer names, driven by both engines on the same orders.</p>",
         f'<div class="scroll"><table class="help"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>',
     ]
 
