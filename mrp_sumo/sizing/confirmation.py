@@ -21,7 +21,7 @@ TOLERANCE = 0.05  # of a figure: as near as this, and engines agree whatever the
 class Confirmation:
     """A size that the answer names, on both engines and the same seeds."""
 
-    name: str  # 'knee', 'peak', 'most' (tried, where no peak was found), 'collapse', 'demand' or 'largest'; several joined by ', '
+    name: str  # 'knee', 'peak', 'largest tried' (where no peak was found), 'collapse', 'demand' or 'largest'; several joined by ', '
     robots: int
     measure: str  # 'throughput_per_h', 'on_time' (share of orders) or 'succeeded' (share of draws)
     difference: PairedMeans  # SUMO's minus the kinematic engine's
@@ -57,7 +57,7 @@ def _named(limit: Limits | None, served: Served | None) -> Iterator[tuple[str, s
     """Name, kind of trial and size, and the curve that has it; sizes with several names once."""
     if limit and limit.curve.points:
         names: dict[int, list[str]] = {}
-        best = "peak" if limit.peak.estimate is not None else "most"
+        best = "peak" if limit.peak.estimate is not None else "largest tried"
         for name, n in (("knee", limit.knee.estimate), (best, limit.curve.best), ("collapse", limit.collapse.estimate)):
             if n is not None:
                 names.setdefault(n, []).append(name)
