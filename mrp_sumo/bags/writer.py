@@ -22,6 +22,7 @@ from rosbags.rosbag2.metadata import dump_qos_v8
 from mrp_sumo.bags import streams as say
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.paths import ODD, plain_path
+from mrp_sumo.bags.task_states import TOPIC, TYPE, task_states
 from mrp_sumo.core.execution import Reply, as_believed, plans_in_force
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
@@ -166,6 +167,8 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         streams.append((topic("/robot_poses", "geometry_msgs/PoseArray"), say.poses(messages, fast)))
     streams += [(topic(f"/{messages.robots[robot]}/odom", "nav_msgs/Odometry"), say.odometry(messages, fast, robot)) for robot in chosen]
     log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
+    states = list(task_states(messages, end_ns / 1e9))
+    state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else None
     diagnosed, diagnostics = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray"), say.Diagnostics(messages, second)
     metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(second, 0)}
     repeats = np.zeros(0, np.int64)
@@ -182,6 +185,7 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         np.array([ns - EPOCH_NS for ns, _ in logs], np.int64),
         second.t_ns,
         replied,
+        np.array([ns for ns, _ in states], np.int64),
     ]
     for ns, kind, k in _merged(times):
         if kind == 0:
@@ -194,6 +198,9 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         elif kind == len(streams) + 1:
             writer.write(log_topic, ns, logs[k][1])
         elif kind == len(times) - 1:
+            assert state_topic is not None
+            writer.write(state_topic, ns, states[k][1])
+        elif kind == len(times) - 2:
             messages.plan = next(plans)
             _write_replan(writer, messages, replies[k], ns, plan_markers, requests, paths)
         else:
