@@ -1,6 +1,6 @@
 """Any other program as a planner, by a command template; see `mrp_sumo.planning.external` for its places."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult
@@ -27,4 +27,5 @@ class External:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED with the plan as read: judge it. TIMED_OUT when it had to be killed, else GAVE_UP or INFEASIBLE as it says."""
-        return plan_externally(self.command, problem, time_limit_s)
+        result = plan_externally(self.command, problem, time_limit_s)
+        return replace(result, planning_cpu_s=result.stats["cpu_s"])

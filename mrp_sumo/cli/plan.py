@@ -5,7 +5,10 @@ OUT's suffix chooses its format: .json (this program's), .yaml (libMultiRobotPla
 
 A problem of the League of Robot Runners (.json) is planned step by step for --steps, by a step-wise planner
 (`mrp-sumo list step_planners`); OUT is then a solution in the League's format.
-Exit code 0 with a valid plan, 1 without, 2 for bad input.
+
+--many LIST plans many instances in one process, which loads and compiles once: LIST (- for standard input) has a line of arguments for
+each, as they stand on this command line, and those of the command line hold for all. A line is printed for each as it is there.
+Exit code 0 with a valid plan, 1 without (with --many: of any), 2 for bad input.
 """
 
 import argparse
@@ -14,7 +17,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli import scenario_choice, step_wise
+from mrp_sumo.cli import plan_list, scenario_choice, step_wise
 from mrp_sumo.cli.failure import print_failure
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
@@ -34,6 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("scenario", nargs="?", metavar="SCENARIO", help="scenario file, name of a bundled scenario, or LoRR problem (.json)")
     add("--steps", type=int, metavar="N", help="of a LoRR problem")
+    add("--many", metavar="LIST", help="plan one instance after another, a line of arguments each")
     add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML, instead of a scenario")
     add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map; without one, starts and goals are drawn")
     add("--assignment", metavar="NAME", help="assigner for an instance whose goals are free (default: linear_sum_assignment)")
@@ -46,13 +50,27 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Plan, judge, print, write."""
-    from mrp_sumo.cli.plan_choice import kind_of, write
-    from mrp_sumo.core.plan import Status
-
+    if options.many is not None:
+        return plan_list.run(options, arguments, _planned)
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
     if options.steps is not None or step_wise.is_problem(options.scenario):
         return step_wise.plan(options)
+    summary = _planned(options)
+    if options.json:
+        print(json.dumps(summary, allow_nan=False))
+    else:
+        for key, value in summary.items():
+            if value not in ("", None):
+                print(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
+    return 0 if summary["valid"] else 1
+
+
+def _planned(options: argparse.Namespace) -> dict[str, Any]:
+    """Plan, judge and write; what is printed."""
+    from mrp_sumo.cli.plan_choice import kind_of, write
+    from mrp_sumo.core.plan import Status
+
     if options.scenario is not None and (options.scen or options.assignment):
         raise MrpSumoError("a scenario says itself who goes where: --scen and --assignment are for --map")
     scenario_choice.require_sound(options)
@@ -64,13 +82,7 @@ def run(options: argparse.Namespace) -> int:
         summary["plan"] = str(options.out)
     if result.status is Status.PLANNER_FAILED:
         print_failure("planner failed", result.message, result.details if options.verbose else "")
-    if options.json:
-        print(json.dumps(summary, allow_nan=False))
-    else:
-        for key, value in summary.items():
-            if value not in ("", None):
-                print(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
-    return 0 if summary["valid"] else 1
+    return summary
 
 
 def _scenario(options: argparse.Namespace) -> "Planned":
@@ -131,6 +143,7 @@ def _summary(problem: "Problem", result: "PlanResult", name: str, verdict: "Verd
         "planner": name,
         "robots": problem.num_robots,
         "planning_time_s": result.planning_time_s,
+        "planning_cpu_s": result.planning_cpu_s,
         "prepare_time_s": result.prepare_time_s,
         "cost": None,
         "makespan": None,

@@ -45,6 +45,7 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         Status(run.result["plan"]["status"]),
         plan=plan,
         planning_time_s=recorded["planning_time_s"],
+        planning_cpu_s=recorded.get("planning_cpu_s"),
         retime_time_s=recorded.get("retime_time_s"),
         prepare_time_s=recorded["prepare_time_s"],
         lower_bound_steps=recorded["lower_bound_steps"],

@@ -36,6 +36,17 @@ def planning_time_s(run: Evidence) -> float:
     return run.result.planning_time_s + (calls.wall_time_s if calls else 0.0)
 
 
+@metric(
+    "s",
+    "less",
+    "CPU time of all threads and programs of the solver; null in runs with tasks, and where the solver was killed",
+    of_machine=True,
+    one_goal=True,
+)
+def planning_cpu_s(run: Evidence) -> float | None:
+    return run.result.planning_cpu_s
+
+
 @metric("s", "less", "loading or compiling that code", of_machine=True)
 def prepare_time_s(run: Evidence) -> float:
     return run.result.prepare_time_s

@@ -14,6 +14,7 @@ METRICS: tuple[Metric, ...] = (
     planning.num_edge_conflicts,
     planning.num_following_conflicts,
     planning.planning_time_s,
+    planning.planning_cpu_s,
     planning.prepare_time_s,
     mrp_bench.makespan_steps,
     mrp_bench.cost_steps,

@@ -18,8 +18,8 @@ class WrongAnswer(Exception):
     """What is wrong with an answer, as the end of a sentence: 'returned None, expected a PlanResult'."""
 
 
-def checked_result(answer: Any, problem: Problem, time_s: float, *, assigns: bool) -> PlanResult:
-    """A planner's answer, its arrays as the types that they have to be, with the time that was measured.
+def checked_result(answer: Any, problem: Problem, time_s: float, cpu_s: float, *, assigns: bool) -> PlanResult:
+    """A planner's answer, its arrays as the types that they have to be, with the times that were measured.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def checked_result(answer: Any, problem: Problem, time_s: float, *, assigns: boo
         What `plan` returned.
     problem
         What it was asked.
-    time_s
+    time_s, cpu_s
         What it took.
     assigns
         Whether it chooses the goals' robots.
@@ -59,6 +59,7 @@ def checked_result(answer: Any, problem: Problem, time_s: float, *, assigns: boo
         plan,
         _goal_of(answer.goal_of, problem, assigns=assigns) if plan is not None else None,
         planning_time_s=time_s,
+        planning_cpu_s=cpu_s,
         lower_bound_steps=float(bound),
         stats={str(key): float(value) for key, value in stats.items()},
         message=" ".join(str(answer.message).split()),

@@ -4,7 +4,8 @@ before the search; memory that runs out, during it.
 Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
 """
 
-from time import perf_counter
+from dataclasses import replace
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.outside import Outside
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from mrp_sumo.search.solvable import order_broken
@@ -93,19 +95,22 @@ def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None
 
 
 def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:
-    """The result of a planner; GAVE_UP where it runs out of memory.
+    """The result of a planner, with its CPU time unless it runs in a process of its own; GAVE_UP where it runs out of memory.
 
     Parameters
     ----------
     chosen, problem, time_limit_s
         As `Planner.plan` takes them.
     """
-    began = perf_counter()
+    began, cpu_began = perf_counter(), process_time()
     try:
-        return chosen.plan(problem, time_limit_s)
+        result = chosen.plan(problem, time_limit_s)
     except MemoryError:
         time_s = perf_counter() - began
-        return PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
+        result = PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
+    if result.planning_cpu_s is not None or isinstance(chosen, Outside):
+        return result
+    return replace(result, planning_cpu_s=process_time() - cpu_began)
 
 
 def used_up(problem: Problem, labels: float) -> bool:

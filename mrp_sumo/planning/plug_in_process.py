@@ -9,7 +9,7 @@ import signal
 import sys
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
@@ -43,11 +43,11 @@ class _Server:
     def call(self, name: str, arguments: tuple[Any, ...]) -> tuple[Any, float]:
         """The checked answer, and the seconds that the plug-in took."""
         method = getattr(self.plug_in, name)
-        began = perf_counter()
+        began, cpu_began = perf_counter(), process_time()
         answer = method(*arguments)
-        time_s = perf_counter() - began
+        time_s, cpu_s = perf_counter() - began, process_time() - cpu_began
         check: dict[str, Callable[[], Any]] = {
-            "plan": lambda: checked_result(answer, arguments[0], time_s, assigns=self.plug_in.assigns),
+            "plan": lambda: checked_result(answer, arguments[0], time_s, cpu_s, assigns=self.plug_in.assigns),
             "assign": lambda: checked_assignment(answer, arguments[0]),
         }
         try:

@@ -117,3 +117,34 @@ def test_plan_for_no_robots_is_valid_only_where_that_is_meant(files, tmp_path, c
     assert main(["validate", str(plan), *files]) == 2
     assert "a plan for no robots: say --robots 0" in capsys.readouterr().err
     assert main(["validate", str(plan), *files, "--robots", "0"]) == 0
+
+
+def test_a_list_is_planned_in_one_process_and_a_refused_line_stops_nothing(files, tmp_path, capsys):
+    out, listed = tmp_path / "plan.json", tmp_path / "list.txt"
+    instance = " ".join(files)
+    listed.write_text(
+        f"# two, and one that is not there\n{instance} --out {out}\n\n{instance} --scen none.scen\n{instance} --planner cbs\n"
+    )
+    assert main(["plan", "--many", str(listed), "--planner", "lacam", "--time-limit", "10", "--json"]) == 2
+    first, second, third = map(json.loads, capsys.readouterr().out.splitlines())
+    assert (first["planner"], first["valid"], third["planner"], third["cost"]) == ("lacam", True, "cbs", 2)
+    assert first["line"].endswith(":2") and first["planning_cpu_s"] > 0 and json.loads(out.read_text())["robots"]
+    assert second["status"] == "refused" and "none.scen" in second["message"]
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("office_9 --trust", "names a program to run"),
+        ("office_9 --command 'rm {map}'", "names a program to run"),
+        ("office_9 --planner ./mine.py:Mine", "names a program to run"),
+        ("office_9 --set planner.parameters.command=ls", "names a program to run"),
+        ("office_9 --speed", "unrecognized arguments: --speed"),
+        ("--robots 3", "expected either a scenario or --map"),
+    ],
+)
+def test_a_line_that_cannot_be_planned_is_refused_before_anything_is(line, says, tmp_path, capsys):
+    (tmp_path / "list.txt").write_text(f"office_9\n{line}\n")
+    assert main(["plan", "--many", str(tmp_path / "list.txt")]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and "list.txt:2: " in said.err and says in said.err and said.err.count("\n") == 1

@@ -17,6 +17,7 @@ NAMES = [
     "plan_success",
     "plan_valid",
     "planning_time_s",
+    "planning_cpu_s",
     "assignment_time_s",
     "makespan_steps",
     "cost_steps",
