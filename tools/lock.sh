@@ -13,4 +13,4 @@ lock() {
 }
 lock build requirements/build.in
 lock run pyproject.toml
-lock test pyproject.toml --extra test --extra cluster
+lock test pyproject.toml --extra test --extra cluster --extra video

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import FloatArray, PlanGraph
@@ -18,16 +17,15 @@ from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import STATE_NAMES, RunRecord
-from mrp_sumo.reports.pictures.labels import place_labels
+from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor, name_places, write_name
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix
-from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
-from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
+from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, view_record, view_states
+from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
-LIGHT = THEMES["light"]
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 MARGIN_M = 0.6
 TRAIL_S = 20.0
-NAME_PT, ROBOT_PT = 6.5, 7.5  # names of stations and robots
+ROBOT_PT = 7.5  # names of robots
 NAMED = 60  # number of robots up to which they are named and the plan is drawn
 LEAST_PT = (8.0, 4.5)  # least length of a robot on the page: up to NAMED robots, and beyond
 
@@ -81,7 +79,7 @@ def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
     if not 0 <= at_s <= end_s + 1e-9:
         raise MrpSumoError(f"{at_s:g} s is outside the run, which lasts from 0 to {end_s:g} s")
     figure, ax, points_per_m = _page(record, outline, width_in)
-    _draw_floor(ax, record, outline, points_per_m)
+    draw_floor(ax, record, outline, points_per_m)
     counts = _draw_robots(ax, record, at_s, points_per_m)
     _write_head_and_foot(figure, ax, record, at_s, counts, planned=not run.executed)
     return figure
@@ -119,34 +117,6 @@ def _page(record: RunRecord, outline: Outline | None, width_in: float) -> tuple[
     return figure, ax, 72 * inch_per_m
 
 
-def _draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float) -> None:
-    nav = record.nav or record.graph
-    if outline is not None:
-        furniture, inner, walls = furniture_and_walls(outline.walls)
-        for polygons, colour in ((outline.floors, LIGHT["floor"]), (outline.holes, LIGHT["paper"]), (furniture, LIGHT["furniture"])):
-            ax.add_collection(PolyCollection(list(polygons), facecolor=colour, edgecolor="none", zorder=0), autolim=False)
-        ax.add_collection(LineCollection(list(inner), color=LIGHT["wall"], lw=0.5, alpha=0.5, zorder=1), autolim=False)
-        lw = float(np.clip(0.1 * points_per_m, 0.6, 4))
-        ax.add_collection(LineCollection(list(outline.doors), color=LIGHT["door"], lw=0.6 * lw, zorder=2), autolim=False)
-        ax.add_collection(LineCollection(list(walls), color=LIGHT["wall"], lw=lw, capstyle="round", zorder=2), autolim=False)
-    if is_grid_map(record):
-        half = record.graph.cell_m / 2
-        cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
-        ax.add_collection(PolyCollection(list(cells), facecolor=LIGHT["floor"], edgecolor=LIGHT["floor"], lw=0.3, zorder=0), autolim=False)
-        return
-    once = (nav.reverse < 0) | (nav.tail < nav.head)
-    ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
-    ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
-    named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
-    ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
-    if 0 < len(named) <= 80:
-        walls = None if outline is None else np.concatenate([outline.walls, outline.doors])
-        names = [nav.vertex_name[v] for v in named]
-        for name, at in zip(names, _name_places(ax, names, nav.xy[named], NAME_PT, 2 + 0.08 * points_per_m, points_per_m, walls, ends)):
-            if np.isfinite(at[0]):
-                _write(ax, name, *at, NAME_PT, LIGHT["muted"], 3)
-
-
 def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) -> list[int]:
     """Draw the robots; returns how many are in each state."""
     execution, fleet = record.execution, record.fleet
@@ -173,12 +143,12 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
     if few and len(there):
         half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m
-        centres = _name_places(
+        centres = name_places(
             ax, [fleet.robot_name[r] for r in there], np.column_stack((x[there], y[there])), ROBOT_PT, half_pt + 2, points_per_m
         )
         for r, at in zip(there, centres):
             beside = at if np.isfinite(at[0]) else (x[r], y[r] + (half_pt + 6) / points_per_m)
-            _write(ax, fleet.robot_name[r], *beside, ROBOT_PT, LIGHT["ink"], 6)
+            write_name(ax, fleet.robot_name[r], *beside, ROBOT_PT, LIGHT["ink"], 6)
     return np.bincount(state, minlength=5)[:4].tolist()
 
 
@@ -189,30 +159,6 @@ ARROW = np.array([(0.62, 0), (-0.5, 0.56), (-0.24, 0), (-0.5, -0.56)]) / 2
 def _box(x: float, y: float, yaw: float, length: float, width: float, shape: FloatArray = BOX) -> FloatArray:
     c, s = np.cos(yaw), np.sin(yaw)
     return shape * (length, width) @ np.array([(c, s), (-s, c)]) + (x, y)
-
-
-def _name_places(
-    ax: Axes,
-    names: list[str],
-    xy: FloatArray,
-    size_pt: float,
-    gap_pt: float,
-    points_per_m: float,
-    walls: FloatArray | None = None,
-    lanes: FloatArray | None = None,
-) -> FloatArray:
-    """[N, 2] centres of names beside points, in m: clear of each other and, if possible, of walls and lanes; NaN without room."""
-    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
-    wall, lane = ((np.zeros((0, 2, 2)) if ends is None else ends - low) * points_per_m for ends in (walls, lanes))
-    size = np.array([(0.58 * size_pt * len(name) + 1, 1.15 * size_pt) for name in names])
-    page = np.array([(0.0, 0.0), (high - low) * points_per_m])
-    return low + (place_labels((xy - low) * points_per_m, size, lane, wall, page, gap_pt) + size / 2) / points_per_m
-
-
-def _write(ax: Axes, text: str, x: float, y: float, size_pt: float, colour: str, zorder: float) -> None:
-    note = ax.text(x, y, text, fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder)
-    note.set_path_effects([withStroke(linewidth=1.8, foreground=LIGHT["floor"])])
-    note.set_parse_math(False)  # a name is a name
 
 
 def _write_head_and_foot(figure: Figure, ax: Axes, record: RunRecord, at_s: float, counts: list[int], *, planned: bool) -> None:

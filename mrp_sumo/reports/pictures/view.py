@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ABSENT = 4  # a state in addition to those of io.record: not on the floor
 TURNING_RAD = 0.02  # a sample
+MARGIN_M = 0.6  # around all that is drawn
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
 
@@ -75,6 +76,12 @@ def title_of(result: Mapping[str, Any]) -> str:
     return f"{map_name}, {count} robots, {scenario['planner']['name']}, seed {result['seed']}"
 
 
+def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
+    """Map, robots and planner of a run in a line."""
+    map_name = Path(result["scenario"]["map"]["file"]).name.removesuffix(".building.yaml")
+    return f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {result['scenario']['planner']['name']}"
+
+
 def view_record(run: AnyRun) -> RunRecord:
     """The run as it is shown: as driven, or as planned where it was not executed.
 
@@ -115,6 +122,21 @@ def is_grid_map(record: RunRecord) -> bool:
     """Whether the map itself is a grid: then its cells are drawn, not lanes."""
     nav, graph = record.nav, record.graph
     return graph.kind == "grid" and (nav is None or np.array_equal(nav.xy, graph.xy))
+
+
+def extent(record: RunRecord, outline: "Outline | None") -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right [2] of everything that is drawn, in m, with a margin."""
+    execution = record.execution
+    nav = record.nav or record.graph
+    points = [nav.xy]
+    if not np.isnan(execution.x_m).all():
+        points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
+    if record.plan is not None:
+        points.append(record.graph.xy[record.plan.vertex])
+    if outline is not None:
+        points += [outline.walls.reshape(-1, 2), *outline.floors]
+    every = np.concatenate(points)
+    return every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
 
 
 def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Execution:

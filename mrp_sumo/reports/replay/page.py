@@ -27,7 +27,7 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import DAMAGE, load_run
 from mrp_sumo.metrics.evaluate import succeeded
-from mrp_sumo.reports.pictures.view import AnyRun, furniture_and_walls, is_grid_map, view_record, view_states
+from mrp_sumo.reports.pictures.view import AnyRun, extent, furniture_and_walls, is_grid_map, subtitle_of, view_record, view_states
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
 
 SOURCES = Path(__file__).parent
@@ -46,7 +46,6 @@ SCRIPTS = (
 )
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
-MARGIN_M = 0.6
 MAX_JUNCTIONS = 20_000
 STATION_KINDS = (  # option of RMF, what people call it; the first that applies
     ("is_charger", "charger"),
@@ -170,7 +169,7 @@ def replay_page(record: RunRecord, about: About) -> str:
     num_samples, num_robots = execution.x_m.shape
     if not num_samples or not num_robots:
         raise MrpSumoError(f"{about.name}: nothing to replay: {num_robots} robots, {num_samples} samples")
-    low, high = _extent(record, about.outline)
+    low, high = extent(record, about.outline)
     columns = Columns()
     head: dict[str, Any] = {
         "name": about.name,
@@ -240,7 +239,7 @@ def _about(run: AnyRun, record: RunRecord) -> About:
     }
     return About(
         name=record.name,
-        subtitle=f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {planner}",
+        subtitle=subtitle_of(run.result, num_robots),
         status=status if run.executed else f"{status}, plan only",
         is_good=succeeded(run.result["status"], metrics),
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
@@ -259,21 +258,6 @@ def _seconds(value: float | None) -> str | None:
 
 def _lateness(value: float | None) -> str | None:
     return None if value is None else f"{_seconds(abs(value))} {'early' if value < 0 else 'late'}"
-
-
-def _extent(record: RunRecord, outline: Outline | None) -> tuple[FloatArray, FloatArray]:
-    """Lower left and upper right of everything on the page."""
-    execution = record.execution
-    nav = record.nav or record.graph
-    points = [nav.xy]
-    if not np.isnan(execution.x_m).all():
-        points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
-    if record.plan is not None:
-        points.append(record.graph.xy[record.plan.vertex])
-    if outline is not None:
-        points += [outline.walls.reshape(-1, 2), *outline.floors]
-    every = np.concatenate(points)
-    return every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
 
 
 def _add_motion(columns: Columns, execution: Execution, low: FloatArray, high: FloatArray) -> dict[str, Any]:

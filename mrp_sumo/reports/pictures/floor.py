@@ -1,0 +1,82 @@
+"""The floor of a run in matplotlib: building, lanes or cells, stations, and names that keep clear of each other."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patheffects import withStroke
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.io.outline import Outline
+from mrp_sumo.io.record import RunRecord
+from mrp_sumo.reports.pictures.labels import place_labels
+from mrp_sumo.reports.pictures.view import furniture_and_walls, is_grid_map
+from mrp_sumo.reports.replay.constants import THEMES
+
+LIGHT = THEMES["light"]
+NAME_PT = 6.5  # names of stations
+
+
+def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float, *, name_pt: float = NAME_PT) -> None:
+    """Draw what stands under the robots: floors, furniture, doors, walls, lanes or cells, and stations with their names.
+
+    Parameters
+    ----------
+    ax
+        In m, map frame.
+    record, outline
+        Of the run.
+    points_per_m
+        The scale.
+    name_pt
+        Size of the names of stations.
+    """
+    nav = record.nav or record.graph
+    if outline is not None:
+        furniture, inner, walls = furniture_and_walls(outline.walls)
+        for polygons, colour in ((outline.floors, LIGHT["floor"]), (outline.holes, LIGHT["paper"]), (furniture, LIGHT["furniture"])):
+            ax.add_collection(PolyCollection(list(polygons), facecolor=colour, edgecolor="none", zorder=0), autolim=False)
+        ax.add_collection(LineCollection(list(inner), color=LIGHT["wall"], lw=0.5, alpha=0.5, zorder=1), autolim=False)
+        lw = float(np.clip(0.1 * points_per_m, 0.6, 4))
+        ax.add_collection(LineCollection(list(outline.doors), color=LIGHT["door"], lw=0.6 * lw, zorder=2), autolim=False)
+        ax.add_collection(LineCollection(list(walls), color=LIGHT["wall"], lw=lw, capstyle="round", zorder=2), autolim=False)
+    if is_grid_map(record):
+        half = record.graph.cell_m / 2
+        cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+        ax.add_collection(PolyCollection(list(cells), facecolor=LIGHT["floor"], edgecolor=LIGHT["floor"], lw=0.3, zorder=0), autolim=False)
+        return
+    once = (nav.reverse < 0) | (nav.tail < nav.head)
+    ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
+    ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
+    named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
+    ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
+    if 0 < len(named) <= 80:
+        walls = None if outline is None else np.concatenate([outline.walls, outline.doors])
+        names = [nav.vertex_name[v] for v in named]
+        for name, at in zip(names, name_places(ax, names, nav.xy[named], name_pt, 2 + 0.08 * points_per_m, points_per_m, walls, ends)):
+            if np.isfinite(at[0]):
+                write_name(ax, name, *at, name_pt, LIGHT["muted"], 3)
+
+
+def name_places(
+    ax: Axes,
+    names: list[str],
+    xy: FloatArray,
+    size_pt: float,
+    gap_pt: float,
+    points_per_m: float,
+    walls: FloatArray | None = None,
+    lanes: FloatArray | None = None,
+) -> FloatArray:
+    """[N, 2] centres of names beside points, in m: clear of each other and, if possible, of walls and lanes; NaN without room."""
+    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    wall, lane = ((np.zeros((0, 2, 2)) if ends is None else ends - low) * points_per_m for ends in (walls, lanes))
+    size = np.array([(0.58 * size_pt * len(name) + 1, 1.15 * size_pt) for name in names])
+    page = np.array([(0.0, 0.0), (high - low) * points_per_m])
+    return low + (place_labels((xy - low) * points_per_m, size, lane, wall, page, gap_pt) + size / 2) / points_per_m
+
+
+def write_name(ax: Axes, text: str, x: float, y: float, size_pt: float, colour: str, zorder: float) -> None:
+    """Write a name with a halo."""
+    note = ax.text(x, y, text, fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder)
+    note.set_path_effects([withStroke(linewidth=1.8, foreground=LIGHT["floor"])])
+    note.set_parse_math(False)  # a name is a name

@@ -1,0 +1,122 @@
+"""Frames to files: MP4 (H.264, by PyAV, the extra `video`), GIF and WebP (by Pillow), or a folder of PNG files.
+
+Files are written whole or not at all. Refuses other suffixes, and MP4 where PyAV is not installed.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.files.reading import shortened
+from mrp_sumo.reports.pictures.floor import LIGHT
+from mrp_sumo.reports.replay.constants import STATE_COLOURS
+from mrp_sumo.reports.video.canvas import Pixels
+
+SUFFIXES = (".mp4", ".gif", ".webp")
+FPS = {".mp4": 30, ".gif": 20, ".webp": 20, "": 30}  # by suffix; GIF counts hundredths of a second
+SIZE = {".mp4": (1920, 1080), ".gif": (960, 540), ".webp": (960, 540), "": (1920, 1080)}
+QUALITY = {"preset": "superfast", "crf": "18"}
+
+
+def kind_of(path: str) -> str:
+    """The suffix of a video; '' for a folder of frames.
+
+    Raises
+    ------
+    MrpSumoError
+        For another suffix, and for MP4 where nothing can encode it.
+    """
+    if path.endswith("/"):
+        return ""
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise MrpSumoError(f"{path}: a video ends in .mp4, .gif or .webp, or in / for a folder of frames")
+    if suffix == ".mp4" and find_spec("av") is None:
+        raise MrpSumoError(f"{path}: MP4 needs PyAV: pip install 'mrp-sumo[video]', or write .gif, .webp or frames/ instead")
+    return suffix
+
+
+def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str, fps: int) -> None:
+    """Write a video.
+
+    Parameters
+    ----------
+    frames
+        Each is valid until the next.
+    poster
+        A frame with all that matters; GIF takes its colours from it.
+    path, kind
+        As `kind_of` says.
+    fps
+        Frames a second.
+
+    Raises
+    ------
+    MrpSumoError
+        When it cannot be written; nothing is left then.
+    """
+    if kind == "":
+        return _write_frames(frames, path)
+    part = path.with_name(f".{path.name}.part")
+    write = {".mp4": _write_mp4, ".gif": _write_gif, ".webp": _write_webp}[kind]
+    try:
+        with part.open("wb"):  # says plainly why a place cannot be written
+            pass
+        write(frames, poster, part, fps)
+        part.replace(path)
+    except OSError as error:
+        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+    return None
+
+
+def write_png(pixels: Pixels, path: Path) -> None:
+    """Write a frame. Raises MrpSumoError where it cannot be written."""
+    try:
+        Image.fromarray(pixels[..., :3]).save(path, compress_level=2)
+    except OSError as error:
+        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
+
+
+def _write_frames(frames: Iterator[Pixels], folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise MrpSumoError(f"{shortened(folder)}: cannot be made: {sentence(error)}") from None
+    for k, frame in enumerate(frames):
+        write_png(frame, folder / f"{k:05d}.png")
+
+
+def _write_mp4(frames: Iterator[Pixels], poster: Pixels, path: Path, fps: int) -> None:
+    import av
+
+    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as file:
+        stream = file.add_stream("libx264", rate=fps, options=QUALITY)
+        stream.height, stream.width = poster.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        stream.codec_context.thread_count = 1
+        for pixels in frames:
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgba")))
+        file.mux(stream.encode(None))
+
+
+def _write_gif(frames: Iterator[Pixels], poster: Pixels, path: Path, fps: int) -> None:
+    """All frames have the poster's colours and those of the states, or they would flicker."""
+    states = [tuple(bytes.fromhex(LIGHT[name][1:])) for name in STATE_COLOURS]
+    band = np.repeat(np.array(states, np.uint8), len(poster) * poster.shape[1] // 40, axis=0)
+    band = band[: len(band) // poster.shape[1] * poster.shape[1]].reshape(-1, poster.shape[1], 3)
+    palette = Image.fromarray(np.concatenate([poster[..., :3], band])).quantize(255)
+    pictures = (Image.fromarray(pixels[..., :3]).quantize(palette=palette, dither=Image.Dither.NONE) for pixels in frames)
+    next(pictures).save(path, "GIF", save_all=True, append_images=pictures, duration=1000 / fps, loop=0, optimize=False)
+
+
+def _write_webp(frames: Iterator[Pixels], poster: Pixels, path: Path, fps: int) -> None:
+    pictures = (Image.fromarray(pixels[..., :3]) for pixels in frames)
+    next(pictures).save(path, "WEBP", save_all=True, append_images=pictures, duration=round(1000 / fps), loop=0, quality=80, method=2)

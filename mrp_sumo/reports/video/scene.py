@@ -1,0 +1,225 @@
+"""A run over time as videos show it: where robots are at any moment, what is planned for them next, and whom they wait for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.execution import positions_at
+from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.io.outline import Outline
+from mrp_sumo.io.record import BLOCKED, WAITING, RunRecord
+from mrp_sumo.io.run_reader import DAMAGE
+from mrp_sumo.reports.pictures.view import ABSENT, MARGIN_M, AnyRun, extent, subtitle_of, view_record, view_states
+
+AHEAD_S = 10.0  # of the plan
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """What a robot was to do from a time on, until it was sent elsewhere: N visits."""
+
+    since_s: float
+    xy: FloatArray  # [N, 2] m
+    arrive_s: FloatArray  # [N] as planned
+    arrived_s: FloatArray  # [N] as driven, inf: never
+
+    def ahead(self, t_s: float) -> FloatArray:
+        """[K, 2] where the plan goes on within `AHEAD_S` from a time."""
+        k = int(np.searchsorted(self.arrived_s, t_s, side="right"))
+        if k == len(self.xy):
+            return self.xy[:0]
+        return self.xy[k : max(k + 1, int(np.searchsorted(self.arrive_s, self.arrive_s[k] + AHEAD_S, side="right")))]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """R robots at a time."""
+
+    t_s: float
+    xy: FloatArray  # [R, 2] m
+    yaw_rad: FloatArray  # [R]
+    state: NDArray[np.int8]  # [R]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A run of R robots."""
+
+    title: str
+    subtitle: str
+    record: RunRecord
+    outline: Outline | None
+    low: FloatArray  # [2] lower left of what is shown, m
+    high: FloatArray  # [2]
+    state: NDArray[np.int8]  # [T, R]
+    ways: tuple[tuple[Way, ...], ...]  # by robot, by time
+    waits: tuple[tuple[tuple[float, float, int], ...], ...]  # by robot: from, until, and for whom
+    name: tuple[str, ...]  # [R] as written beside robots
+    chosen: BoolArray  # [R] whom the viewer asked for
+    has_choice: bool
+
+    @property
+    def end_s(self) -> float:
+        return float(self.record.execution.t_s[-1])
+
+    def moments(self, t_s: FloatArray) -> list[Moment]:
+        """The run at ascending times; after its end as at its end."""
+        execution = self.record.execution
+        x, y, yaw = positions_at(execution, t_s)
+        sample = np.clip(np.searchsorted(execution.t_s, t_s + 1e-9) - 1, 0, len(execution.t_s) - 1)
+        state = self.state[sample].copy()
+        state[~(np.isfinite(x) & np.isfinite(y))] = ABSENT
+        return [Moment(float(t), np.column_stack((x[k], y[k])), yaw[k], state[k]) for k, t in enumerate(t_s)]
+
+    def ahead(self, robot: int, t_s: float) -> FloatArray:
+        """[K, 2] where a robot's plan goes on."""
+        way = next((way for way in reversed(self.ways[robot]) if way.since_s <= t_s), None)
+        return way.ahead(t_s) if way else np.zeros((0, 2))
+
+    def waited_for(self, moment: Moment) -> list[tuple[int, int]]:
+        """Who waits for whom."""
+        found = []
+        for robot in np.flatnonzero((moment.state == WAITING) | (moment.state == BLOCKED)).tolist():
+            others = [other for a, b, other in self.waits[robot] if a <= moment.t_s + 1e-6 and b >= moment.t_s]
+            if others:
+                found.append((robot, others[-1]))
+        return found
+
+    def tasks_at(self, t_s: float) -> tuple[int, int] | None:
+        """How many tasks are done and open; None in runs without tasks."""
+        tasks = self.record.execution.tasks
+        if tasks is None:
+            return None
+        orders = tasks.is_order
+        done = int((tasks.done_s[orders] <= t_s).sum())
+        return done, int((tasks.released_s[orders] <= t_s).sum()) - done
+
+
+def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = None) -> Scene:
+    """A run, to be shown as a video.
+
+    Parameters
+    ----------
+    run
+        With a trajectory or at least a plan.
+    robots
+        Names of robots to bring out.
+    level
+        The level to show; all, side by side, by default.
+
+    Raises
+    ------
+    MrpSumoError
+        For a run with nothing to show, damaged files, and names of robots or levels that there are not.
+    """
+    try:
+        record, outline, plan = view_record(run), run.outline, run.plan
+    except DAMAGE as error:
+        raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
+    execution, names = record.execution, record.fleet.robot_name
+    if not execution.x_m.size:
+        raise MrpSumoError(f"{run.source}: nothing to show: {execution.num_robots} robots, {len(execution.t_s)} samples")
+    for name in robots:
+        if name not in names:
+            raise MrpSumoError(f"--robots {name}: {run.source} has no such robot{nearest(name, names)}")
+    low, high = extent(record, outline)
+    if level is not None:
+        low, high = _extent_of_level(record, outline, level, low, high, run.source)
+    policy = run.result.get("policy") or ""
+    words = (subtitle_of(run.result, record.fleet.num_robots), policy if run.executed else "plan, not driven")
+    return Scene(
+        title=record.name,
+        subtitle=" · ".join(filter(None, words)),
+        record=record,
+        outline=outline,
+        low=low,
+        high=high,
+        state=view_states(execution),
+        ways=_ways(record, plan),
+        waits=_waits(record),
+        name=_short_names(names),
+        chosen=np.isin(np.array(names), list(robots)),
+        has_choice=bool(robots),
+    )
+
+
+def _extent_of_level(
+    record: RunRecord, outline: Outline | None, level: str, low: FloatArray, high: FloatArray, source: str
+) -> tuple[FloatArray, FloatArray]:
+    """The part of the floor that a level takes, where levels lie side by side along x."""
+    nav = record.nav or record.graph
+    if level not in nav.level_names:
+        raise MrpSumoError(f"--level {level}: {source} has no such level{nearest(level, nav.level_names)}")
+    on = {name: nav.xy[nav.level == k, 0] for k, name in enumerate(nav.level_names)}
+    if not len(on[level]):
+        raise MrpSumoError(f"--level {level}: no robot can drive there")
+    points = record.graph.xy if outline is None else np.concatenate([outline.walls.reshape(-1, 2), *outline.floors])
+    left = max((x.max() for x in on.values() if len(x) and x.max() < on[level].min()), default=-np.inf)
+    right = min((x.min() for x in on.values() if len(x) and x.min() > on[level].max()), default=np.inf)
+    here = points[(points[:, 0] > left) & (points[:, 0] < right), 0]
+    # walls of a neighbour may lie between its lanes and ours: those across the widest gap are not ours
+    begin = _beyond_gap(np.sort(here[here < on[level].min()]), on[level].min()) if np.isfinite(left) else low[0]
+    end = -_beyond_gap(np.sort(-here[here > on[level].max()]), -on[level].max()) if np.isfinite(right) else high[0]
+    margin = MARGIN_M * np.array([np.isfinite(left), np.isfinite(right)])
+    return np.array([begin - margin[0], low[1]]), np.array([end + margin[1], high[1]])
+
+
+def _beyond_gap(x: FloatArray, edge: float) -> float:
+    """The first of ascending places after the widest gap before an edge."""
+    if not len(x):
+        return float(edge)
+    every = np.append(x, edge)
+    return float(every[int(np.argmax(np.diff(every))) + 1]) if np.diff(every).max() > 4 else float(x[0])
+
+
+def _ways(record: RunRecord, plan: object) -> tuple[tuple[Way, ...], ...]:
+    """What each robot was to do, by time: the plan, and what came instead while it drove."""
+    from mrp_sumo.core.plan import Plan
+
+    num_robots, execution, xy = record.fleet.num_robots, record.execution, record.graph.xy
+    found: list[list[Way]] = [[] for _ in range(num_robots)]
+    columns: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
+    if not isinstance(plan, Plan) or len(execution.arrived_s) != len(plan.vertex):
+        return tuple(() for _ in range(num_robots))
+    for a, b in pairwise(plan.first.tolist()):
+        columns.append((plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]))
+    begin = [0] * num_robots  # number of each robot's first visit that is still kept
+    for robot, way in enumerate(columns):
+        found[robot].append(_way(0.0, *way, xy))
+    for reply in execution.replies:
+        for k, robot in enumerate(reply.robot.tolist()):
+            new = slice(int(reply.first[k]), int(reply.first[k + 1]))
+            old = tuple(column[: int(reply.since[k]) + 1 - begin[robot]] for column in columns[robot])
+            done = max(0, int((old[2] < reply.t_s).sum()) - 1)
+            begin[robot] += done
+            parts = zip((column[done:] for column in old), (reply.vertex[new], reply.arrive_s[new], reply.arrived_s[new]))
+            columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
+            found[robot].append(_way(reply.t_s, *columns[robot], xy))
+    return tuple(map(tuple, found))
+
+
+def _way(since_s: float, vertex: NDArray[np.int64], arrive_s: FloatArray, arrived_s: FloatArray, xy: FloatArray) -> Way:
+    reached = np.where(np.isfinite(arrived_s), arrived_s, np.inf)
+    return Way(since_s, xy[vertex], arrive_s, np.maximum.accumulate(reached))
+
+
+def _waits(record: RunRecord) -> tuple[tuple[tuple[float, float, int], ...], ...]:
+    """By robot, whom it waited for, and when."""
+    num_robots = record.fleet.num_robots
+    found: list[list[tuple[float, float, int]]] = [[] for _ in range(num_robots)]
+    for event in record.execution.events:
+        if event.duration_s > 0 and 0 <= event.robot < num_robots and 0 <= event.other < num_robots:
+            found[event.robot].append((event.t_s, event.t_s + event.duration_s, event.other))
+    return tuple(tuple(sorted(of)) for of in found)
+
+
+def _short_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without what all begin with, where numbers are left: robot_12 is written 12."""
+    stems = {name.rstrip("0123456789") for name in names}
+    if len(stems) == 1 and all(name != stem for stem in stems for name in names):
+        return tuple(name[len(next(iter(stems))) :] for name in names)
+    return tuple(names)
