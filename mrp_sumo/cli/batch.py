@@ -63,11 +63,11 @@ def run(options: argparse.Namespace) -> int:
         _print_plan(file, folder, workers, options)
         return 0
     kept_none = False
-    with stoppable() as stop, _watcher() as watcher:
+    with stoppable() as stop, watcher() as shown:
         batch = run_batch(
             file,
             folder,
-            watcher,
+            shown,
             workers=workers,
             scheduler=options.scheduler,
             retries=options.retries,
@@ -77,9 +77,9 @@ def run(options: argparse.Namespace) -> int:
         )
         if options.keep_worst and len(batch.status) == len(batch.runs):
             page = "mrp_sumo.reports.replay.page:write_replay"
-            num_kept = archive_worst(batch, options.keep_worst, watcher.report, write_page=page, workers=workers, stop=stop)
+            num_kept = archive_worst(batch, options.keep_worst, shown.report, write_page=page, workers=workers, stop=stop)
             kept_none = not num_kept
-            watcher.report(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
+            shown.report(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
         again = f"mrp-sumo batch {options.suite} --out {folder}"
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)
@@ -169,7 +169,7 @@ class _Quiet:
 
 
 @contextmanager
-def _watcher() -> "Iterator[Watcher]":
+def watcher() -> "Iterator[Watcher]":
     """A progress bar on a terminal, nothing in a pipe."""
     if not sys.stderr.isatty():
         yield _Quiet()

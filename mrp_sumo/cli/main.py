@@ -26,6 +26,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "convert": ("mrp_sumo.cli.convert", "convert a map or a plan to another format"),
     "generate": ("mrp_sumo.cli.generate", "make a warehouse, grid, ring or random map of any size"),
     "batch": ("mrp_sumo.cli.batch", "make the runs of a suite in parallel; started again, go on where it was"),
+    "paper": ("mrp_sumo.cli.paper", "make everything of the MRP-Bench paper and set its numbers beside ours"),
     "status": ("mrp_sumo.cli.status", "say how a batch stands"),
     "query": ("mrp_sumo.cli.query", "ask the results of a batch in SQL"),
     "compare": ("mrp_sumo.cli.compare", "compare two result folders run by run; exit code 1 when the second is worse"),

@@ -6,7 +6,7 @@ the table of `mrp_sumo.load_results`.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -80,26 +80,65 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> Interval:
 
 def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, resamples: int = 10_000, seed: int = 0) -> Interval:
     """A mean with its bias-corrected and accelerated bootstrap interval (Efron, JASA 1987); NaN values are left out."""
-    x = np.asarray(values, np.float64)
-    x = x[np.isfinite(x)]
+    x = _finite(values)
     if not len(x):
         return Interval(math.nan, math.nan, math.nan, 0)
     mean = float(x.mean())
     if len(x) == 1:
         return Interval(mean, math.nan, math.nan, 1)
+    return _bootstrap(x, mean, lambda rows: rows.mean(1), (x.sum() - x) / (len(x) - 1), confidence, resamples, seed)
+
+
+def bootstrap_deviation(values: ArrayLike, confidence: float = 0.95, resamples: int = 10_000, seed: int = 0) -> Interval:
+    """A sample's standard deviation with its interval, as `bootstrap_mean`; NaN of fewer than three values."""
+    x = _finite(values)
+    if len(x) < 3:
+        return Interval(math.nan, math.nan, math.nan, len(x))
+    squares = (x - x.mean()) ** 2
+    left = np.maximum(squares.sum() - squares * len(x) / (len(x) - 1), 0)  # sums of squares, each without one
+    return _bootstrap(x, float(x.std(ddof=1)), lambda rows: rows.std(1, ddof=1), np.sqrt(left / (len(x) - 2)), confidence, resamples, seed)
+
+
+def _finite(values: ArrayLike) -> FloatArray:
+    x = np.asarray(values, np.float64)
+    return x[np.isfinite(x)]
+
+
+def _bootstrap(
+    x: FloatArray,
+    value: float,
+    statistic: Callable[[FloatArray], FloatArray],
+    without: FloatArray,
+    confidence: float,
+    resamples: int,
+    seed: int,
+) -> Interval:
+    """The interval of a statistic of at least two values.
+
+    Parameters
+    ----------
+    x, value
+        [N] values and their statistic.
+    statistic
+        Of the rows of [n, N] resampled values.
+    without
+        [N] jackknife: the statistic without each value.
+    confidence, resamples, seed
+        As for `bootstrap_mean`.
+    """
     if np.ptp(x) == 0:
-        return Interval(mean, mean, mean, len(x))
+        return Interval(value, value, value, len(x))
     rng = np.random.default_rng([seed, len(x)])
     share = max(1, 2_000_000 // len(x))  # resamples at a time: bounded memory
-    means = np.concatenate([x[rng.integers(0, len(x), (min(share, resamples - at), len(x)))].mean(1) for at in range(0, resamples, share)])
-    below = np.clip((np.count_nonzero(means < mean) + np.count_nonzero(means == mean) / 2) / resamples, 1e-6, 1 - 1e-6)
+    drawn = (x[rng.integers(0, len(x), (min(share, resamples - at), len(x)))] for at in range(0, resamples, share))
+    found = np.concatenate([statistic(rows) for rows in drawn])
+    below = np.clip((np.count_nonzero(found < value) + np.count_nonzero(found == value) / 2) / resamples, 1e-6, 1 - 1e-6)
     bias = NORMAL.inv_cdf(float(below))
-    without = (x.sum() - x) / (len(x) - 1)  # jackknife means
     away = without.mean() - without
     acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
     ends = (bias + NORMAL.inv_cdf(share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
-    low, high = np.quantile(means, [NORMAL.cdf(bias + z / (1 - acceleration * z)) for z in ends])
-    return Interval(mean, float(low), float(high), len(x))
+    low, high = np.quantile(found, [NORMAL.cdf(bias + z / (1 - acceleration * z)) for z in ends])
+    return Interval(value, float(low), float(high), len(x))
 
 
 def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:

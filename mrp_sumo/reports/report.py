@@ -21,11 +21,12 @@ from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports import paper
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.charts.run_charts import replay_of, run_charts, tag_of
 from mrp_sumo.reports.charts.study_charts import study_charts
 from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
+from mrp_sumo.reports.paper.charts import execution_violins, figure_5
+from mrp_sumo.reports.paper.tables import table_1, table_2, table_3, table_4
 from mrp_sumo.reports.study import Study, read_study, short_key
 from mrp_sumo.reports.tables import study_tables
 from mrp_sumo.reports.tables.table import Cell, Table, whole
@@ -68,7 +69,7 @@ def write_report(source: Path, out: Path | None = None) -> Path:
         new.mkdir(parents=True)
         for section in sections:
             for part in section.parts:
-                _write_part(new, part)
+                write_part(new, part)
         (new / INDEX).write_text(text, encoding="utf-8")
         put_in_place(new, out)
     except OSError as error:
@@ -83,15 +84,15 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     charts = study_charts(study)
     overview = Section("overview", "Overview")
     overview.parts = _there(study_tables.capacity(study), study_tables.statuses(study), study_tables.reasons(study))
-    success = Section("success", "Success", parts=[*charts.get("success", []), *_there(paper.table_3(study))])
+    success = Section("success", "Success", parts=[*charts.get("success", []), *_there(table_3(study))])
     if study.is_planned and not study.is_executed:
         success.text = "These runs end with the plan: they were not driven."
-    planning = Section("planning", "Planning", parts=[*charts.get("planning", []), *paper.figure_5(study), *_there(paper.table_2(study))])
-    cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(paper.table_4(study))])
+    planning = Section("planning", "Planning", parts=[*charts.get("planning", []), *figure_5(study), *_there(table_2(study))])
+    cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(table_4(study))])
     execution = Section("execution", "Execution")
-    execution.parts = [*charts.get("execution", []), *paper.execution_violins(study), *_there(study_tables.main_figures(study))]
+    execution.parts = [*charts.get("execution", []), *execution_violins(study), *_there(study_tables.main_figures(study))]
     compared = Section("compared", "Compared", parts=_there(study_tables.paired(study)))
-    maps = Section("maps", "Maps", parts=_there(paper.table_1(study)))
+    maps = Section("maps", "Maps", parts=_there(table_1(study)))
     runs = Section("runs", "Runs", parts=_there(study_tables.worst_runs(study, out)))
     drawn = _kept_runs(study)
     limit = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all."
@@ -247,7 +248,8 @@ def _cell(value: Any) -> Cell:
     return value if isinstance(value, int) else float(value)
 
 
-def _write_part(folder: Path, part: Table | Chart) -> None:
+def write_part(folder: Path, part: Table | Chart) -> None:
+    """Write a figure or a table in all its forms into `figures` or `tables` of a folder."""
     if isinstance(part, Chart):
         files: dict[str, bytes] = {f"figures/{part.name}.svg": part.svg, f"figures/{part.name}.png": part.png}
     else:
@@ -255,7 +257,7 @@ def _write_part(folder: Path, part: Table | Chart) -> None:
         files = {f"tables/{part.name}.{kind}": text.encode() for kind, text in texts.items()}
     for name, data in files.items():
         path = folder / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
 
 

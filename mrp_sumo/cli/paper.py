@@ -1,0 +1,61 @@
+"""Make everything of the MRP-Bench paper from nothing and set its numbers beside ours: Tables I to IV, Figure 5, replicability.
+
+DIR gets paper.json, index.html, figures/ as SVG and PNG, tables/ as CSV, Markdown and LaTeX, and results/ with the runs. Started again,
+it goes on where it was. Exit code 0 when every run has a result, 1 when some crashed or took too much, 2 for bad input, 130 when it was
+interrupted.
+"""
+
+import argparse
+import os
+import shlex
+import sys
+from pathlib import Path
+
+from mrp_sumo.cli.batch import stoppable, watcher
+from mrp_sumo.errors import MrpSumoError
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo paper`."""
+    add = parser.add_argument
+    add("--out", default="runs/paper", metavar="DIR", help="folder of runs and page (default: runs/paper)")
+    add("--seeds", type=int, metavar="N", help="only the first N seeds of every study, for a result sooner (default: all, 54 and 100)")
+    add("--maps", type=Path, metavar="DIR", help="an MRP-Bench checkout: use its maps instead of our drawings of them")
+    add("--workers", type=int, metavar="N", help="processes (default: one a core)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make the runs, write the page, say how long it took."""
+    from mrp_sumo.experiments.paper import Campaign, run_campaign
+    from mrp_sumo.reports.paper.page import compare_with_paper, write_paper
+
+    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
+    for name, value in (("--workers", workers), ("--seeds", options.seeds)):
+        if value is not None and value < 1:
+            raise MrpSumoError(f"{name}: found {value}, expected 1 or more")
+    campaign = Campaign(Path(options.out), options.maps, options.seeds)
+    with stoppable() as stop, watcher() as shown:
+        made = run_campaign(campaign, shown, workers=workers, stop=stop)
+    if not made.finished:
+        print(f"mrp-sumo: interrupted; to go on: {_command(options)}", file=sys.stderr)
+        return 130
+    found = compare_with_paper(campaign)
+    page = write_paper(campaign, found, made)
+    agree = sum(bool(row.agrees) for row in found.compared)
+    print(f"{agree} of {len(found.compared)} numbers of the paper lie in our 95 % intervals")
+    print(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {_duration(made.seconds)}")
+    return 1 if made.num_broken else 0
+
+
+def _command(options: argparse.Namespace) -> str:
+    """The command line that goes on."""
+    parts = ["mrp-sumo", "paper", "--out", options.out]
+    for name in ("seeds", "maps", "workers"):
+        if (value := getattr(options, name)) is not None:
+            parts += [f"--{name}", str(value)]
+    return shlex.join(parts)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"

@@ -1,0 +1,144 @@
+"""All runs of the MRP-Bench paper: the bundled suites of its tables, its Figure 5 and its replicability study, made one after the other.
+
+Each suite is a batch of its own in the folder, so that everything resumes. The suites can be made on MRP-Bench's own map files, and
+with fewer seeds.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.batch import BROKEN, GO_ON, Watcher, run_batch
+from mrp_sumo.experiments.suite import find_suite, read_suite
+from mrp_sumo.io.results import write_whole
+
+SUITES = ("paper_table_1", "paper_table_2", "paper_table_3", "paper_table_4", "paper_figure_5")
+MRP_BENCH = {"office": "office", "warehouse": "warehouse", "airport": "airport_terminal"}  # our map -> their file
+UNITED = ("airport",)  # maps of which the paper unites the graphs of all fleets
+RESULTS = "results"  # folder of the batches
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is to be made, and where."""
+
+    folder: Path
+    maps: Path | None = None  # an MRP-Bench checkout, or a folder with its maps; bundled maps by default
+    num_seeds: int | None = None  # of every suite, the first so many; all by default
+
+    def results(self, suite: str) -> Path:
+        """The batch of a suite."""
+        return self.folder / RESULTS / suite
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a call has made of a campaign."""
+
+    num_runs: int  # of the campaign
+    num_made: int  # by this call
+    num_broken: int  # that crashed or took too much
+    seconds: float
+    finished: bool
+
+
+class _Counting:
+    """Callbacks of all batches, counted."""
+
+    def __init__(self, watcher: Watcher) -> None:
+        self._watcher, self.num_made = watcher, 0
+
+    def begin(self, num_runs: int, num_done: int) -> None:
+        self._watcher.begin(num_runs, num_done)
+
+    def ended(self, record: dict[str, Any]) -> None:
+        self.num_made += 1
+        self._watcher.ended(record)
+
+    def report(self, line: str) -> None:
+        self._watcher.report(line)
+
+
+def run_campaign(
+    campaign: Campaign, watcher: Watcher, *, workers: int, suites: tuple[str, ...] = SUITES, stop: Callable[[], int] = lambda: GO_ON
+) -> Made:
+    """Make all runs that have no result yet.
+
+    Parameters
+    ----------
+    campaign
+        What is to be made.
+    watcher
+        Callbacks of every batch.
+    workers
+        Processes.
+    suites
+        Names of the suites.
+    stop
+        As for `run_batch`.
+
+    Raises
+    ------
+    MrpSumoError
+        For a folder that holds something else or was made by another version, and maps that are not there.
+    """
+    begin = time.monotonic()
+    counting = _Counting(watcher)
+    maps = maps_in(campaign.maps) if campaign.maps else {}
+    num_runs = num_broken = 0
+    for name in suites:
+        path = campaign.folder / "suites" / f"{name}.yaml"
+        write_whole(path, yaml.safe_dump(suite_of(name, campaign.num_seeds, maps), sort_keys=False, width=120).encode())
+        batch = run_batch(read_suite(path), campaign.results(name), counting, workers=workers, stop=stop)
+        num_runs += len(batch.runs)
+        num_broken += sum(batch.counts()[status] for status in BROKEN)
+        if len(batch.status) < len(batch.runs):
+            return Made(num_runs, counting.num_made, num_broken, time.monotonic() - begin, False)
+    return Made(num_runs, counting.num_made, num_broken, time.monotonic() - begin, True)
+
+
+def maps_in(folder: Path) -> dict[str, str]:
+    """Files of MRP-Bench's maps, by our names.
+
+    Raises
+    ------
+    MrpSumoError
+        When one is missing.
+    """
+    found = {}
+    for ours, theirs in MRP_BENCH.items():
+        files = sorted(folder.rglob(f"{theirs}.building.yaml"))
+        if not files:
+            raise MrpSumoError(f"{folder}: there is no {theirs}.building.yaml in it, expected an MRP-Bench checkout")
+        found[ours] = str(files[0].resolve())
+    return found
+
+
+def suite_of(name: str, num_seeds: int | None, maps: dict[str, str]) -> dict[str, Any]:
+    """A bundled suite as a document, with the first seeds and on other maps.
+
+    Parameters
+    ----------
+    name
+        Of the suite.
+    num_seeds
+        At most so many values of its axis `seed`.
+    maps
+        Files by the names of bundled maps.
+    """
+    suite: dict[str, Any] = yaml.safe_load(find_suite(name).read_text(encoding="utf-8"))
+    grid = suite["grid_search"]
+    if maps:
+        names = grid.get("map") or ["warehouse"]  # the base's
+        grid = {"map": [{"file": maps[key]} | ({"graph": "all"} if key in UNITED else {}) for key in names]} | {
+            key: values for key, values in grid.items() if key != "map"
+        }
+    if num_seeds is not None and "seed" in grid:
+        first, last = map(int, grid["seed"].split(".."))
+        grid = {**grid, "seed": f"{first}..{min(last, first + num_seeds - 1)}"}
+    return {"name": name, **suite, "grid_search": grid}

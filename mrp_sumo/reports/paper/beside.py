@@ -1,0 +1,242 @@
+"""What the paper prints beside what comes out here, number by number, each of ours with its interval of 95 %."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mrp_sumo.experiments.statistics import Interval, bootstrap_deviation, bootstrap_mean, holm, mcnemar, pairs, wilcoxon, wilson
+from mrp_sumo.reports.paper.printed import map_of_paper, numbers_of_paper, printed
+from mrp_sumo.reports.paper.tables import commonly_solved
+from mrp_sumo.reports.study import PLANNER_NAMES, Study, numbers
+
+YIELDING, REPLANNING, ORDERED = "local yielding", "local yielding, then lacam", "the plan's order"  # ways to drive
+COUNTED = ("num_vertices", "num_edges", "extent_x_m", "extent_y_m", "num_cells_total", "num_cells_free", "num_cells_blocked")
+PRINTED = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells", "blocked_cells")  # the same of Table I
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A number of ours, and the paper's where it prints one."""
+
+    labels: dict[str, Any]  # what it is of
+    quantity: str  # with its unit
+    ours: Interval  # a fact has itself as its limits
+    paper_value: float | None = None
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the paper's number lies in the interval of ours, as far as the digits go that it prints; None without one."""
+        if self.paper_value is None:
+            return None
+        half = 0.5 * 10.0 ** -_decimals(self.paper_value)
+        return bool(self.ours.low - half <= self.paper_value <= self.ours.high + half)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON has it."""
+        value, low, high = (None if not math.isfinite(v) else v for v in (self.ours.value, self.ours.low, self.ours.high))
+        return {
+            **self.labels,
+            "quantity": self.quantity,
+            "ours": value,
+            "low": low,
+            "high": high,
+            "runs": self.ours.count,
+            "paper_value": self.paper_value,
+            "agrees": self.agrees,
+        }
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """Two planners on the same runs, and which the paper puts first."""
+
+    labels: dict[str, Any]
+    first: str
+    second: str
+    difference: Interval  # second minus first
+    p_value: float  # of no difference, adjusted for the number of pairs in its table
+    paper_difference: float | None
+
+    @property
+    def verdict(self) -> str:
+        """What the test says of the paper's order."""
+        if self.paper_difference is None:
+            return ""
+        if self.p_value >= 0.05:
+            return "too close to tell"
+        if not self.paper_difference:
+            return "differ here, equal in the paper"
+        return "as in the paper" if self.paper_difference * self.difference.value > 0 else "the other way round"
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            **self.labels,
+            "first": self.first,
+            "second": self.second,
+            "ours": self.difference.value,
+            "low": self.difference.low,
+            "high": self.difference.high,
+            "runs": self.difference.count,
+            "p_value": self.p_value,
+            "paper_difference": self.paper_difference,
+            "verdict": self.verdict,
+        }
+
+
+def table_1(study: Study) -> list[Beside]:
+    """Facts of the maps; the paper's are of cells of 0.4 m."""
+    found = []
+    for name in study.maps:
+        runs = study.frame[(study.frame["_map"] == name) & study.frame["_succeeded"]]
+        for _, run in runs.iterrows():
+            cell_m = float(run["discretisation.cell_m"])
+            for column, quantity in zip(COUNTED, PRINTED):
+                value = float(run[column])
+                theirs = printed("table_1", map_of_paper(name), quantity) if cell_m == 0.4 else None
+                found.append(Beside({"map": name, "cell_m": cell_m}, quantity, Interval(value, value, value, 1), theirs))
+    return found
+
+
+def table_2(study: Study) -> list[Beside]:
+    """Share of the experiments with a plan, valid or not, within the limit; the paper's are of 5 and 9 robots together."""
+    found = []
+    for labels, runs, together in _experiments(study):
+        rate = wilson(int(runs["_planned"].sum()), len(runs))
+        theirs = printed("table_2", map_of_paper(labels["map"]), labels["planner"]) if together else None
+        found.append(Beside(labels, "planned_percent", _percent(rate), theirs))
+    return found
+
+
+def table_3(study: Study) -> list[Beside]:
+    """Share of the experiments in which all robots reach their goals; the paper's robots yield locally."""
+    found = []
+    for how, driven in ways(study):
+        for labels, runs, together in _experiments(driven):
+            common, _ = commonly_solved(driven.frame[driven.frame["_map"] == labels["map"]])
+            for rate, of in (("normalised", runs[runs.index.isin(common.index)]), ("overall", runs)):
+                arrived = wilson(int((of["_planned"] & arrivals(of)).sum()), len(of))
+                theirs = printed("table_3", rate, map_of_paper(labels["map"]), labels["planner"])
+                found.append(
+                    Beside(
+                        {"execution": how, **labels}, f"{rate}_percent", _percent(arrived), theirs if together and how == YIELDING else None
+                    )
+                )
+    return found
+
+
+def table_4(study: Study) -> list[Beside]:
+    """Mean makespan and cost of what every planner solved, in cells with the start included."""
+    common, _ = commonly_solved(study.frame)
+    found = []
+    for planner in _planners(study.frame):
+        runs = common[common["planner"] == planner]
+        for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
+            mean = bootstrap_mean(numbers(runs, column))
+            found.append(Beside({"planner": planner}, quantity, mean, printed("table_4", quantity, planner)))
+    return found
+
+
+def figure_5(study: Study) -> list[Beside]:
+    """Planning time of the scenarios with a plan: mean and standard deviation; quartiles and what the paper says stand beside them."""
+    found = []
+    for planner in _planners(study.frame):
+        runs = study.frame[study.frame["planner"] == planner]
+        time_s = numbers(runs[runs["_planned"]], "planning_time_s")
+        five = [float(q) for q in np.quantile(time_s, (0, 0.25, 0.5, 0.75, 1))] if len(time_s) else None
+        says = numbers_of_paper()["figure_5"]["says"].get(planner)
+        labels = {"planner": planner, "scenarios": len(runs), "solved": len(time_s), "five_numbers_s": five, "paper_says": says}
+        found.append(Beside(labels, "mean_s", bootstrap_mean(time_s), printed("figure_5", "mean_s", planner)))
+        spread = printed("figure_5", "standard_deviation_s", planner)
+        found.append(Beside(labels, "standard_deviation_s", bootstrap_deviation(time_s), spread))
+    return found
+
+
+def order(executed: Study, costs: Study) -> list[Ordered]:
+    """Whether the paper's order of planners is ours: every two on the same runs, Table III by McNemar's test, Table IV by Wilcoxon's."""
+    found: list[Ordered] = []
+    driven = dict(ways(executed)).get(YIELDING)
+    for name in driven.maps if driven else ():
+        assert driven is not None
+        runs = driven.frame[driven.frame["_map"] == name]
+        printed_of = numbers_of_paper()["table_3"]["overall"].get(map_of_paper(name), {})
+        tests = []
+        for first, second in _two_of(_planners(runs)):
+            a, b = pairs(runs, "planner", first, second)
+            test = mcnemar(arrivals(a), arrivals(b))
+            tests.append((first, second, _percent(test.difference), test.p_value))
+        found += _adjusted({"table": "table_3", "map": name, "quantity": "overall_percent"}, tests, printed_of)
+    common, _ = commonly_solved(costs.frame)
+    for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
+        tests = []
+        for first, second in _two_of(_planners(common)):
+            a, b = pairs(common, "planner", first, second)
+            values = wilcoxon(*(runs[column].to_numpy(np.float64, na_value=np.nan) for runs in (a, b)))
+            tests.append((first, second, values.difference, values.p_value))
+        found += _adjusted({"table": "table_4", "map": costs.maps[0], "quantity": quantity}, tests, numbers_of_paper()["table_4"][quantity])
+    return found
+
+
+def ways(study: Study) -> Iterator[tuple[str, Study]]:
+    """The runs of Table III by how they were driven."""
+    frame = study.frame
+    ordered = (frame["execution.policy"] == "adg").to_numpy(np.bool_)
+    asked = frame["execution.recovery.replanner"].notna().to_numpy(np.bool_)
+    for how, chosen in ((YIELDING, ~ordered & ~asked), (REPLANNING, ~ordered & asked), (ORDERED, ordered)):
+        if chosen.any():
+            runs = frame[chosen].copy()
+            runs["_series"] = [PLANNER_NAMES.get(str(planner), str(planner)) for planner in runs["planner"]]
+            series = tuple(dict.fromkeys(runs["_series"]))
+            yield how, Study(how, "", study.until, runs, study.maps, series, (), (), {})
+
+
+def arrivals(runs: pd.DataFrame) -> Any:
+    """[N] whether all robots reached their goals, whatever the plan."""
+    return runs["all_goals_reached"].fillna(False).to_numpy(np.bool_)
+
+
+def _experiments(study: Study) -> Iterator[tuple[dict[str, Any], pd.DataFrame, bool]]:
+    """(labels, runs, whether they are of all numbers of robots together) of every map and planner."""
+    for name in study.maps:
+        for planner in _planners(study.frame):
+            runs = study.frame[(study.frame["_map"] == name) & (study.frame["planner"] == planner)]
+            counts = sorted(int(n) for n in runs["_robots"].dropna().unique())
+            groups: list[list[int]] = [counts, *([n] for n in counts)] if len(counts) > 1 else [counts]
+            for some in groups:
+                labels = {"map": name, "planner": planner, "robots": " and ".join(map(str, some))}
+                yield labels, runs[runs["_robots"].isin(some)], len(some) > 1
+
+
+def _planners(frame: pd.DataFrame) -> list[str]:
+    """Planners of runs, in the order of the paper's tables."""
+    there = set(frame["planner"].astype(str))
+    return [name for name in PLANNER_NAMES if name in there]
+
+
+def _two_of(names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    return ((a, b) for i, a in enumerate(names) for b in names[i + 1 :])
+
+
+def _adjusted(labels: dict[str, Any], tests: list[tuple[str, str, Interval, float]], theirs: dict[str, float]) -> list[Ordered]:
+    """The tests of one table, their p-values adjusted together."""
+    adjusted = holm([p for *_, p in tests])
+    found = []
+    for (first, second, difference, _), p_value in zip(tests, adjusted):
+        both = first in theirs and second in theirs
+        found.append(Ordered(labels, first, second, difference, p_value, round(theirs[second] - theirs[first], 6) if both else None))
+    return found
+
+
+def _percent(rate: Interval) -> Interval:
+    return Interval(100 * rate.value, 100 * rate.low, 100 * rate.high, rate.count)
+
+
+def _decimals(value: float) -> int:
+    """Digits after the point as printed."""
+    return len(f"{value:.6f}".rstrip("0").partition(".")[2])

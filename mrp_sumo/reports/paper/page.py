@@ -1,0 +1,321 @@
+"""`mrp-sumo paper`: the paper's tables and figures with our numbers beside it, of the runs that `experiments.paper` made.
+
+DIR/index.html               stands alone, needs no network
+DIR/paper.json               every number, with its interval and the paper's
+DIR/figures/<name>.svg .png
+DIR/tables/<name>.csv .md .tex
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo import __version__
+from mrp_sumo.experiments.identity import code_version, library_versions
+from mrp_sumo.experiments.paper import Campaign, Made
+from mrp_sumo.io.results import write_whole
+from mrp_sumo.reports.charts.chart import Chart
+from mrp_sumo.reports.page import Section, Tile, page
+from mrp_sumo.reports.paper import beside
+from mrp_sumo.reports.paper import tables as plain_tables
+from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, Beside, Ordered
+from mrp_sumo.reports.paper.charts import arrivals_chart, execution_violins, figure_5
+from mrp_sumo.reports.paper.printed import numbers_of_paper
+from mrp_sumo.reports.report import write_part
+from mrp_sumo.reports.study import PLANNER_NAMES, read_study
+from mrp_sumo.reports.tables.table import Cell, Range, Table
+
+PAGE, DOCUMENT, MARKDOWN = "index.html", "paper.json", "paper.md"
+TITLE = "Beside the MRP-Bench paper"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every number of the paper beside ours, and what is drawn of them."""
+
+    table_1: list[Beside]
+    table_2: list[Beside]
+    table_3: list[Beside]
+    table_4: list[Beside]
+    figure_5: list[Beside]
+    replicability: list[Beside]
+    order: list[Ordered]
+    sections: list[Section]
+
+    @property
+    def compared(self) -> list[Beside]:
+        """Numbers that the paper prints, too."""
+        every = (self.table_1, self.table_2, self.table_3, self.table_4, self.figure_5, self.replicability)
+        return [row for rows in every for row in rows if row.agrees is not None]
+
+
+def compare_with_paper(campaign: Campaign) -> Comparison:
+    """Read the runs of a campaign and set them beside the paper.
+
+    Raises
+    ------
+    MrpSumoError
+        When runs are missing or cannot be read.
+    """
+    maps, plans, driven, costs, times = (
+        read_study(campaign.results(name))
+        for name in ("paper_table_1", "paper_table_2", "paper_table_3", "paper_table_4", "paper_figure_5")
+    )
+    found = Comparison(
+        beside.table_1(maps),
+        beside.table_2(plans),
+        beside.table_3(driven),
+        beside.table_4(costs),
+        beside.figure_5(times),
+        [],
+        beside.order(driven, costs),
+        [],
+    )
+    yielding = dict(beside.ways(driven)).get(YIELDING)
+    one = plain_tables.table_1(maps)
+    sections = [
+        Section("maps", "Table I: maps", parts=[replace(one, title="Table I", note="")] if one else []),
+        Section("planning", "Table II: planning", parts=[_table_2(found.table_2)]),
+        Section("execution", "Table III: execution", parts=[*arrivals_charts(found.table_3), _table_3(found.table_3)]),
+        Section("times", "Figure 5: planning time", parts=[*figure_5(times), _figure_5(found.figure_5)]),
+        Section("cost", "Table IV: makespan and cost", parts=[_table_4(found.table_4)]),
+        Section("order", "The order of the planners", parts=[_order(found.order)]),
+        Section("blocked", "Execution and blocked time", parts=[*(execution_violins(yielding) if yielding else [])]),
+    ]
+    return replace(found, sections=sections)
+
+
+def write_paper(campaign: Campaign, found: Comparison, made: Made) -> Path:
+    """Write page, document, tables and figures into the folder of a campaign. Returns the page.
+
+    Raises
+    ------
+    OSError
+        As the system reports it.
+    """
+    for section in found.sections:
+        for part in section.parts:
+            write_part(campaign.folder, part)
+    write_whole(campaign.folder / DOCUMENT, (json.dumps(_document(campaign, found, made), indent=1) + "\n").encode())
+    write_whole(campaign.folder / MARKDOWN, _markdown(found.sections).encode())
+    source = " ".join(numbers_of_paper()["source"].split())
+    where = "MRP-Bench’s own maps" if campaign.maps else "our drawings of its maps"
+    lead = f"{source}. Its numbers beside ours, on {where}; ours with intervals of 95 %."
+    about = [
+        f"mrp_sumo {code_version()}, {', '.join(f'{name} {v}' for name, v in library_versions().items())}",
+        f"Written by mrp-sumo {__version__}.",
+    ]
+    write_whole(campaign.folder / PAGE, page(TITLE, lead, _tiles(found, made), _gaps(campaign), found.sections, about).encode())
+    return campaign.folder / PAGE
+
+
+def _document(campaign: Campaign, found: Comparison, made: Made) -> dict[str, Any]:
+    rows = ("table_1", "table_2", "table_3", "table_4", "figure_5", "replicability", "order")
+    return {
+        "source": " ".join(numbers_of_paper()["source"].split()),
+        "maps": "mrp_bench" if campaign.maps else "bundled",
+        "num_seeds": campaign.num_seeds,
+        "runs": made.num_runs,
+        "runs_made": made.num_made,
+        "seconds": round(made.seconds, 1),
+        "code": code_version(),
+        **{name: [row.document for row in getattr(found, name)] for name in rows},
+    }
+
+
+def _markdown(sections: Sequence[Section]) -> str:
+    """The page as Markdown, without its head."""
+    lines: list[str] = []
+    for section in sections:
+        lines += [f"### {section.title}", *([section.text] if section.text else [])]
+        for part in section.parts:
+            if isinstance(part, Chart):
+                lines.append(f"![{part.title}](figures/{part.name}.svg)")
+            else:
+                lines += [part.without_empty().to_markdown().rstrip().replace("\\[", "[").replace("\\]", "]"), part.note]
+    return "\n\n".join(line for line in lines if line) + "\n"
+
+
+def _gaps(campaign: Campaign) -> list[str]:
+    if campaign.num_seeds is None:
+        return []
+    return [f"Only the first {campaign.num_seeds} seeds of every study were run: intervals are wide."]
+
+
+def _tiles(found: Comparison, made: Made) -> list[Tile]:
+    agree = sum(bool(row.agrees) for row in found.compared)
+    order = [row for row in found.order if row.paper_difference is not None]
+    against = sum(row.verdict == "the other way round" for row in order)
+    return [
+        Tile("runs", f"{made.num_runs:,}"),
+        Tile("of the paper's numbers in our intervals", f"{agree} of {len(found.compared)}"),
+        Tile("pairs of planners in another order", f"{against} of {len(order)}", mood="bad" if against else "good"),
+    ]
+
+
+def arrivals_charts(rows: Sequence[Beside]) -> list[Chart]:
+    """Table III drawn, a chart for each map."""
+    names = dict.fromkeys(row.labels["map"] for row in rows)
+    return [
+        arrivals_chart(name, [row for row in rows if row.labels["map"] == name and row.quantity == "overall_percent"]) for name in names
+    ]
+
+
+def _name(planner: str) -> str:
+    return PLANNER_NAMES.get(planner, planner)
+
+
+def _range(row: Beside | None) -> Range | None:
+    return Range(row.ours.value, row.ours.low, row.ours.high) if row else None
+
+
+def _verdict(*rows: Beside | None) -> str | None:
+    """Whether the paper's numbers lie in our intervals."""
+    found = [row.agrees for row in rows if row and row.agrees is not None]
+    return None if not found else "yes" if all(found) else "no"
+
+
+def _find(rows: Sequence[Beside], quantity: str, **labels: Any) -> Beside | None:
+    return next((r for r in rows if r.quantity == quantity and all(r.labels.get(k) == v for k, v in labels.items())), None)
+
+
+def _table_2(rows: Sequence[Beside]) -> Table:
+    lines: list[list[Cell]] = []
+    for row in rows:
+        if " and " in row.labels["robots"]:
+            of = [_find(rows, row.quantity, **{**row.labels, "robots": n}) for n in row.labels["robots"].split(" and ")]
+            lines.append(
+                [
+                    row.labels["map"],
+                    _name(row.labels["planner"]),
+                    row.ours.count,
+                    _range(row),
+                    *(r and r.ours.value for r in of),
+                    row.paper_value,
+                    _verdict(row),
+                ]
+            )
+    return Table(
+        "table_2",
+        "Table II: experiments with a plan within 60 s",
+        ("map", "planner", "runs", "ours %", "5 robots %", "9 robots %", "paper %", "paper in ours"),
+        lines,
+        "Any plan counts, valid or not, as in the paper. 54 seeds with 5 and 54 with 9 robots.",
+        labels=2,
+        digits=dict.fromkeys(("ours %", "5 robots %", "9 robots %", "paper %"), 0),
+    )
+
+
+def _table_3(rows: Sequence[Beside]) -> Table:
+    lines: list[list[Cell]] = []
+    for row in rows:
+        at = {key: row.labels[key] for key in ("map", "planner", "robots")}
+        if row.labels["execution"] == YIELDING and row.quantity == "overall_percent" and " and " in at["robots"]:
+            normalised = _find(rows, "normalised_percent", execution=YIELDING, **at)
+            others = [_find(rows, "overall_percent", execution=how, **at) for how in (REPLANNING, ORDERED)]
+            lines.append(
+                [
+                    at["map"],
+                    _name(at["planner"]),
+                    row.ours.count,
+                    _range(normalised),
+                    normalised and normalised.paper_value,
+                    _range(row),
+                    row.paper_value,
+                    _verdict(normalised, row),
+                    *map(_range, others),
+                ]
+            )
+    head = ("map", "planner", "runs", "normalised %", "paper %", "overall %", "paper %", "paper in ours", "then lacam %", "plan's order %")
+    return Table(
+        "table_3",
+        "Table III: experiments in which all robots reach their goals within 300 s",
+        head,
+        lines,
+        "All robots at their goals, whatever the plan, as in the paper. Robots drive their paths first come, first served, and one of a "
+        "ring that waits for each other gives way (normalised, overall). Then lacam: where that does not help, lacam plans anew. "
+        "Plan's order: who is planned first passes first (adg); plans with conflicts have no order and are driven without one.",
+        labels=2,
+        digits={name: 0 for name in head if name.endswith("%")},
+    )
+
+
+def _table_4(rows: Sequence[Beside]) -> Table:
+    lines: list[list[Cell]] = []
+    for planner in dict.fromkeys(row.labels["planner"] for row in rows):
+        makespan, cost = (_find(rows, quantity, planner=planner) for quantity in ("makespan_cells", "cost_cells"))
+        assert makespan and cost
+        lines.append(
+            [
+                _name(planner),
+                makespan.ours.count,
+                _range(makespan),
+                makespan.paper_value,
+                _range(cost),
+                cost.paper_value,
+                _verdict(makespan, cost),
+            ]
+        )
+    head = ("planner", "scenarios", "makespan cells", "paper's makespan", "cost cells", "paper's cost", "paper in ours")
+    return Table(
+        "table_4",
+        "Table IV: warehouse, 9 robots",
+        head,
+        lines,
+        "Means over the scenarios that every planner solved within 600 s, in cells with the start included; the paper's over 39.",
+        digits=dict.fromkeys(head[2:6], 1),
+    )
+
+
+def _figure_5(rows: Sequence[Beside]) -> Table:
+    lines: list[list[Cell]] = []
+    for planner in dict.fromkeys(row.labels["planner"] for row in rows):
+        mean, spread = (_find(rows, quantity, planner=planner) for quantity in ("mean_s", "standard_deviation_s"))
+        assert mean and spread
+        ms: list[Cell] = [None if value is None else 1e3 * value for value in mean.labels["five_numbers_s"] or [None] * 5]
+        ours = [Range(1e3 * r.ours.value, 1e3 * r.ours.low, 1e3 * r.ours.high) for r in (mean, spread)]
+        solved = f"{mean.labels['solved']} of {mean.labels['scenarios']}"
+        lines.append([_name(planner), solved, *ms, *ours, mean.paper_value, spread.paper_value])
+    says: dict[str, list[str]] = {}
+    for planner, what in numbers_of_paper()["figure_5"]["says"].items():
+        says.setdefault(what, []).append(_name(planner))
+    words = "; ".join(f"{' and '.join(planners)}: {what}" for what, planners in says.items())
+    return Table(
+        "figure_5",
+        "Figure 5: planning time, warehouse",
+        ("planner", "solved", "least", "25 %", "median", "75 %", "longest ms", "mean ms", "deviation ms", "paper's mean s", "deviation s"),
+        lines,
+        f"17 scenarios with 5 robots and 17 with 9, limit 600 s. The paper draws its times; in its text it says: {words}.",
+        labels=2,
+    )
+
+
+def _order(rows: Sequence[Ordered]) -> Table:
+    lines: list[list[Cell]] = []
+    for row in rows:
+        what = "Table III" if row.labels["table"] == "table_3" else "Table IV"
+        quantity = {"overall_percent": "arrived %", "makespan_cells": "makespan cells", "cost_cells": "cost cells"}[row.labels["quantity"]]
+        lines.append(
+            [
+                f"{what}, {row.labels['map']}, {quantity}",
+                f"{_name(row.second)} less {_name(row.first)}",
+                row.difference.count,
+                Range(row.difference.value, row.difference.low, row.difference.high),
+                f"{row.p_value:.2g}" if row.p_value >= 1e-4 else "< 0.0001",
+                row.paper_difference,
+                row.verdict,
+            ]
+        )
+    return Table(
+        "order",
+        "Two planners on the same runs",
+        ("of", "pair", "runs", "difference", "p", "paper's", "verdict"),
+        lines,
+        "Differences of shares by McNemar's exact test, of means by Wilcoxon's signed-rank test; p is adjusted for the number of pairs "
+        "(Holm). Table III with local yielding.",
+        labels=2,
+        folded=True,
+        digits={"difference": 1, "paper's": 1},
+    )

@@ -1,0 +1,95 @@
+"""Our numbers beside those of the MRP-Bench paper."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mrp_sumo.experiments.statistics import Interval
+from mrp_sumo.reports.paper import beside
+from mrp_sumo.reports.paper.beside import Beside
+from mrp_sumo.reports.paper.printed import map_of_paper, printed
+from mrp_sumo.reports.study import _study
+
+SEEDS = 20
+
+
+def study(arrived):
+    """Driven runs on the warehouse; `arrived[planner, robots]` says how many of 20 seeds arrive, the first ones."""
+    rows = [
+        {
+            "status": "completed" if seed < count else "time_limit",
+            "success": seed < count,
+            "planner": planner,
+            "map": "warehouse",
+            "robots.count": robots,
+            "num_robots": robots,
+            "seed": seed,
+            "execution.policy": "open_loop",
+            "execution.recovery.replanner": None,
+            "plan_success": True,
+            "plan_valid": planner != "astar",
+            "all_goals_reached": seed < count,
+            "makespan_steps": 50 + seed % 7 + (planner == "cbs") * 5,
+            "cost_steps": 200 + seed % 7,
+        }
+        for (planner, robots), count in arrived.items()
+        for seed in range(SEEDS)
+    ]
+    return _study("paper_table_3", "", "execution", pd.DataFrame(rows), [], {})
+
+
+def test_paper_agrees_within_the_digits_that_it_prints():
+    assert Beside({}, "percent", Interval(80, 70, 83.6, 100), 84).agrees  # anything from 83.5 is printed as 84
+    assert not Beside({}, "percent", Interval(80, 70, 83.4, 100), 84).agrees
+    assert Beside({}, "cells", Interval(65, 64, 65.26, 10), 65.3).agrees
+    assert Beside({}, "percent", Interval(80, 70, 90, 100)).agrees is None
+
+
+def test_number_without_an_interval_is_null_in_json():
+    document = Beside({"map": "office"}, "mean_s", Interval(1.0, math.nan, math.nan, 1)).document
+    assert (document["ours"], document["low"], document["high"], document["paper_value"]) == (1.0, None, None, None)
+
+
+def test_printed_numbers_are_found_by_table_and_row():
+    assert printed("table_3", "normalised", map_of_paper("warehouse"), "ecbs") == 89
+    assert printed("table_1", map_of_paper("airport_terminal"), "cells") == 105700
+    assert printed("table_2", "airport", "cbs") is None
+    assert printed("table_4", "cost_cells", "lacam") is None
+
+
+def test_paper_stands_beside_5_and_9_robots_together_driven_without_order():
+    rows = beside.table_3(study({("cbs", 5): 18, ("cbs", 9): 12}))
+    (both,) = (r for r in rows if r.quantity == "overall_percent" and r.labels["robots"] == "5 and 9")
+    assert (both.ours.value, both.ours.count, both.paper_value) == (75, 2 * SEEDS, 70)
+    assert all(r.paper_value is None for r in rows if r.labels["robots"] in ("5", "9"))
+
+
+def test_normalised_rate_is_of_scenarios_that_every_planner_solved():
+    found = study({("cbs", 9): 10, ("ecbs", 9): 20})
+    unsolved = found.frame["planner"].eq("cbs") & found.frame["seed"].isin(range(15, 20))
+    found.frame.loc[unsolved, "_planned"] = False
+    normalised = {r.labels["planner"]: r for r in beside.table_3(found) if r.quantity == "normalised_percent"}
+    assert (normalised["cbs"].ours.count, normalised["ecbs"].ours.count) == (15, 15)
+    assert normalised["cbs"].ours.value == pytest.approx(100 * 10 / 15)
+
+
+def test_order_is_tested_on_the_same_runs():
+    found = study({("astar", 9): 2, ("cbs", 9): 18})
+    arrived, makespan, cost = beside.order(found, found)
+    assert (arrived.first, arrived.second) == ("astar", "cbs")
+    assert arrived.difference.value == pytest.approx(80)
+    assert arrived.p_value < 0.001
+    assert arrived.paper_difference == 70 - 77
+    assert arrived.verdict == "the other way round"
+    assert (makespan.difference.value, makespan.verdict) == (5, "as in the paper")
+    assert (cost.p_value, cost.verdict) == (1, "too close to tell")
+
+
+def test_times_of_planners_that_solve_nothing_are_missing():
+    found = study({("cbs", 5): 1})
+    found.frame["planning_time_s"] = np.nan
+    mean, spread = beside.figure_5(found)
+    assert mean.document["ours"] is None
+    assert spread.document["low"] is None
