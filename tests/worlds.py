@@ -19,6 +19,7 @@ from mrp_sumo.io.run_folder import write_run
 from mrp_sumo.io.scenario import Scenario
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.lifts import with_rides
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
@@ -59,6 +60,23 @@ def square_grid(n, cell_m=CELL_M):
     index = np.arange(n * n).reshape(n, n)
     pairs = [*zip(index[:, :-1].flat, index[:, 1:].flat), *zip(index[:-1].flat, index[1:].flat)]
     return graph_of([(x * cell_m, y * cell_m) for y in range(n) for x in range(n)], pairs, cell_m)
+
+
+def two_levels(ride_s=10.0, step_s=3.0, lifts=("goods",)):
+    """Vertices 0 to 3 in a row below and 4 to 7 above, 50 m beside them; the first lift leads from 3 to 4, a second one from 0 to 7."""
+    xy = [(i * CELL_M, 0) for i in range(4)] + [(50 + i * CELL_M, 0) for i in range(4)]
+    pairs = [(a, b) for i in (0, 1, 2, 4, 5, 6) for a, b in ((i, i + 1), (i + 1, i))]
+    rides = [(a, b) for one, other in ((3, 4), (0, 7))[: len(lifts)] for a, b in ((one, other), (other, one))]
+    options = [{"lift": name, "ride_s": ride_s, "close_s": 3.0, "open_s": 3.0} for name in lifts for _ in range(2)]
+    nav = nav_graph(
+        name="levels",
+        xy=xy,
+        lanes=pairs + rides,
+        level_names=("L1", "L2"),
+        level=[0] * 4 + [1] * 4,
+        lane_options=[{}] * len(pairs) + options,
+    )
+    return with_rides(plan_graph(nav, kind="roadmap", cell_m=CELL_M), step_s, BURGER.radius_m, None, {})
 
 
 def on_a_circle(lanes, num_vertices):

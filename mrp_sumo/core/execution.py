@@ -83,6 +83,7 @@ class Execution:
     cpu_time_s: float  # of the process, in the loop
     events: tuple[Event, ...] = ()
     findings: tuple[str, ...] = field(default=())  # collisions that SUMO itself reports
+    level: IntArray | None = None  # [T, R] that robots are on, in the order of the graph's names; None: all of them on one for good
     believed: FloatArray | None = None  # [3, T, R] x, y, yaw: where robots take themselves to be; None: where they are
     sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots

@@ -91,6 +91,30 @@ class NavGraph:
         return np.array([bool(o.get(option)) for o in self.vertex_options], dtype=np.bool_)
 
     @cached_property
+    def is_ride(self) -> BoolArray:
+        """[L] whether a lane is a ride in a lift, or part of one (option `lift`)."""
+        if self.lane_options.count(NO_OPTIONS) == self.num_lanes:  # the common case, quickly
+            return frozen(np.zeros(self.num_lanes, np.bool_))
+        return frozen(np.array(["lift" in options for options in self.lane_options], np.bool_))
+
+    @cached_property
+    def heading_rad(self) -> FloatArray:
+        """[L] which way robots face on a lane, -pi to pi; in a lift, the way that they will leave it: they turn before the ride."""
+        along = self.xy[self.head] - self.xy[self.tail]
+        heading: FloatArray = np.arctan2(along[:, 1], along[:, 0])
+        for lane in np.flatnonzero(self.is_ride).tolist():
+            at, behind = int(self.head[lane]), int(self.tail[lane])
+            while True:  # to the stop at which the ride ends
+                onward = range(int(self.first[at]), int(self.first[at + 1]))
+                out = [k for k in onward if not self.is_ride[k]]
+                ahead = [int(self.head[k]) for k in onward if self.head[k] != behind]
+                if out or len(ahead) != 1:
+                    break
+                at, behind = ahead[0], at
+            heading[lane] = heading[out[0]] if out else 0.0
+        return frozen(heading)
+
+    @cached_property
     def component(self) -> IntArray:
         """[V] weakly connected component of each vertex, numbered from the largest down.
 

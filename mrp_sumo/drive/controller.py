@@ -58,7 +58,8 @@ class Controller:
 
     def _braking_lanes(self) -> int:
         """How many whole lanes robots may need to come to a stop: who may not claim so many never reaches full speed."""
-        reach_m, length_m = self.kinematics.reach_m, self.ledger.graph.length_m
+        graph = self.ledger.graph
+        reach_m, length_m = self.kinematics.reach_m, graph.length_m[~graph.is_ride]  # nobody rides fast
         return int(reach_m.max(initial=0.0) / length_m.min()) if len(length_m) else 0
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:

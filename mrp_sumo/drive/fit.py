@@ -1,6 +1,6 @@
 """Refuses what no execution could survive, before SUMO starts, one line each.
 
-A plan that is not for this problem, leaves the lanes or rides a lift; robots that do not fit the cells; starts within
+A plan that is not for this problem or leaves the lanes; robots that do not fit the cells; starts within
 reach of each other or in one mutex group.
 """
 
@@ -23,8 +23,6 @@ def resources_for(problem: Problem, plan: Plan) -> Resources:
         When they cannot.
     """
     check_lanes(problem, plan)
-    if ride := lift_ride(problem, plan):
-        raise ExecutionError(ride)
     check_room(problem)
     resources = resources_of(problem.graph, problem.fleet.separation_m)
     check_groups(problem, resources)
@@ -76,19 +74,6 @@ def check_room(problem: Problem) -> None:
             f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.label(int(problem.start[i]))}' "
             f"and '{graph.label(int(problem.start[j]))}', expected {separation:.3f} m or more"
         )
-
-
-def lift_ride(problem: Problem, plan: Plan) -> str:
-    """What to say of a plan that rides a lift, which is not executed; '' for others."""
-    lane, graph = lanes_along(problem.graph, plan)[0], problem.graph
-    rides = np.flatnonzero((lane >= 0) & np.array(["lift" in options for options in graph.lane_options], np.bool_)[lane])
-    if not len(rides):
-        return ""
-    visit = int(rides[np.argmin(plan.arrive_s[rides])])
-    ends = f"from '{graph.label(int(plan.vertex[visit - 1]))}' to '{graph.label(int(plan.vertex[visit]))}'"
-    lift = graph.lane_options[int(lane[visit])]["lift"]
-    name = problem.fleet.robot_name[int(plan.robot[visit])]
-    return f"{name} rides lift '{lift}' {ends}, and execution has no lifts yet (choose one map.level)"
 
 
 def check_groups(problem: Problem, resources: Resources) -> None:

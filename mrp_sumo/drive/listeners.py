@@ -8,12 +8,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mrp_sumo.core.execution import Event
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.engines.protocol import Engine
 
 ROWS = 256  # samples are kept in blocks of this many
 MOST_BLOCKS = 64  # until positions are worked out
+HALF_OVER_M = 1e-9  # after the half of a ride, as driven, a robot is at the other stop
 IN_MEMORY = 16_000_000  # bytes of each of the four columns, beyond which they are on the disk
 COMPARE_EVERY_S = 10.0  # the engine's own positions are kept this often for the audit, and at the end
 AtGoalReport = Callable[[float, int], None]  # simulated time in s, robots that are where their tasks end
@@ -41,14 +42,17 @@ class Listener(Protocol):
 class Recorder:
     """Keeps samples of every robot: x, y, yaw and speed, which go to files without a name where they are many.
 
-    Positions follow from distances along the robots' ways, whenever the ledger is about to forget how those went, and at the end.
+    Positions follow from distances along the robots' ways, whenever the ledger is about to forget how those went, and at the end. Who
+    rides in a lift stands at one stop of it until half of the ride is over, and then at the other.
     """
 
-    def __init__(self, num_robots: int) -> None:
+    def __init__(self, num_robots: int, *, levels: bool = False) -> None:
+        """`levels`: keep the levels that robots are on, too."""
         self._blocks: list[FloatArray] = []  # [ROWS, 3, R] each: distance, yaw, speed
         self._count = 0  # of samples in them
         self._shape = 0, num_robots
-        self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(4))  # noqa: SIM115 they are read at the end
+        self._levels = levels
+        self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(4 + levels))  # noqa: SIM115 they are read at the end
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
@@ -69,21 +73,22 @@ class Recorder:
         s_m, yaw, speed = (
             np.concatenate([np.empty((0, num_robots)), *(block[:, k] for block in self._blocks)])[: self._count] for k in range(3)
         )
-        x, y = np.empty_like(s_m), np.empty_like(s_m)
+        x, y, level = np.empty_like(s_m), np.empty_like(s_m), np.empty_like(s_m)
         for r in range(num_robots):
-            at_m, xy = way_of(ledger, r)
+            at_m, xy, on = way_of(ledger, r)
+            level[:, r] = on[np.maximum(np.searchsorted(at_m, s_m[:, r], side="right") - 1, 0)] if self._levels else 0
             x[:, r] = np.interp(s_m[:, r], at_m, xy[:, 0])
             y[:, r] = np.interp(s_m[:, r], at_m, xy[:, 1])
-        for file, column in zip(self._columns, (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed)):
+        for file, column in zip(self._columns, (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, level)):
             file.write(np.ascontiguousarray(column).data)
         self._shape = num_samples + self._count, num_robots
         self._blocks, self._count = [], 0
 
-    def samples(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """x, y, yaw and speed, [T, R] each."""
+    def samples(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray | None]:
+        """x, y, yaw, speed and, where they are kept, levels, [T, R] each."""
         self.settle(ledger)
-        x, y, yaw, speed = (_read(file, self._shape) for file in self._columns)
-        return x, y, yaw, speed
+        x, y, yaw, speed, *level = (_read(file, self._shape) for file in self._columns)
+        return x, y, yaw, speed, level[0].astype(np.int64) if level else None
 
     def close(self) -> None:
         """Let go of the files; what has been read of them stays."""
@@ -100,19 +105,43 @@ def _read(file: "SpooledTemporaryFile[bytes]", shape: tuple[int, int]) -> FloatA
     return np.memmap(file, np.float64, "r", shape=shape)
 
 
-def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray]:
-    """[K] distances along a robot's way as far as the ledger knows it, ascending, and [K, 2] where it is then.
+def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    """[K] distances along a robot's way as far as the ledger knows it, ascending, [K, 2] where it is then, and [K] on which level.
 
-    These are its visits, and where it turned round on a lane.
+    These are its visits, where it turned round on a lane, and where rides in lifts are half over.
     """
-    ids = ledger.all_ids(robot)
-    at_m, xy = ledger.column("at_m")[ids], ledger.graph.xy[ledger.column("vertex")[ids]]
+    graph, ids = ledger.graph, ledger.all_ids(robot)
+    vertex, at_m = ledger.column("vertex")[ids], ledger.column("at_m")[ids]
+    xy, level = graph.xy[vertex], graph.level[vertex]
     turns = [turn for turn in ledger.turn_backs if turn.robot == robot and turn.at_m >= at_m[0]]
     place = np.searchsorted(at_m, [turn.at_m for turn in turns])
-    if turns:
-        xy = np.insert(xy, place, np.array([turn.xy for turn in turns]), axis=0)
-        at_m = np.insert(at_m, place, [turn.at_m for turn in turns])
-    return at_m, xy
+    if graph.is_ride.any():
+        xy, half = _at_stops(ledger, ids, xy, level)
+        before, after = at_m[half - 1], at_m[half]
+        place = np.concatenate([place, np.repeat(half, 2)])
+        added_m = np.stack([(before + after) / 2, (before + after) / 2 + HALF_OVER_M], 1).ravel()
+        added_xy = np.stack([xy[half - 1], xy[half]], 1).reshape(-1, 2)
+        added_level = np.stack([level[half - 1], level[half]], 1).ravel()
+    else:
+        added_m, added_xy, added_level = np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.int64)
+    if len(place):
+        level = np.insert(level, place, np.concatenate([level[np.maximum(place[: len(turns)] - 1, 0)], added_level]))
+        xy = np.insert(xy, place, np.concatenate([np.array([turn.xy for turn in turns]).reshape(-1, 2), added_xy]), axis=0)
+        at_m = np.insert(at_m, place, np.concatenate([[turn.at_m for turn in turns], added_m]))
+    return at_m, xy, level
+
+
+def _at_stops(ledger: Ledger, ids: IntArray, xy: FloatArray, level: IntArray) -> tuple[FloatArray, IntArray]:
+    """[N, 2] where robots are at visits, who ride in lifts at the stops of these; and the visits to which levels change."""
+    graph, lane = ledger.graph, ledger.column("lane")[ids]
+    riding = (lane >= 0) & graph.is_ride[lane]
+    xy = xy.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], riding, [False]])))
+    for begin, end in edges.reshape(-1, 2).tolist():
+        before, last = max(begin - 1, 0), end - 1
+        there = level[begin:last] == level[last]
+        xy[begin:last] = np.where(there[:, None], xy[last], xy[before])
+    return xy, np.flatnonzero(riding[1:] & (level[1:] != level[:-1])) + 1
 
 
 @dataclass
@@ -131,13 +160,19 @@ class Witness:
     """Asks the engine now and then where it has the robots, for the audit."""
 
     t_s: list[float] = field(default_factory=list)
-    xy_m: list[FloatArray] = field(default_factory=list)  # [R, 2] each
+    xy_m: list[FloatArray] = field(default_factory=list)  # [R, 2] each, NaN in lifts
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
         if moment.is_sample and (moment.is_last or moment.now_s >= len(self.t_s) * COMPARE_EVERY_S):
+            visits, graph = moment.ledger.visits, moment.ledger.graph
+            xy_m = moment.bodies.positions()
+            if graph.is_ride.any():
+                ahead = visits.next[visits.reached]
+                for lane in (np.where(ahead >= 0, visits.lane[ahead], -1), visits.lane[visits.reached]):  # of who stands just before a stop
+                    xy_m[(lane >= 0) & graph.is_ride[lane]] = np.nan
             self.t_s.append(moment.now_s)
-            self.xy_m.append(moment.bodies.positions())
+            self.xy_m.append(xy_m)
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def simulate(
     log, witness = EventLog(), Witness()
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
-    with closing(Recorder(problem.num_robots)) as recorder:
+    with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
             drive.run(bodies, [log, recorder, witness, *reports], recorder.settle)
@@ -326,7 +326,7 @@ class Drive:
 def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witness: Witness) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
-    x, y, yaw, speed = recorder.samples(ledger)
+    x, y, yaw, speed, level = recorder.samples(ledger)
     believed = None
     if what.localisation_m or what.localisation_rad:
         believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
@@ -355,6 +355,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         stops=drive.tasks.stops_made() if settings.tasks else None,
         calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
+        level=None if level is None else frozen(level),
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),
         sumo_xy_m=frozen(np.array(witness.xy_m)),

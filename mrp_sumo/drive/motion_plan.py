@@ -75,8 +75,7 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
     at_m = np.repeat(departure.at_m, np.diff(plan.first)) + _along(plan.first, length)
     from_m = np.append(0.0, at_m[:-1])
     from_m[begin[back] + 1] = (at_m - np.where(moved, driven[lane], 0.0))[begin[back] + 1]
-    along = graph.xy[graph.head] - graph.xy[graph.tail]
-    heading = np.where(moved, np.arctan2(along[:, 1], along[:, 0])[lane], 0.0)
+    heading = np.where(moved, graph.heading_rad[lane], 0.0)
     onward = np.where(begin < last, heading[np.minimum(begin + 1, last)], 0.0)
     heading[begin] = np.where(np.isnan(departure.heading_rad), onward, departure.heading_rad)
     turns = np.zeros(plan.num_visits, np.bool_)

@@ -58,8 +58,7 @@ def net_of(problem: Problem, plan: LivePlan, schedule: Schedule, now_s: float, h
     speed = np.minimum(fleet.max_speed_mps[robot], limit)
     speed_up_s = speed / fleet.accel_mps2[robot] / 2  # lost by setting out from rest
     slow_down_s = speed / fleet.decel_mps2[robot] / 2
-    along = graph.xy[graph.head] - graph.xy[graph.tail]
-    heading = np.where(moved, np.arctan2(along[:, 1], along[:, 0])[lane], 0.0)
+    heading = np.where(moved, graph.heading_rad[lane], 0.0)
     bend = np.abs((np.diff(heading, prepend=0.0) + np.pi) % (2 * np.pi) - np.pi)
     known = moved & np.append(False, moved[:-1])
     bend = np.where(known & (bend > TURNS_RAD), bend, 0.0)

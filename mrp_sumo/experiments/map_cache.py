@@ -93,6 +93,15 @@ class MapCache:
 
         return self._once(("pruned", id(narrow)), lambda: pruned(graph, narrow), narrow)
 
+    def with_rides(self, map_: "Map", graph: "PlanGraph", step_s: float, radius_m: float) -> "PlanGraph":
+        """The plan graph with its lifts as robots of a radius use them, in planned steps of `step_s`; see `maps.lifts`."""
+        from mrp_sumo.maps.lifts import with_rides
+
+        def make() -> "PlanGraph":
+            return with_rides(graph, step_s, radius_m, map_.building, map_.level_shift_m)
+
+        return self._once(("rides", id(graph), step_s, radius_m), make, graph) if graph.is_ride.any() else graph
+
     def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
         """The SUMO network of a plan graph, with a building drawn behind it for those who look."""
         from mrp_sumo.engines.sumo.network import build_network

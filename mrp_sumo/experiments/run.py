@@ -203,7 +203,6 @@ def _execute(
 ) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.drive import warm
-    from mrp_sumo.drive.fit import lift_ride
     from mrp_sumo.drive.loop import simulate
 
     warm.prepare()
@@ -223,8 +222,6 @@ def _execute(
 
     if verdict.faults:
         return None, f"not executed: {verdict.summary(solution.problem)}"
-    if ride := lift_ride(solution.problem, plan):
-        return None, f"not executed: {ride}"
     if not policy.sound_plan_only:
         return drive(settings), ""
     unsound = "" if verdict.valid else verdict.summary(solution.problem, limit=1)

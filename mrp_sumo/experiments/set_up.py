@@ -88,6 +88,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     _require_fit(file, map_.nav, graph, model)
     graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, model))
     graph = _with_mutex_groups(file, map_.nav, graph)
+    step_s = scenario.planner.step_s or planned_step_s(graph, fleet_of(model, 1), scenario.execution.step_length_s)
+    graph = maps.with_rides(map_, graph, step_s, model.radius_m)
     start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
     fleet = fleet_of(model, len(start))
     for i, breakdown in enumerate(scenario.execution.disturbances.breakdowns):
@@ -106,7 +108,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             start=start,
             goal=goal,
             goal_of=np.full(len(start), -1) if scenario.tasks is None else np.arange(len(start)),
-            step_s=scenario.planner.step_s or planned_step_s(graph, fleet, scenario.execution.step_length_s),
+            step_s=step_s,
             seed=scenario.seed,
         ),
     )
@@ -213,12 +215,12 @@ def _checked_dispatcher(name: str, parameters: Mapping[str, Any], folder: Path) 
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
-    """The time planned for a lane: the slowest robot drives the longest lane and turns by a right angle.
+    """The time planned for a lane: the slowest robot drives the longest lane and turns by a right angle. Rides in lifts take several.
 
     Every step of a plan can then be kept, at rest or in motion. Rounded up to whole simulation steps.
     """
     speed = np.minimum(graph.speed_mps, fleet.max_speed_mps.min())
-    drive = float((graph.length_m / speed).max()) if graph.num_lanes else 0.0
+    drive = float((graph.length_m / speed).max(where=~graph.is_ride, initial=0.0))
     turn = math.pi / 2 / float(fleet.turn_rate_rad_s.min())
     return round(math.ceil((drive + turn) / step_length_s - 1e-9) * step_length_s, 9)
 
@@ -356,11 +358,11 @@ def _steps_of(nav: NavGraph, graph: PlanGraph, lanes: list[int]) -> list[int]:
 def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: RobotType) -> None:
     """Every step is at least as long as two robots' centres are apart."""
     needed_m = fleet_of(model, 1).separation_m
-    shortest_m = float(graph.length_m.min(initial=np.inf))
+    shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
     if needed_m <= shortest_m + 1e-9:
         return
     what = f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
-    length_m = nav.length_m if graph.kind == "roadmap" else np.full(1, np.inf)
+    length_m = nav.length_m[~nav.is_ride] if graph.kind == "roadmap" else np.full(1, np.inf)
     if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
         lane = int(short[np.argmin(length_m[short])])
         count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})

@@ -79,15 +79,27 @@ class Lift:
     lowest_m: float = -np.inf  # elevations it serves
     highest_m: float = np.inf
     level_doors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # none: it is no shaft
+    door_width_m: Mapping[str, float] = field(default_factory=dict)  # of its doors, by name
+    initial_level: str = ""  # where the car stands at first, where the file says so
 
     def holds(self, xy: FloatArray, elevation_m: float) -> np.ndarray:
         """[N] whether each point is in the cabin, 5 cm beyond its walls included (level.py, is_in_lift)."""
         if not self.level_doors or not self.lowest_m <= elevation_m <= self.highest_m:
             return np.zeros(len(xy), np.bool_)
+        along, across = self._beyond(xy)
+        return (along <= 0.05) & (across <= 0.05)
+
+    def distance_m(self, xy: FloatArray) -> FloatArray:
+        """[N] of points from the cabin, 0 inside."""
+        along, across = self._beyond(xy)
+        return np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+
+    def _beyond(self, xy: FloatArray) -> FloatArray:
+        """[2, N] how far points are outside the cabin's side walls, and its front and back; negative inside."""
         dx, dy = (xy - (self.x_m, self.y_m)).T
         c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        along, across = c * dx + s * dy, c * dy - s * dx
-        return (np.abs(along) <= self.width_m / 2 + 0.05) & (np.abs(across) <= self.depth_m / 2 + 0.05)
+        beyond: FloatArray = np.abs([c * dx + s * dy, c * dy - s * dx]) - [[self.width_m / 2], [self.depth_m / 2]]
+        return beyond
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

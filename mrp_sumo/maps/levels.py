@@ -1,16 +1,18 @@
 """Levels of a map: which are chosen, and how those that are driven on are laid side by side and joined by their lifts."""
 
 from collections.abc import Mapping
-from itertools import pairwise
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.graph import NavGraph, nav_graph
 from mrp_sumo.errors import MapError, nearest
-from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.building import Building, Lift
+from mrp_sumo.maps.lifts import LEAST_TRAVEL_M, ride_of
 
 LEVEL_GAP_M = 5.0  # between levels that are laid side by side
+STOREY_M = 3.0  # where a map says nothing of heights
 
 
 def level_choice(levels: Any, level: str | None, file: str) -> list[str]:
@@ -39,24 +41,27 @@ def side_by_side(nav: NavGraph, building: Building | None) -> dict[str, tuple[fl
     return shift
 
 
-def joined_by_lifts(nav: NavGraph, shift: Mapping[str, tuple[float, float]], elevation_m: Mapping[str, float]) -> NavGraph:
-    """The graph with levels laid side by side, and lanes between the stops of each lift, as long as it is high."""
+def joined_by_lifts(
+    nav: NavGraph, shift: Mapping[str, tuple[float, float]], elevation_m: Mapping[str, float], lifts: Mapping[str, Lift]
+) -> NavGraph:
+    """The graph with levels laid side by side, and lanes between all stops of each lift, as long as it travels."""
     if not shift:
         return nav
     xy = nav.xy + np.array([shift.get(name, (0.0, 0.0)) for name in nav.level_names])[nav.level]
-    stops: dict[str, dict[int, int]] = {}  # lift -> level -> the vertex in it
-    for v, options in enumerate(nav.vertex_options):
-        if options.get("lift"):
-            stops.setdefault(options["lift"], {}).setdefault(int(nav.level[v]), v)
-    height = [elevation_m.get(name, 3.0 * k) for k, name in enumerate(nav.level_names)]
+    driven = set(np.concatenate([nav.tail, nav.head]).tolist())
+    stops: dict[str, dict[int, int]] = {}  # lift -> level -> the vertex in it, one with lanes if there is one
+    for v in sorted(range(nav.num_vertices), key=lambda v: v not in driven):
+        if lift := nav.vertex_options[v].get("lift"):
+            stops.setdefault(lift, {}).setdefault(int(nav.level[v]), v)
+    height = [elevation_m.get(name, STOREY_M * k) for k, name in enumerate(nav.level_names)]
     pairs: list[tuple[int, int]] = []
     length, options = [], []
     for lift, at in stops.items():
-        served = sorted(at, key=lambda level: (height[level], level))
-        for low, high in pairwise(served):
-            pairs += [(at[low], at[high]), (at[high], at[low])]
-            length += [max(height[high] - height[low], 1.0)] * 2
-            options += [{"lift": lift}] * 2
+        for one, other in permutations(sorted(at, key=lambda level: (height[level], level)), 2):
+            travel_m = abs(height[other] - height[one])
+            pairs.append((at[one], at[other]))
+            length.append(max(travel_m, LEAST_TRAVEL_M))
+            options.append(ride_of(lift, lifts.get(lift), (nav.level_names[one], nav.level_names[other]), travel_m))
     order = np.argsort(nav.source_lane)
     return nav_graph(
         name=nav.name,

@@ -15,7 +15,7 @@ MAX_VERTICES = 2_000_000
 
 
 def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
-    """Cut every lane into `max(1, round(length / cell_m))` equal steps.
+    """Cut every lane into `max(1, round(length / cell_m))` equal steps; rides in lifts stay whole.
 
     The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between
     them (a single track), or have their own beside each other, keeping right. A vertex without lanes stands
@@ -88,11 +88,11 @@ class _Cuts(NamedTuple):
 
 def _cuts(nav: NavGraph, cell_m: float, two_way: bool) -> _Cuts:
     num_vertices, num_lanes = nav.num_vertices, nav.num_lanes
-    steps = np.maximum(np.rint(nav.length_m / cell_m), 1)
+    steps = np.where(nav.is_ride, 1, np.maximum(np.rint(nav.length_m / cell_m), 1))
     lane = np.arange(num_lanes)
     apart = np.zeros(num_lanes, np.bool_)
     if two_way:
-        apart = (nav.reverse >= 0) & (steps > 1) & np.array(["lift" not in options for options in nav.lane_options], np.bool_)
+        apart = (nav.reverse >= 0) & (steps > 1)
     shared = (nav.reverse >= 0) & (nav.reverse < lane) & ~apart
     owner = np.where(shared, nav.reverse, lane)
     own = owner == lane

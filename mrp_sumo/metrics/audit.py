@@ -5,6 +5,7 @@ policies, so it can disagree with all of them. Between samples it takes robots t
 at all of that way, not only at the samples.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,8 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
     fleet
         Footprints, rectangles of length x width turned by the yaw around the centre, and limits.
     level
-        [R] the floor each robot is on; robots on different floors never meet. By default all are on one.
+        [R] the floor each robot is on; robots on different floors never meet. By default all are on one. Where the execution knows the
+        levels of its robots, these lie beside each other, and robots in lifts are on none while they change.
     walls
         [W, 2, 2] m, the walls of all these floors, which lie beside each other, without those that doors open; None where nobody knows.
 
@@ -61,6 +63,8 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
         first of each; `sumo_apart_m`, the most that SUMO's positions are off (None without any);
         `num_sumo_collisions`, what SUMO reports of collisions, and `sumo_collisions`.
     """
+    if execution.level is not None:
+        execution, level = _on_floors(execution, execution.level), None
     overlaps, clearance = _closeness(execution, fleet, level)
     walls_found = _at_walls(execution, fleet, walls)
     counts, violations = _motion(execution, fleet)
@@ -98,6 +102,13 @@ def prepare() -> None:
     x, still = np.array([[0.0, 2.0]] * 2), np.zeros((2, 2))
     run = Execution(np.arange(2.0), x, still, still, still, np.zeros(0), np.zeros(2), Outcome.COMPLETED, "", 1.0, 0.0, 0.0)
     audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2), walls=np.array([[(0.0, 1.0), (1.0, 1.0)]]))
+
+
+def _on_floors(execution: Execution, level: IntArray) -> Execution:
+    """The execution without robots at the last sample before their levels change: they are in lifts."""
+    leaves = np.zeros(level.shape, np.bool_)
+    leaves[:-1] = level[1:] != level[:-1]
+    return replace(execution, x_m=np.where(leaves, np.nan, execution.x_m), y_m=np.where(leaves, np.nan, execution.y_m))
 
 
 def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -241,7 +252,7 @@ def _elsewhere(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]]
         {"robot": fleet.robot_name[r], "t_s": float(execution.sumo_t_s[k]), "apart_m": float(apart[k, r])}
         for k, r in sorted((int(away[:, r].argmax()), r) for r in np.flatnonzero(away.any(0)).tolist())
     ]
-    return found, float(apart.max()) if apart.size else None
+    return found, float(np.nanmax(apart)) if np.isfinite(apart).any() else None
 
 
 def _rows(values: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, nav_g
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.metrics import _whereabouts as kernels
+from mrp_sumo.traffic.resources import groups_of
 
 TURNS_RAD = 0.2  # a lesser bend is driven through
 ARRIVES_M = 0.003  # before a vertex a robot has arrived there
@@ -178,8 +179,7 @@ def _lanes(graph: NavGraph, plan: Plan) -> tuple[IntArray, FloatArray]:
     begins = set(plan.first[:-1].tolist())
     vertex = plan.vertex.tolist()
     lane = np.array([-1 if k in begins else known[vertex[k - 1], v] for k, v in enumerate(vertex)], np.int64)
-    along = graph.xy[graph.head[lane]] - graph.xy[graph.tail[lane]]
-    return lane, np.where(lane >= 0, np.arctan2(along[:, 1], along[:, 0]), np.nan)
+    return lane, np.where(lane >= 0, graph.heading_rad[lane], np.nan)
 
 
 def _turns_s(plan: Plan, heading: FloatArray, turn_rate_rad_s: FloatArray) -> FloatArray:
@@ -210,7 +210,8 @@ def _fault(problem: Problem, plan: Plan, visit: int, verdict: int) -> str:
 def _pieces(problem: Problem, plan: Plan, runs: _Runs, cells: _Cells) -> Pieces:
     """Lanes first, in the order of their visits, then stays."""
     graph, robot = problem.graph, plan.robot
-    moves, stays = np.flatnonzero(runs.lane >= 0), np.flatnonzero(runs.stands)
+    # a robot in a lift is on no floor
+    moves, stays = np.flatnonzero((runs.lane >= 0) & ~graph.is_ride[runs.lane]), np.flatnonzero(runs.stands)
     visit = np.concatenate([moves, stays])
     is_lane = np.arange(len(visit)) < len(moves)
     head = graph.xy[plan.vertex[visit]]
@@ -315,11 +316,10 @@ def _groups(graph: NavGraph) -> tuple[dict[int, set[str]], dict[int, set[str]]]:
     """Groups of vertices and of lanes; both lanes of a pair, and vertices all of whose lanes are in a group, are in it."""
     of_lane: dict[int, set[str]] = {}
     for k, options in enumerate(graph.lane_options):
-        if options.get("mutex"):
-            for each in (k, int(graph.reverse[k])):
-                of_lane.setdefault(each, set()).add(str(options["mutex"]))
+        for each in (k, int(graph.reverse[k])) if (names := groups_of(options)) else ():
+            of_lane.setdefault(each, set()).update(names)
     of_lane.pop(-1, None)
-    of_vertex = {v: {str(options["mutex"])} for v, options in enumerate(graph.vertex_options) if options.get("mutex")}
+    of_vertex = {v: set(names) for v, options in enumerate(graph.vertex_options) if (names := groups_of(options))}
     if of_lane:
         for v in np.unique(graph.head[list(of_lane)]).tolist():
             around = np.flatnonzero((graph.tail == v) | (graph.head == v)).tolist()

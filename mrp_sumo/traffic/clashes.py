@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.clashes import Clashes, no_clashes
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.traffic.resources import Resources, resources_of
+from mrp_sumo.traffic.resources import Resources, groups_of, resources_of
 
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
@@ -36,7 +36,7 @@ def clashes_of(problem: Problem) -> Clashes:
 
 
 def _clashes(graph: PlanGraph, separation_m: float) -> Clashes:
-    grouped = any(options.get("mutex") for options in (*graph.vertex_options, *graph.lane_options))
+    grouped = any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options))
     if graph.kind == "grid" and separation_m <= graph.cell_m + 1e-9 and not grouped:
         return no_clashes(graph.num_vertices, graph.num_lanes, rotations=False)
     return _of_moves(graph, resources_of(graph, separation_m))

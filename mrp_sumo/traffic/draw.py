@@ -11,7 +11,7 @@ from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.resources import resources_of
+from mrp_sumo.traffic.resources import groups_of, resources_of
 
 STARTS, GOALS = 1, 2  # purposes of the streams of chance
 
@@ -51,7 +51,7 @@ def uniform_draw(
     """Starts and goals uniformly among the stations of the strongly connected component with most of them.
 
     Every drawn start reaches every drawn goal, along one-way lanes too. No two starts, and no two goals, are in one mutex group or
-    nearer to each other than the separation: a station that is, to one drawn before, is passed over.
+    nearer to each other than the separation: a station that is, to one drawn before, is passed over. None is in a lift.
 
     Parameters
     ----------
@@ -78,6 +78,8 @@ def uniform_draw(
         When the component has fewer stations than robots, or fewer that robots may stand on at once.
     """
     station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
+    if graph.is_ride.any():  # who stands at a lift keeps others from it
+        station = station[~graph.having("cabin")[station]]
     if len(station):
         piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
         station = station[piece == np.bincount(piece).argmax()]
@@ -92,7 +94,7 @@ def uniform_draw(
 def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[tuple[str, int]]]:
     """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
     shared: dict[int, set[tuple[str, int]]] = {}
-    if any(options.get("mutex") for options in (*graph.vertex_options, *graph.lane_options)):
+    if any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options)):
         found = resources_of(graph, separation_m)
         for v in station.tolist():
             zones = found.zones_of[found.zones_first[v] : found.zones_first[v + 1]]

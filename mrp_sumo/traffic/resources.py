@@ -8,7 +8,8 @@ in a zone with that other track if it is still too close. Pairs of places keep t
 those that touch would swallow whole maps.
 
 A mutex group is a set of places that only one robot at a time may be on, whatever the geometry: all vertices and lanes
-whose option `mutex` (Open-RMF's) has one name, and vertices all of whose lanes belong to it.
+whose option `mutex` (Open-RMF's) has one name, and vertices all of whose lanes belong to it. The cabin of a lift is one, too: what has
+its name as option `cabin`. Rides in it are on no floor, so that they are near to nothing.
 
 Together: a robot that holds the vertices and zones of its visits is R away from every other robot that holds its own.
 """
@@ -18,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, frozen
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.passages import Needs
@@ -63,9 +64,11 @@ def resources_of(graph: NavGraph, separation_m: float) -> Resources:
     num_vertices = graph.num_vertices
     ends, track = np.unique(np.sort(np.stack([graph.tail, graph.head], 1), axis=1), axis=0, return_inverse=True)
     track = track.reshape(-1)
-    at_low, at_high = _clearances(graph.xy, ends, separation_m)
+    on_floor = np.ones(len(ends), np.bool_)
+    on_floor[track[graph.is_ride]] = False
+    at_low, at_high = _clearances(graph.xy, ends, on_floor, separation_m)
     forward = graph.tail < graph.head
-    zone = _zones(graph, ends, separation_m)
+    zone = _zones(graph, ends, on_floor, separation_m)
     num_places = num_vertices + len(ends)
     group_name, grouped, group = _groups(graph, ends, track)
     place = np.concatenate([zone.T.reshape(-1), grouped])
@@ -172,9 +175,9 @@ def distance_m(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.where(crossing, 0.0, d)
 
 
-def _clearances(xy: FloatArray, ends: IntArray, separation: float) -> tuple[FloatArray, FloatArray]:
+def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[FloatArray, FloatArray]:
     """[T] each, for the lower and the higher end of every track: from this far along it no other track at that vertex, nor
-    the vertex, is closer than the separation; at most its length less LEFT_M.
+    the vertex, is closer than the separation; at most its length less LEFT_M. Tracks that are not on a floor [T] are near to nothing.
     """
     num_tracks = len(ends)
     vertex = ends.T.reshape(-1)  # a half is a track seen from one of its ends
@@ -186,7 +189,8 @@ def _clearances(xy: FloatArray, ends: IntArray, separation: float) -> tuple[Floa
     degree = np.diff(first)[vertex]
     half = np.repeat(np.arange(2 * num_tracks), degree)
     other = order[_ranges(first[vertex], degree)]
-    half, other = half[half != other], other[half != other]
+    meets = (half != other) & on_floor[half % num_tracks] & on_floor[other % num_tracks]
+    half, other = half[meets], other[meets]
     cos = (direction[half] * direction[other]).sum(1)
     sin = np.abs(_cross(direction[half], direction[other]))
     reach = length[other % num_tracks]  # how far the other track goes
@@ -200,20 +204,20 @@ def _clearances(xy: FloatArray, ends: IntArray, separation: float) -> tuple[Floa
     return found[:num_tracks], found[num_tracks:]
 
 
-def _zones(graph: NavGraph, ends: IntArray, separation: float) -> IntArray:
+def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float) -> IntArray:
     """[Z, 2] pairs of places closer than the separation that no vertex keeps apart."""
     num_vertices = graph.num_vertices
     if not len(ends):
         return np.zeros((0, 2), np.int64)
     place = segments(graph, ends)
-    used = np.unique(ends)
+    used = np.unique(ends[on_floor])
     # every track is sampled in the middle of its pieces, so that places closer than R have samples closer than `reach`
     length = np.hypot(*(place[num_vertices:, 1] - place[num_vertices:, 0]).T)
-    pieces = np.maximum(1, np.ceil(length / (2 * separation)).astype(np.int64))
+    pieces = np.where(on_floor, np.maximum(1, np.ceil(length / (2 * separation)).astype(np.int64)), 0)
     owner = np.repeat(np.arange(len(ends)), pieces)
     fraction = (_ranges(np.zeros(len(ends), np.int64), pieces) + 0.5) / pieces[owner]
     sample = place[num_vertices + owner, 0] + fraction[:, None] * (place[num_vertices + owner, 1] - place[num_vertices + owner, 0])
-    half = float((length / pieces).max()) / 2
+    half = float((length[on_floor] / pieces[on_floor]).max(initial=0.0)) / 2
     point = np.concatenate([graph.xy[used], sample])
     owner = np.concatenate([used, num_vertices + owner])
     pair = pairs_within(point, separation + 2 * half)
@@ -230,10 +234,21 @@ def _zones(graph: NavGraph, ends: IntArray, separation: float) -> IntArray:
     return np.stack([a[close], b[close]], 1)
 
 
+def groups_of(options: Options) -> list[str]:
+    """The names of the groups that a vertex or lane with these options is in."""
+    found = [str(options["mutex"])] if options.get("mutex") else []
+    return [*found, cabin_group(str(options["cabin"]))] if options.get("cabin") else found
+
+
+def cabin_group(lift: str) -> str:
+    """The name of the group that the cabin of a lift is."""
+    return f"lift {lift}"
+
+
 def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str, ...], IntArray, IntArray]:
     """Names of the mutex groups, and pairs of a place and the group it is in."""
-    at_vertex = [(str(options["mutex"]), v) for v, options in enumerate(graph.vertex_options) if options.get("mutex")]
-    on_track = {(str(options["mutex"]), int(track[lane])) for lane, options in enumerate(graph.lane_options) if options.get("mutex")}
+    at_vertex = [(name, v) for v, options in enumerate(graph.vertex_options) for name in groups_of(options)]
+    on_track = {(name, int(track[lane])) for lane, options in enumerate(graph.lane_options) for name in groups_of(options)}
     names = tuple(sorted({name for name, _ in at_vertex} | {name for name, _ in on_track}))
     found: set[tuple[int, int]] = set()
     degree = np.bincount(ends.reshape(-1), minlength=graph.num_vertices)

@@ -70,8 +70,7 @@ def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, 
         Length of a simulation step.
     """
     top, accel, decel, turn_rate = limits
-    along = graph.xy[graph.head] - graph.xy[graph.tail]
-    heading = np.arctan2(along[:, 1], along[:, 0])
+    heading = np.array(graph.heading_rad)
     onward = _straight_on(graph, heading)
     driven = np.asarray(np.round(np.maximum(graph.length_m, SHORTEST_M), 6), np.float64)
     limit = np.minimum(graph.speed_mps, top)

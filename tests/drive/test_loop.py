@@ -235,11 +235,3 @@ def test_progress_is_told_once_a_second(tmp_path):
     network = build_network(line(3), tmp_path / "world.net.xml")
     simulate(problem, plan, ExecutionSettings(), network, progress=lambda t_s, at_goal: told.append((t_s, at_goal)))
     assert told == [(1.0, 0), (2.0, 0), (3.0, 0)]
-
-
-def test_a_plan_that_rides_a_lift_is_refused_in_one_line(tmp_path):
-    graph = line(3)
-    options = tuple({"lift": "L1"} if {a, b} == {1, 2} else {} for a, b in zip(graph.tail.tolist(), graph.head.tolist()))
-    with pytest.raises(ExecutionError, match=r"robot_0 rides lift 'L1' from 'v1' to 'v2', and execution has no lifts yet"):
-        drive(tmp_path, dataclasses.replace(graph, lane_options=options), [[0, 1, 2]])
-    assert drive(tmp_path, dataclasses.replace(graph, lane_options=options), [[0, 1]]).all_at_goal

@@ -102,8 +102,7 @@ class SumoEngine:
         graph = self._graph
         by_head = np.argsort(graph.head, kind="stable")
         into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
-        along = graph.xy[graph.head] - graph.xy[graph.tail]
-        heading = np.arctan2(along[:, 1], along[:, 0])
+        heading = graph.heading_rad
         for robot, begin in enumerate(visits.first.tolist()):
             vertex = int(visits.vertex[begin])
             incoming = by_head[into[vertex] : into[vertex + 1]]

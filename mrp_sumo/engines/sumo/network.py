@@ -162,7 +162,7 @@ def _netconvert(work: Path) -> None:
 
 def _width_m(graph: NavGraph) -> float:
     """How broad lanes are drawn: on a dense grid so that one still sees through."""
-    return min(LANE_WIDTH_M, max(float(graph.length_m.min()) / 3, THINNEST_M))
+    return min(LANE_WIDTH_M, max(float(graph.length_m.min(where=~graph.is_ride, initial=np.inf)) / 3, THINNEST_M))
 
 
 def _straight(text: str, graph: NavGraph, edges: list[str]) -> str:

@@ -150,8 +150,9 @@ def _lifts(
             raise reader.source.fault(f"lift '{name}' has no {missing[0]}", *keys)
         x, y, yaw, width, depth = (reader.number(value[k], f"lift '{name}': {k}", (*keys, k)) for k in ("x", "y", "yaw", "width", "depth"))
 
-        floor, lowest, highest = (str(value.get(k) or "") for k in ("reference_floor_name", "lowest_floor", "highest_floor"))
-        for k, found in (("reference_floor_name", floor), ("lowest_floor", lowest), ("highest_floor", highest)):
+        floors = ("reference_floor_name", "lowest_floor", "highest_floor", "initial_floor_name")
+        floor, lowest, highest, initial = (str(value.get(k) or "") for k in floors)
+        for k, found in zip(floors[:3], (floor, lowest, highest)):
             if found and found not in drafts:
                 raise reader.source.fault(f"lift '{name}': {k} '{found}' is not a level{nearest(found, drafts)}", *keys, k)
         raw = np.array([[x, up * y]])
@@ -169,8 +170,21 @@ def _lifts(
             lowest_m=drafts[lowest].elevation_m if lowest else -math.inf,
             highest_m=drafts[highest].elevation_m if highest else math.inf,
             level_doors={str(k): tuple(map(str, v)) if isinstance(v, list) else () for k, v in doors.items()},
+            door_width_m=_door_widths(reader, name, value.get("doors") or {}),
+            initial_level=initial,
         )
     return lifts
+
+
+def _door_widths(reader: LevelReader, lift: str, given: Any) -> dict[str, float]:
+    """By the names of a lift's doors; those without a width are left out."""
+    if not isinstance(given, Mapping):
+        raise reader.source.fault(f"lift '{lift}': doors is {told(given)}, expected a mapping", "lifts", lift, "doors")
+    return {
+        str(name): reader.number(door["width"], f"lift '{lift}': door '{name}': width", ("lifts", lift, "doors", name, "width"))
+        for name, door in given.items()
+        if isinstance(door, Mapping) and "width" in door
+    }
 
 
 def _note_lanes(notes: Notes, drafts: Mapping[str, Draft]) -> None:

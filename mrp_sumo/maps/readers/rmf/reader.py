@@ -89,7 +89,7 @@ def _from_building(building: Building, graph: GraphChoice, level: str | None) ->
     return Map(
         name=name,
         path=building.path,
-        nav=joined_by_lifts(nav, shift, {n: lv.elevation_m for n, lv in building.levels.items()}),
+        nav=joined_by_lifts(nav, shift, {n: lv.elevation_m for n, lv in building.levels.items()}, building.lifts),
         building=building.moved(shift),
         findings=building.findings,
         graphs=tuple(building.graphs),
@@ -119,7 +119,7 @@ def _from_nav_graph(document: Mapping[str, Any], source: Text, level: str | None
     if not nav.num_lanes:
         raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
     shift = side_by_side(nav, None)
-    nav = joined_by_lifts(nav, shift, {})
+    nav = joined_by_lifts(nav, shift, {}, {})
     return Map(
         name=nav.name, path=source.path, nav=nav, findings=check_graph(nav), documents={0: document}, origin_m=origin_m, level_shift_m=shift
     )

@@ -8,6 +8,7 @@ from golden import MAPS
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.check import findings_of
+from mrp_sumo.maps.lifts import travel_s
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.readers.nav_graph import graph_of_document
 from mrp_sumo.maps.readers.rmf.building_yaml import read_building
@@ -165,7 +166,9 @@ def test_levels_are_laid_side_by_side_and_joined_by_lifts(tmp_path):
     assert found.level_shift_m == {"ground": (0.0, 0.0), "upper": (15.0, 0.0)}
     assert found.nav.xy.round(9).tolist() == [[0, 0], [10, 0], [15, 0], [25, 0]]
     lift = found.nav.lane_between(1, 3)
-    assert found.nav.lane_options[lift] == {"lift": "cabin"}
+    options = found.nav.lane_options[lift]
+    assert options["lift"] == "cabin"
+    assert options["ride_s"] == pytest.approx(options["close_s"] + travel_s(found.nav.length_m[lift]) + options["open_s"])
     assert found.nav.length_m[lift] == 4
     assert found.nav.num_components == 1
     assert found.building.levels["upper"].xy[0].tolist() == pytest.approx([15, 0])

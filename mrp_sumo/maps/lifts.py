@@ -1,0 +1,148 @@
+"""Lifts as robots use them: how long rides take, and the rides of a plan graph, in which one robot at a time may be.
+
+A ride is a lane from the stop of a lift on one level to that on another. It takes as long as it takes to close the doors, to travel, and to
+open the doors again: the lane is driven at a speed at which it lasts that long, so that planners, schedules and engines need to know
+nothing else of it. For planners in steps it is cut into as many lanes as it takes steps. Whoever is in the cabin has it for
+himself (option `cabin`, a group of capacity one).
+"""
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from mrp_sumo.core.graph import Options, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.motion import run_time_s
+from mrp_sumo.maps.building import Building, Lift
+
+DOOR_MPS, DOOR_MPS2 = 0.3, 0.2  # of the two leaves of a lift's door, in Open-RMF's simulations (traffic_editor, lift.py)
+CABIN_MPS, CABIN_MPS2 = 2.0, 1.2
+DOOR_WIDTH_M = 1.0  # where nothing is known
+LEAST_TRAVEL_M = 1.0  # between two levels that are drawn at one height
+PIECE_M = 0.1  # of a ride, as driven: the shortest that SUMO knows
+APART_M = 0.02  # between the vertices in a shaft, so that no two are at one place
+
+Shift = Mapping[str, tuple[float, float]]
+
+
+def door_s(width_m: float) -> float:
+    """How long the two leaves of a lift's door take to open or close."""
+    return float(run_time_s(np.float64(width_m / 2), np.float64(DOOR_MPS), np.float64(DOOR_MPS2), np.float64(DOOR_MPS2)))
+
+
+def travel_s(height_m: float) -> float:
+    """How long a cabin takes from one level to another."""
+    return float(run_time_s(np.float64(height_m), np.float64(CABIN_MPS), np.float64(CABIN_MPS2), np.float64(CABIN_MPS2)))
+
+
+def ride_of(name: str, lift: Lift | None, levels: tuple[str, str], height_m: float) -> Options:
+    """The options of the lane for a ride between two levels, which take `ride_s`: doors close, the cabin travels, doors open."""
+    close_s, open_s = (door_s(_door_width_m(lift, level)) for level in levels)
+    return {"lift": name, "ride_s": close_s + travel_s(max(height_m, LEAST_TRAVEL_M)) + open_s, "close_s": close_s, "open_s": open_s}
+
+
+def _door_width_m(lift: Lift | None, level: str) -> float:
+    """Of the widest door that a lift opens on a level."""
+    if lift is None:
+        return DOOR_WIDTH_M
+    return max((lift.door_width_m[door] for door in lift.level_doors.get(level, ()) if door in lift.door_width_m), default=DOOR_WIDTH_M)
+
+
+def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Building | None, shift_m: Shift) -> PlanGraph:
+    """The plan graph with its rides cut into steps, and its cabins marked; the graph itself where no lift is.
+
+    Parameters
+    ----------
+    graph
+        Whose rides are lanes of one step. Its vertices keep their numbers; those in shafts follow.
+    step_s
+        That planners plan for a lane.
+    radius_m
+        Of the largest robot: this near to a cabin it is in the way of the doors.
+    building
+        Of the map, where there is one.
+    shift_m
+        By which levels were moved to lie beside each other.
+
+    Returns
+    -------
+    graph
+        Vertices and lanes on which one robot at a time may be have the option `cabin`, those inside also `in_lift`.
+    """
+    if not graph.is_ride.any():
+        return graph
+    kept = np.flatnonzero(~graph.is_ride)
+    xy, level = [*graph.xy], graph.level.tolist()
+    pairs = list(zip(graph.tail[kept].tolist(), graph.head[kept].tolist()))
+    length_m, speed_mps = graph.length_m[kept].tolist(), graph.speed_mps[kept].tolist()
+    lane_options, vertex_options = [graph.lane_options[k] for k in kept.tolist()], list(graph.vertex_options)
+    inside, around = _cabins(graph, radius_m, building, shift_m)
+    for lane in np.flatnonzero(graph.is_ride & ((graph.tail < graph.head) | (graph.reverse < 0))).tolist():
+        ends, ride = (int(graph.tail[lane]), int(graph.head[lane])), _timed(graph, lane)
+        name, steps = str(ride["lift"]), max(1, math.ceil(ride["ride_s"] / step_s - 1e-9))
+        shaft = [ends[0], *range(len(xy), len(xy) + steps - 1), ends[1]]
+        for k in range(1, steps):  # the first half is on the level where the ride begins
+            stop, away = (ends[0], k) if 2 * k < steps else (ends[1], steps - k)
+            xy.append(graph.xy[stop] + (APART_M * away, 0.0))
+            level.append(int(graph.level[stop]))
+            vertex_options.append({})
+            inside[shaft[k]] = name
+        for way, of in ((shaft, lane), (shaft[::-1], int(graph.reverse[lane]))):
+            if of < 0:
+                continue
+            options = _timed(graph, of)
+            pairs += pairwise(way)
+            length_m += [PIECE_M] * steps
+            speed_mps += [PIECE_M * steps / options["ride_s"]] * steps
+            lane_options += [options] * steps
+    for v, name in (around | inside).items():
+        vertex_options[v] = {**vertex_options[v], "cabin": name, **({"in_lift": name} if v in inside else {})}
+    for k, (a, b) in enumerate(pairs):
+        if name := inside.get(a) or inside.get(b) or around.get(a) or around.get(b):
+            lane_options[k] = {**lane_options[k], "cabin": name}
+    num_new = len(xy) - graph.num_vertices
+    nav = nav_graph(
+        name=graph.name,
+        xy=xy,
+        lanes=pairs,
+        level_names=graph.level_names,
+        level=level,
+        vertex_name=graph.vertex_name + ("",) * num_new,
+        vertex_options=vertex_options,
+        length_m=length_m,
+        speed_mps=speed_mps,
+        lane_options=lane_options,
+        source=graph.source,
+    )
+    return plan_graph(
+        nav,
+        kind=graph.kind,
+        cell_m=graph.cell_m,
+        vertex_of_station=graph.vertex_of_station,
+        nav_lane=np.append(graph.nav_lane, np.full(num_new, -1)),
+        offset_m=np.append(graph.offset_m, np.zeros(num_new)),
+        frame=graph.frame,
+    )
+
+
+def _timed(graph: PlanGraph, lane: int) -> Options:
+    """The options of a ride, with its times where a map gives none."""
+    options = graph.lane_options[lane]
+    return options if "ride_s" in options else ride_of(str(options["lift"]), None, ("", ""), float(graph.length_m[lane]))
+
+
+def _cabins(graph: PlanGraph, radius_m: float, building: Building | None, shift_m: Shift) -> tuple[dict[int, str], dict[int, str]]:
+    """The lift of each vertex in a cabin, and of each so near to one that a robot there is in the way of its doors."""
+    rides = np.flatnonzero(graph.is_ride).tolist()
+    inside = {int(v): str(graph.lane_options[k]["lift"]) for k in rides for v in (graph.tail[k], graph.head[k])}
+    around: dict[int, str] = {}
+    for name in sorted(set(inside.values())) if building is not None else ():
+        lift = building.lifts.get(name)
+        for k in {int(graph.level[v]) for v, other in inside.items() if other == name} if lift else ():
+            on = np.flatnonzero(graph.level == k)
+            shift = np.array(shift_m.get(graph.level_names[k], (0.0, 0.0)))
+            away_m = lift.distance_m(graph.xy[on] - shift + building.origin_m)
+            inside = {int(v): name for v in on[away_m <= 0]} | inside
+            around = {int(v): name for v in on[away_m <= radius_m]} | around
+    return inside, around
