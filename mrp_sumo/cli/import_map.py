@@ -79,7 +79,7 @@ def _check(options: argparse.Namespace) -> int:
 
     path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
-        map_ = load_map(path, meters_per_pixel=options.meters_per_pixel, reader=options.reader)
+        map_ = load_map(path, meters_per_pixel=options.meters_per_pixel, vehicle_type=options.vehicle_type, reader=options.reader)
         findings, notes = map_.findings, oddities(map_.building) if map_.building else ()
         room = narrow(map_.nav, map_.building, model).notes
     except MapError as error:

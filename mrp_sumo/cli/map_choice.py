@@ -23,6 +23,7 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
     add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
     add("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
+    add("--vehicle-type", metavar="NAME", help="of a LIF: only the edges for this type of vehicle (default: all)")
     add("--cell", metavar="M", type=float, default=0.4, help="side of a grid's cells (default: 0.4 m)")
     add("--robot-radius", metavar="M", type=float, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
     add("--snap", metavar="M", type=float, help="repair: join ends that lie this close to a vertex or lane they are not on")
@@ -44,6 +45,7 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
         level=options.level,
         meters_per_pixel=options.meters_per_pixel,
         cell_m=options.cell,
+        vehicle_type=options.vehicle_type,
         reader=options.reader,
         **radius,
     )

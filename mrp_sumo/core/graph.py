@@ -24,6 +24,7 @@ BoolArray = NDArray[np.bool_]
 Options = Mapping[str, Any]
 
 NO_OPTIONS: Options = {}
+STATIONS = "; "  # between the names of several stations at one vertex, in its option `station`
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,7 +40,9 @@ class NavGraph:
     xy: FloatArray  # [V, 2] m, x right, y up
     level: IntArray  # [V] index into level_names
     vertex_name: tuple[str, ...]  # [V] '' where the map gives none
-    vertex_options: tuple[Options, ...]  # [V] properties by RMF's names: is_charger, lift, dock_name, mutex, ...
+    vertex_options: tuple[
+        Options, ...
+    ]  # [V] properties by RMF's names: is_charger, lift, dock_name, mutex, ...; station; is_bend of curves
     tail: IntArray  # [L] vertex a lane leaves; ascending
     head: IntArray  # [L] vertex it enters; ascending for one tail
     length_m: FloatArray  # [L] > 0
@@ -69,8 +72,11 @@ class NavGraph:
 
     @cached_property
     def vertex_of_name(self) -> Mapping[str, int]:
-        """Vertex by its name; unnamed vertices are found as `v<index>`. First wins on duplicates."""
+        """Vertex by its name, or by that of a station at it; unnamed vertices are found as `v<index>`. First wins on duplicates."""
         found = {f"v{v}": v for v in range(self.num_vertices)}
+        for v in reversed(range(self.num_vertices)):
+            if "station" in self.vertex_options[v]:
+                found |= dict.fromkeys(str(self.vertex_options[v]["station"]).split(STATIONS), v)
         for v in reversed(range(self.num_vertices)):
             if self.vertex_name[v]:
                 found[self.vertex_name[v]] = v
@@ -113,6 +119,11 @@ class NavGraph:
                 at, behind = ahead[0], at
             heading[lane] = heading[out[0]] if out else 0.0
         return frozen(heading)
+
+    @cached_property
+    def has_stations(self) -> bool:
+        """Whether the map says which of its vertices are stations; else all that have a name are."""
+        return any("station" in options for options in self.vertex_options)
 
     @cached_property
     def component(self) -> IntArray:

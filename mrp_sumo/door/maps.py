@@ -118,6 +118,7 @@ def load_map(
     meters_per_pixel: float | None = None,
     cell_m: float = DEFAULT_CELL_M,
     robot_radius_m: float | None = None,
+    vehicle_type: str | None = None,
     snap_m: float | None = None,
     split_crossings: bool = False,
     join_short_m: float | None = None,
@@ -141,6 +142,8 @@ def load_map(
         Side of the cells of a MovingAI or ROS map.
     robot_radius_m
         The room that a robot needs on a ROS map; a TurtleBot3's by default.
+    vehicle_type
+        Only the lanes for this type of vehicle, where the map knows types; those of all by default.
     snap_m
         Repair: join lane ends that lie this close to a vertex or lane they are not on.
     split_crossings
@@ -171,6 +174,7 @@ def load_map(
         "graph": graph,
         "level": level,
         "meters_per_pixel": meters_per_pixel,
+        "vehicle_type": vehicle_type,
         "snap_m": snap_m,
         "split_crossings": split_crossings,
         "join_short_m": join_short_m,

@@ -51,6 +51,7 @@ class MapCache:
                 meters_per_pixel=choice.meters_per_pixel,
                 cell_m=cell_m,
                 robot_radius_m=robot_radius_m,
+                vehicle_type=choice.vehicle_type,
                 reader=choice.reader,
                 beside=folder,
             )

@@ -28,6 +28,7 @@ from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
 from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
+from mrp_sumo.maps.chains import chains_of
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
@@ -361,6 +362,8 @@ def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: Rob
     shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
     if needed_m <= shortest_m + 1e-9:
         return
+    chains = chains_of(nav)
+    nav = chains.nav if chains else nav
     what = f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
     length_m = nav.length_m[~nav.is_ride] if graph.kind == "roadmap" else np.full(1, np.inf)
     if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:

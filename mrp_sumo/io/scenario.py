@@ -57,6 +57,9 @@ class MapChoice(_Strict):
         None, description="Nav graph index; several, or 'all', are united. The lowest with lanes by default."
     )
     meters_per_pixel: Positive | None = Field(None, description="Scale of a building without measurements.")
+    vehicle_type: str | None = Field(
+        None, description="Only the lanes for this type of vehicle, where the map knows types; all by default."
+    )
     snap_m: Positive | None = Field(None, description="Repair: join lane ends that lie this close to a vertex or lane they are not on.")
     split_crossings: bool = Field(False, description="Repair: put a vertex where lanes cross without one.")
     join_short_m: Positive | None = Field(

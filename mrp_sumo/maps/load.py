@@ -35,6 +35,7 @@ def load_map(
     meters_per_pixel: float | None = None,
     cell_m: float = 0.4,
     robot_radius_m: float = ROBOT_RADIUS_M,
+    vehicle_type: str | None = None,
     reader: str | None = None,
     beside: Path | None = None,
 ) -> Map:
@@ -43,7 +44,7 @@ def load_map(
     Parameters
     ----------
     path
-        An RMF building or nav graph, a MovingAI grid or problem set, a ROS occupancy map, or what a reader of a package recognises.
+        A file of any format that `mrp-sumo list readers` names.
     graph
         Which graph of a building; several, or "all", are united as MRP-Bench does. By default the only or lowest one with lanes.
     level
@@ -54,6 +55,8 @@ def load_map(
         Side of the cells of a MovingAI grid, which has no unit, and of those laid over an occupancy map.
     robot_radius_m
         How much room a robot needs on an occupancy map.
+    vehicle_type
+        Only the lanes of this type of vehicle, where a format knows types; those of all by default.
     reader
         The reader, by name or as `FILE.py:CLASS`; by default the first that recognises the file.
     beside
@@ -66,11 +69,11 @@ def load_map(
     PlugInError
         For a reader from outside that breaks its contract.
     """
-    file, selection = map_file(Path(path)), Selection(graph, level, meters_per_pixel, cell_m, robot_radius_m)
+    file, selection = map_file(Path(path)), Selection(graph, level, meters_per_pixel, cell_m, robot_radius_m, vehicle_type)
     if reader is not None or len(file.text) < LARGE or any(_reader(name).detects(file) for name in OF_TEXT):
         return _named(file, _read(reader or _detected(file), file, selection, beside))
     outside = [digest(registry.find("readers", name)) for name in registry.names("readers") if name not in OURS]
-    choice = (str(file.path.resolve()), str(file.path), graph, level, meters_per_pixel, cell_m, robot_radius_m, *outside)
+    choice = (str(file.path.resolve()), str(file.path), graph, level, meters_per_pixel, cell_m, robot_radius_m, vehicle_type, *outside)
     found = remembered("map", f"{choice}\n{file.text}".encode(), lambda: _read(_detected(file), file, selection))
     _read_only(found.nav)
     return _named(file, found)

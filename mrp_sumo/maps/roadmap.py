@@ -10,6 +10,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
+from mrp_sumo.maps.chains import chains_of
 
 MAX_VERTICES = 2_000_000
 
@@ -19,7 +20,8 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
 
     The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between
     them (a single track), or have their own beside each other, keeping right. A vertex without lanes stands
-    for the one with lanes at the same place, where there is one.
+    for the one with lanes at the same place, where there is one. A curve, drawn as lanes over bends, is cut
+    as one lane; its bends remain as vertices without lanes.
 
     Parameters
     ----------
@@ -39,7 +41,16 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
     if isinstance(nav, PlanGraph):
         return nav
     check_cell(cell_m)
+    drawn, chains = nav, chains_of(nav)
+    nav = chains.nav if chains else nav
     cuts = _cuts(nav, cell_m, two_way)
+    on_lane, along_m = cuts.lane, cuts.share * nav.length_m[cuts.lane]
+    places = _places(nav, cuts, cell_m)
+    if chains:
+        on_lane, along_m = chains.at(drawn, cuts.lane, along_m)
+        places = _places(
+            drawn, cuts._replace(lane=on_lane, share=along_m / drawn.length_m[on_lane], apart=_spread(cuts, drawn, on_lane)), cell_m
+        )
     of = np.repeat(np.arange(nav.num_lanes), cuts.steps)  # [S] the lane of each step
     i = np.arange(len(of)) - np.repeat(np.cumsum(cuts.steps) - cuts.steps, cuts.steps)  # [S] its number along the lane, from 0
     n = cuts.steps[of]
@@ -54,7 +65,7 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
 
     graph = nav_graph(
         name=nav.name,
-        xy=np.concatenate([nav.xy, _places(nav, cuts, cell_m)]),
+        xy=np.concatenate([nav.xy, places]),
         lanes=np.stack([place(i), place(i + 1)], axis=1),
         level_names=nav.level_names,
         level=np.concatenate([nav.level, nav.level[nav.tail[cuts.lane]]]),
@@ -70,8 +81,8 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
         kind="roadmap",
         cell_m=cell_m,
         vertex_of_station=_stations(nav),
-        nav_lane=np.concatenate([np.full(nav.num_vertices, -1), cuts.lane]),
-        offset_m=np.concatenate([np.zeros(nav.num_vertices), cuts.share * nav.length_m[cuts.lane]]),
+        nav_lane=np.concatenate([np.full(nav.num_vertices, -1), on_lane]),
+        offset_m=np.concatenate([np.zeros(nav.num_vertices), along_m]),
     )
 
 
@@ -105,6 +116,13 @@ def _cuts(nav: NavGraph, cell_m: float, two_way: bool) -> _Cuts:
     cut_lane = np.repeat(lane[own], steps[own] - 1)
     k = np.arange(len(cut_lane)) - (first[cut_lane] - num_vertices) + 1  # [C] its step along the owner, from 1
     return _Cuts(steps, first, own, apart, cut_lane, k / steps[cut_lane])
+
+
+def _spread(cuts: _Cuts, drawn: NavGraph, on_lane: IntArray) -> BoolArray:
+    """[L of drawn] whether the cuts on each drawn lane have a track of their own."""
+    apart = np.zeros(drawn.num_lanes, np.bool_)
+    apart[on_lane] = cuts.apart[cuts.lane]
+    return apart
 
 
 def _places(nav: NavGraph, cuts: _Cuts, cell_m: float) -> FloatArray:

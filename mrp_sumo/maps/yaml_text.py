@@ -6,12 +6,14 @@ merge keys, nesting deeper than 30 and aliases that would swell the document.
 """
 
 import gc
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from mrp_sumo.errors import MapError
@@ -82,6 +84,29 @@ def parse(source: Text) -> Any:
     finally:
         if was_collecting:
             gc.enable()
+
+
+def parse_json(text: str) -> Any:
+    """The object of a JSON text, many times faster than as YAML; None for what is not one, which `parse` then explains."""
+    if text.lstrip()[:1] != "{" or _deepest(text) > MAX_DEPTH:
+        return None
+    try:
+        document = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        return None
+    return document if isinstance(document, dict) else None
+
+
+def _deepest(text: str) -> int:
+    """How deep brackets are nested, those in strings counted too."""
+    data = np.frombuffer(text.encode(errors="replace"), np.uint8)
+    data = data[(data == ord("[")) | (data == ord("{")) | (data == ord("]")) | (data == ord("}"))]
+    opens = (data == ord("[")) | (data == ord("{"))
+    return int(np.cumsum(np.where(opens, 1, -1)).max(initial=0))
+
+
+def _no_number(name: str) -> Any:
+    raise ValueError(name)
 
 
 def line_of(text: str, keys: tuple[str | int, ...]) -> int:

@@ -36,6 +36,7 @@ NAMED: dict[str, list[Any]] = {
     "map.level": ["L1"],
     "map.graph": [0, "all", [0]],
     "map.meters_per_pixel": [0.05],
+    "map.vehicle_type": ["maker.series"],
     "discretisation.cell_m": [0.4, 0.5, 1.0],
     "robots.type": ["turtlebot3"],
     "robots.type.source": ["a data sheet"],

@@ -150,6 +150,7 @@ def _netconvert(work: Path) -> None:
         str(Path(sumo.SUMO_HOME) / "bin" / "netconvert"),
         *("-n", "x.nod.xml", "-e", "x.edg.xml", "-x", "x.con.xml", "-o", "x.net.xml"),
         *("--no-internal-links", "true", "--offset.disable-normalization", "true", "--precision", "6", "--xml-validation", "never"),
+        *("--roundabouts.guess", "false"),  # SUMO refuses one of which not all edges are loaded
     ]
     try:
         done = subprocess.run(command, cwd=work, capture_output=True, text=True, env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME})

@@ -45,7 +45,7 @@ class MovingAiMap:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The grid, with cells of the selection."""
-        refuse_choice(file.source, graph=selection.graph, level=selection.level, meters_per_pixel=selection.meters_per_pixel)
+        refuse_choice(file.source, selection)
         return grid_map(file.source, *read_grid(file.source, map_name(file.path), selection.cell_m))
 
 

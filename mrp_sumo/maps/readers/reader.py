@@ -9,7 +9,7 @@ from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.check import check_graph
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.yaml_text import Text, parse, read_text
+from mrp_sumo.maps.yaml_text import Text, parse, parse_json, read_text
 
 GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
@@ -25,6 +25,7 @@ class Selection:
     meters_per_pixel: float | None = None
     cell_m: float = 0.4
     robot_radius_m: float = ROBOT_RADIUS_M
+    vehicle_type: str | None = None
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ class MapFile:
 
     @cached_property
     def _parsed(self) -> Any:
+        if (document := parse_json(self.source.text)) is not None:
+            return document
         try:
             return parse(self.source)
         except MapError as error:
@@ -85,7 +88,7 @@ def map_file(path: Path) -> MapFile:
 def map_name(path: Path) -> str:
     """The name a map goes by: its file's, without the suffixes."""
     name = path.name
-    for suffix in (".yaml", ".building", ".nav", ".map"):
+    for suffix in (".yaml", ".json", ".xml", ".geojson", ".csv", ".building", ".nav", ".map", ".lif", ".site", ".net"):
         name = name.removesuffix(suffix)
     return name
 
@@ -96,8 +99,10 @@ def grid_map(source: Text, nav: PlanGraph, free: BoolArray) -> Map:
     return Map(name=nav.name, path=source.path, nav=nav, findings=pieces, free=free)
 
 
-def refuse_choice(source: Text, *, graph: GraphChoice = None, level: str | None = None, meters_per_pixel: float | None = None) -> None:
-    """Refuse to choose what this kind of map does not have."""
-    for what, given in (("graph", graph), ("level", level), ("scale in metres per pixel", meters_per_pixel)):
-        if given is not None and not (what == "graph" and given in (0, "all")):
+def refuse_choice(source: Text, selection: Selection, *known: str) -> None:
+    """Refuse to choose what this kind of map does not have; `known` are the fields of a selection that it does have."""
+    names = {"graph": "graph", "level": "level", "meters_per_pixel": "scale in metres per pixel", "vehicle_type": "vehicle types"}
+    for field, what in names.items():
+        given = getattr(selection, field)
+        if field not in known and given is not None and not (field == "graph" and given in (0, "all")):
             raise source.fault(f"this kind of map has no {what} to choose")

@@ -3,6 +3,8 @@
 OURS = {
     "movingai_scen": "mrp_sumo.maps.readers.movingai:MovingAiScen",
     "movingai_map": "mrp_sumo.maps.readers.movingai:MovingAiMap",
+    "opentcs": "mrp_sumo.maps.readers.opentcs:OpenTcs",
+    "lif": "mrp_sumo.maps.readers.lif:Lif",
     "rmf_building": "mrp_sumo.maps.readers.rmf.reader:RmfBuilding",
     "rmf_nav_graph": "mrp_sumo.maps.readers.rmf.reader:RmfNavGraph",
     "ros_map": "mrp_sumo.maps.readers.ros_map:RosMap",

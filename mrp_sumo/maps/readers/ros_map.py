@@ -44,7 +44,7 @@ class RosMap:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """A grid over the image, where a robot of the selection's radius has room."""
-        refuse_choice(file.source, graph=selection.graph, level=selection.level, meters_per_pixel=selection.meters_per_pixel)
+        refuse_choice(file.source, selection)
         name, cell_m, radius_m = map_name(file.path), selection.cell_m, selection.robot_radius_m
         return grid_map(file.source, *read_ros_map(file.document, file.source, name, cell_m, radius_m))
 

@@ -298,7 +298,8 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
         _draw_strokes(ax, ends[colour_of == colour], str(colour), lw, 3)
     if paired.any():
         legend.setdefault("lane, both ways", Line2D([], [], color=_lane_key(colours), lw=2))
-    one_way = lanes[~paired]
+    bend = nav.having("is_bend")
+    one_way = lanes[~paired & ~bend[nav.head[lanes]]]  # a curve has one arrow, at its end
     if not len(one_way):
         return
     legend.setdefault("lane, one way", Line2D([], [], color=_lane_key(colours), lw=2, marker=">", ms=6))
@@ -306,7 +307,7 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
     length = np.hypot(*step.T)[:, None]
     along = step / np.maximum(length, 1e-9)
     across = along[:, ::-1] * [-1, 1]
-    reach = np.minimum(7 / points_per_m, 0.6 * length)
+    reach = np.where(bend[nav.tail[one_way]][:, None], 7 / points_per_m, np.minimum(7 / points_per_m, 0.6 * length))
     tip = start + step * 0.55 + along * reach / 2
     heads = np.stack([tip, tip - along * reach + across * reach * 0.42, tip - along * reach - across * reach * 0.42], axis=1)
     ax.add_collection(PolyCollection(list(heads), facecolors=list(colours[nav.tail[one_way]]), edgecolor="none", zorder=3.2), autolim=False)
@@ -314,7 +315,9 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
 
 def _shrink(nav: NavGraph, points_per_m: float) -> float:
     """Factor for the size of signs where vertices are close on the page."""
-    spacing_pt = float(np.median(nav.length_m)) * points_per_m if nav.num_lanes else 28.0
+    bend = nav.having("is_bend")
+    drawn = ~(bend[nav.tail] | bend[nav.head])
+    spacing_pt = float(np.median(nav.length_m[drawn])) * points_per_m if drawn.any() else 28.0
     return float(np.clip(spacing_pt / 28, 0.35, 1.0))
 
 
@@ -325,7 +328,7 @@ def _lane_key(colours: np.ndarray) -> str:
 
 def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, points_per_m: float, legend: dict[str, Artist]) -> None:
     groups: dict[str, tuple[Symbol, list[int]]] = {}
-    for v in panel.vertices:
+    for v in panel.vertices[~nav.having("is_bend")[panel.vertices]]:
         kind = _kind(nav, int(v))
         groups.setdefault(kind.name, (kind, []))[1].append(int(v))
     shrink = _shrink(nav, points_per_m)
@@ -346,8 +349,9 @@ def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, p
 
 
 def _name(nav: NavGraph, v: int) -> str:
-    """What is written at a vertex: its name, or its lift's."""
-    return nav.vertex_name[v] or str(nav.vertex_options[v].get("lift", ""))
+    """What is written at a vertex: its station's name, its own, or its lift's."""
+    options = nav.vertex_options[v]
+    return str(options.get("station", "")) or nav.vertex_name[v] or str(options.get("lift", ""))
 
 
 def _kind(nav: NavGraph, v: int) -> Symbol:
@@ -355,17 +359,17 @@ def _kind(nav: NavGraph, v: int) -> Symbol:
     for kind in KINDS:
         if any(options.get(option) for option in kind.options):
             return kind
-    return NAMED if nav.vertex_name[v] else JUNCTION
+    return NAMED if nav.vertex_name[v] and ("station" in options or not nav.has_stations) else JUNCTION
 
 
 def _write_names(ax: Axes, panel: Panel, nav: NavGraph, ranked: list[int], points_per_m: float, shrink: float) -> None:
-    if not ranked:
-        return
     font_pt = float(np.clip(7.2 * shrink + 0.6, 4.6, 7.2))
     on_page = (nav.xy - panel.low) * points_per_m
     room = float(np.prod(panel.size)) * points_per_m**2 / (1.15 * font_pt) ** 2  # in characters, roughly two for each
     if sum(len(_name(nav, v)) for v in ranked) > room / 2:
         ranked = [v for v in ranked if _kind(nav, v) is not NAMED]
+    if not ranked:
+        return
     names = [_name(nav, v) for v in ranked]
     size = np.array([(0.58 * font_pt * len(name) + 1, 1.15 * font_pt) for name in names])
     lines = np.stack([on_page[nav.tail[panel.lanes]], on_page[nav.head[panel.lanes]]], axis=1)

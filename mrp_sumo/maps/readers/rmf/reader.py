@@ -37,6 +37,7 @@ class RmfBuilding:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The chosen graphs of the chosen levels."""
+        refuse_choice(file.source, selection, "graph", "level", "meters_per_pixel")
         building = building_of(file.document, file.source, selection.meters_per_pixel)
         return _from_building(building, selection.graph, selection.level)
 
@@ -54,7 +55,7 @@ class RmfNavGraph:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The chosen levels."""
-        refuse_choice(file.source, graph=selection.graph, meters_per_pixel=selection.meters_per_pixel)
+        refuse_choice(file.source, selection, "level")
         return _from_nav_graph(file.document, file.source, selection.level)
 
 

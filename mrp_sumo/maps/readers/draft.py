@@ -1,0 +1,314 @@
+"""A nav graph while a reader gathers it from a file of the industry: vertices by their identifiers, lanes, curves, stations, findings.
+
+Of lanes that join the same two vertices straight in the same direction the first stays. A curve becomes a chain of lanes over vertices
+with the option `is_bend`, which `cut_lanes` cuts as one lane; a curve back along the same line shares them.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.digraph import strong_components
+from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, FloatArray, NavGraph, Options, nav_graph
+from mrp_sumo.files.reading import shortened
+from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.check import check_graph
+from mrp_sumo.maps.finding import Notes, RefusedMap, ordered
+from mrp_sumo.maps.levels import joined_by_lifts, side_by_side
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.reader import map_name
+from mrp_sumo.maps.yaml_text import Text
+
+SAME_PLACE_M = 1e-3  # ends and bends closer than this are one
+LARGE_M = 1000.0  # a site that is larger is probably drawn in another unit
+TURN_RAD = 2 * np.pi + 1e-3  # angles beyond are degrees
+
+
+class _Lane(NamedTuple):
+    tail: int
+    head: int
+    speed_mps: float
+    options: Options
+
+
+@dataclass
+class Draft:
+    """What was gathered so far. Vertices are numbered as they come, bends among them."""
+
+    source: Text
+    notes: Notes = field(default_factory=Notes)
+    level_names: list[str] = field(default_factory=list)
+    vertex: dict[Any, int] = field(default_factory=dict)  # by the identifier in the file
+    path_of: dict[Any, str] = field(default_factory=dict)  # where in the file each identifier stands
+    _xy: list[tuple[float, float]] = field(default_factory=list)
+    _level: list[int] = field(default_factory=list)
+    _name: list[str] = field(default_factory=list)
+    _options: list[dict[str, Any]] = field(default_factory=list)
+    _lanes: dict[tuple[int, int], _Lane] = field(default_factory=dict)
+    _chains: dict[tuple[int, int], list[list[int]]] = field(default_factory=dict)  # bends of curves from a vertex to another
+    _nowhere: list[str] = field(default_factory=list)
+    _twin: dict[int, int] = field(default_factory=dict)  # vertex -> the one at its place that stands for both
+    _riders: dict[str, set[int]] = field(default_factory=dict)  # vertices that a lift joins
+
+    def add_vertex(self, key: Any, name: str, xy: tuple[float, float], level: str, **options: Any) -> int:
+        """A vertex; options that are None or false are left out."""
+        if level not in self.level_names:
+            self.level_names.append(level)
+        self.vertex[key] = v = len(self._xy)
+        self._xy.append(xy)
+        self._level.append(self.level_names.index(level))
+        self._name.append(name)
+        self._options.append({name: value for name, value in options.items() if value is not None and value is not False})
+        return v
+
+    def add_lane(
+        self, tail: int, head: int, *, speed_mps: float = np.inf, options: Options = NO_OPTIONS, bends: Sequence[Sequence[float]] = ()
+    ) -> None:
+        """A lane, straight or over places [N, 2] between its ends; lanes without length are noted and left out."""
+        if tail == head:
+            self.notes.add("lane_without_length", f"from '{self.label(tail)}' to itself")
+            return
+        if self._level[tail] != self._level[head]:
+            self._ride(tail, head)
+            return
+        (ax, ay), (bx, by) = self._xy[tail], self._xy[head]
+        if not len(bends) and abs(ax - bx) < SAME_PLACE_M and abs(ay - by) < SAME_PLACE_M:
+            self._join(tail, head)
+            return
+        if not len(bends):
+            self._add(tail, head, speed_mps, options)
+            return
+        chain = self._chain_back(tail, head, bends) or self._new_chain(tail, head, bends)
+        for a, b in zip([tail, *chain], [*chain, head]):
+            self._add(a, b, speed_mps, options)
+
+    def add_station(self, v: int, name: str, **options: Any) -> None:
+        """A station of this name at a vertex, with options for the vertex."""
+        v = self._root(v)
+        held = self._options[v]
+        held["station"] = f"{held['station']}{STATIONS}{name}" if "station" in held else name
+        self.set_options(v, **options)
+
+    def set_options(self, v: int, **options: Any) -> None:
+        """More options of a vertex; None and false are left out."""
+        self._options[v] |= {key: value for key, value in options.items() if value is not None and value is not False}
+
+    def set_mutex(self, group: str, vertices: Iterable[int], lanes: Iterable[tuple[int, int]]) -> None:
+        """Make vertices and lanes between vertices members of a group for one robot at a time; a lane with all its pieces."""
+        found = {*self.vertices_of(lanes)}
+        for v in (*vertices, *found):
+            if self._options[v].setdefault("mutex", group) != group:
+                self.notes.add("several_groups", f"'{self.label(v)}' is in '{self._options[v]['mutex']}' and '{group}'")
+        for pair in lanes:
+            for key in self._pieces(*pair):
+                options = dict(self._lanes[key].options)
+                if options.setdefault("mutex", group) != group:
+                    self.notes.add(
+                        "several_groups", f"lane '{self.label(pair[0])}' - '{self.label(pair[1])}': '{options['mutex']}', '{group}'"
+                    )
+                self._lanes[key] = self._lanes[key]._replace(options=options)
+
+    def vertices_of(self, lanes: Iterable[tuple[int, int]]) -> list[int]:
+        """The bends of lanes between vertices."""
+        return [v for pair in lanes for chain in self._chains.get(pair, []) for v in chain]
+
+    def note_nowhere(self, at: str, what: str) -> None:
+        """An edge that ends at a vertex that is not there: refused at the end, with all others of the kind."""
+        self._nowhere.append(f"{at}: {what}")
+
+    def note_angle(self, what: str, angle: float) -> bool:
+        """Whether an angle must be degrees, since no turn in radians is so large; that is noted."""
+        if abs(angle) > TURN_RAD:
+            self.notes.add("theta_in_degrees", f"{what} is {angle:g}")
+            return True
+        return False
+
+    def label(self, v: int) -> str:
+        return self._name[v] or f"v{v}"
+
+    def place(self, v: int) -> tuple[float, float]:
+        return self._xy[v]
+
+    @property
+    def num_lanes(self) -> int:
+        return len(self._lanes)
+
+    def to_map(self, level: str | None = None, building: Building | None = None, name: str | None = None) -> Map:
+        """The map, checked.
+
+        Parameters
+        ----------
+        level
+            Only this level; all by default, side by side where there are several.
+        building
+            What is drawn around the lanes, in the same coordinates.
+        name
+            Of the map; the file's by default.
+
+        Raises
+        ------
+        RefusedMap
+            For edges that end nowhere, and for maps without lanes.
+        """
+        for detail in self._nowhere:
+            self.notes.add("edge_to_nowhere", detail)
+        if self._nowhere:
+            raise RefusedMap(f"{shortened(self.source.path)}: {self._nowhere[0]}{_more(self._nowhere)}", self.notes.findings())
+        if not self._lanes:  # lanes without length make none
+            self.notes.add("no_lanes", f"{len(self._xy)} vertices")
+            message = f"{shortened(self.source.path)}: no lanes: nothing to drive on ({len(self._xy)} vertices)"
+            raise RefusedMap(message, self.notes.findings())
+        nav = self._nav(name or map_name(self.source.path), level)
+        shift = side_by_side(nav, building)
+        elevation_m = {k: lv.elevation_m for k, lv in building.levels.items()} if building else {}
+        self._note_extent(nav)
+        joined = joined_by_lifts(nav, shift, elevation_m, building.lifts if building else {})
+        self._note_stations(joined)
+        return Map(
+            name=nav.name,
+            path=self.source.path,
+            nav=joined,
+            building=building.moved(shift) if building else None,
+            findings=ordered(self.notes.findings() + check_graph(joined)),
+            level_shift_m=shift,
+        )
+
+    def _nav(self, name: str, level: str | None) -> NavGraph:
+        from mrp_sumo.maps.levels import level_choice
+
+        wanted = level_choice(dict.fromkeys(self.level_names), level, shortened(self.source.path))
+        lanes = self._joined_lanes() if self._twin else list(self._lanes.values())
+        driven = {self.level_names[self._level[lane.tail]] for lane in lanes}
+        for empty in [name for name in wanted if name not in driven]:
+            self.notes.add("level_without_lanes", f"level {empty}")
+            wanted.remove(empty)
+        if not wanted:
+            raise self.source.fault(f"level '{level}' has no lane")
+        kept = [v for v, k in enumerate(self._level) if self.level_names[k] in wanted and v not in self._twin]
+        number = {v: i for i, v in enumerate(kept)}
+        lanes = [lane for lane in lanes if lane.tail in number]
+        return nav_graph(
+            name=name,
+            xy=[self._xy[v] for v in kept],
+            lanes=[(number[lane.tail], number[lane.head]) for lane in lanes],
+            level_names=wanted,
+            level=[wanted.index(self.level_names[self._level[v]]) for v in kept],
+            vertex_name=[self._name[v] for v in kept],
+            vertex_options=[self._options[v] for v in kept],
+            speed_mps=[lane.speed_mps for lane in lanes],
+            lane_options=[lane.options for lane in lanes],
+            source=str(self.source.path),
+        )
+
+    def _join(self, tail: int, head: int) -> None:
+        """An edge of no length: both ends are one vertex, at which vehicles turn. The earlier stays, with the options of both."""
+        stays, goes = sorted((self._root(tail), self._root(head)))
+        if stays == goes:
+            return
+        self.notes.add("vertices_at_one_place", f"'{self.label(goes)}' is '{self.label(stays)}'")
+        self._twin[goes] = stays
+        options = self._options[goes]
+        if "station" in options and "station" in self._options[stays]:
+            options = {**options, "station": f"{self._options[stays]['station']}{STATIONS}{options['station']}"}
+        self._options[stays] |= options
+
+    def _root(self, v: int) -> int:
+        while v in self._twin:
+            v = self._twin[v]
+        return v
+
+    def _joined_lanes(self) -> list[_Lane]:
+        found: dict[tuple[int, int], _Lane] = {}
+        for lane in self._lanes.values():
+            tail, head = self._root(lane.tail), self._root(lane.head)
+            if tail != head:
+                found.setdefault((tail, head), lane._replace(tail=tail, head=head))
+        return list(found.values())
+
+    def _add(self, tail: int, head: int, speed_mps: float, options: Options) -> None:
+        before = self._lanes.get((tail, head))
+        if before is None:
+            self._lanes[tail, head] = _Lane(tail, head, speed_mps, options)
+            return
+        self.notes.add("parallel_lanes", f"from '{self.label(tail)}' to '{self.label(head)}'")
+        if before.options.get("load") != options.get("load"):  # one of them serves those with a load, another those without
+            kept = {key: value for key, value in before.options.items() if key != "load"}
+            self._lanes[tail, head] = before._replace(options=kept, speed_mps=max(before.speed_mps, speed_mps))
+
+    def _ride(self, tail: int, head: int) -> None:
+        """A lane between levels: the lift that both ends are in."""
+        named = [self._options[v]["lift"] for v in (tail, head) if "lift" in self._options[v]]
+        lift = named[0] if named else f"lift {self.label(min(tail, head))}"
+        riders = {tail, head}.union(*(self._riders.pop(name, set()) for name in {*named, lift}))
+        self._riders[lift] = riders
+        for v in riders:
+            self._options[v]["lift"] = lift
+
+    def _chain_back(self, tail: int, head: int, bends: Sequence[Sequence[float]]) -> list[int]:
+        """The bends of a curve from head to tail along the same line, in reverse."""
+        for chain in self._chains.get((head, tail), []):
+            if len(chain) == len(bends):
+                near = np.abs(np.array([self._xy[v] for v in reversed(chain)]) - np.asarray(bends)).max() < SAME_PLACE_M
+                if near:
+                    found = chain[::-1]
+                    self._chains.setdefault((tail, head), []).append(found)
+                    return found
+        return []
+
+    def _new_chain(self, tail: int, head: int, bends: Sequence[Sequence[float]]) -> list[int]:
+        chain: list[int] = []
+        level = self.level_names[self._level[tail]]
+        for x, y in bends:
+            chain.append(self.add_vertex(("bend", len(self._xy)), "", (float(x), float(y)), level, is_bend=True))
+        self._chains.setdefault((tail, head), []).append(chain)
+        return chain
+
+    def _pieces(self, tail: int, head: int) -> list[tuple[int, int]]:
+        """The lanes that stand for all lanes from a vertex to another."""
+        found = [(tail, head)] if (tail, head) in self._lanes else []
+        for chain in self._chains.get((tail, head), []):
+            found += [pair for pair in zip([tail, *chain], [*chain, head]) if pair in self._lanes]
+        return found
+
+    def _note_extent(self, nav: NavGraph) -> None:
+        width, height = np.ptp(nav.xy, axis=0).tolist()
+        if max(width, height) > LARGE_M:
+            self.notes.add("extent_above_1_km", f"{width:.0f} x {height:.0f} m: is the file in millimetres?")
+
+    def _note_stations(self, nav: NavGraph) -> None:
+        """Stations outside the largest part in which every vertex can be reached from every other."""
+        strong = strong_components(nav.num_vertices, nav.tail, nav.head)
+        largest = int(np.bincount(strong).argmax())
+        for v, options in enumerate(nav.vertex_options):
+            if strong[v] != largest and ("station" in options or options.get("is_charger") or options.get("is_parking_spot")):
+                what = f"'{options['station']}' at '{nav.label(v)}'" if "station" in options else f"'{nav.label(v)}'"
+                self.notes.add("station_out_of_reach", what)
+
+
+def polyline_bends(line: FloatArray) -> FloatArray:
+    """[N - 2, 2] places between the ends of a polyline; none where it is straight."""
+    if len(line) < 3:
+        return line[:0]
+    way = line[-1] - line[0]
+    length = float(np.hypot(*way))
+    off = line[1:-1] - line[0]
+    if length > 0:
+        along = off @ way / length
+        if (np.abs(off[:, 0] * way[1] - off[:, 1] * way[0]) / length < SAME_PLACE_M).all() and (
+            np.diff(along, prepend=0, append=length) >= 0
+        ).all():
+            return line[:0]
+    apart = np.hypot(*(line[1:] - line[:-1]).T) >= SAME_PLACE_M
+    return np.asarray(line[1:-1][apart[:-1] & apart[1:]])
+
+
+def _more(details: Sequence[str]) -> str:
+    return f"; and {len(details) - 1} more, which --check lists" if len(details) > 1 else ""
+
+
+def plain_options(given: Mapping[str, Any], taken: Iterable[str] = ()) -> dict[str, Any]:
+    """Members of a JSON object that options can hold: one value each."""
+    left = set(taken)
+    return {str(k): v for k, v in given.items() if k not in left and isinstance(v, str | int | float | bool)}

@@ -1,0 +1,92 @@
+"""Members of JSON objects in a map file, with their types checked; a fault names its path, `layouts[0].nodes[2].nodePosition.x`."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.files.reading import shortened
+from mrp_sumo.maps.readers.rmf.level import FARTHEST
+from mrp_sumo.maps.yaml_text import Text
+
+NOTHING: Any = object()  # no default: the member must be there
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Reads members of the objects of one file. `at` is the path of the object, '' for the document."""
+
+    source: Text
+
+    def fault(self, at: str, message: str) -> MapError:
+        """The error to raise about the value at a path."""
+        return MapError(f"{shortened(self.source.path)}: {at}: {message}" if at else f"{shortened(self.source.path)}: {message}")
+
+    def mapping(self, value: Any, at: str) -> Mapping[str, Any]:
+        if not isinstance(value, Mapping):
+            raise self.fault(at, f"found {_shown(value)}, expected an object")
+        return value
+
+    def object(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
+        """The object under a key."""
+        value = self._given(holder, key, at, default)
+        return value if value is default else self.mapping(value, _path(at, key))
+
+    def list(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
+        """The array under a key."""
+        value = self._given(holder, key, at, default)
+        if value is not default and not isinstance(value, list):
+            raise self.fault(_path(at, key), f"found {_shown(value)}, expected an array")
+        return value
+
+    def text(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
+        """The text under a key."""
+        value = self._given(holder, key, at, default)
+        if value is not default and not isinstance(value, str):
+            raise self.fault(_path(at, key), f"found {_shown(value)}, expected text")
+        return value
+
+    def number(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
+        """The number under a key, finite and not beyond any building."""
+        value = self._given(holder, key, at, default)
+        return value if value is default else self.finite(value, _path(at, key))
+
+    def finite(self, value: Any, at: str) -> float:
+        """A value as a number."""
+        if type(value) not in (int, float) or not math.isfinite(value) or abs(value) >= FARTHEST:
+            raise self.fault(at, f"found {_shown(value)}, expected a number")
+        return float(value)
+
+    def point(self, value: Any, at: str) -> tuple[float, float]:
+        """[x, y], or more."""
+        if not isinstance(value, list) or len(value) < 2:
+            raise self.fault(at, f"found {_shown(value)}, expected [x, y]")
+        return self.finite(value[0], f"{at}[0]"), self.finite(value[1], f"{at}[1]")
+
+    def unique(self, known: Mapping[Any, str], key: Any, at: str) -> None:
+        """Refuse an identifier that another object has; `known` are the paths of those before."""
+        if key in known:
+            raise self.fault(at, f"'{str(key)[:60]}' is taken by {known[key]}")
+
+    def _given(self, holder: Mapping[str, Any], key: str, at: str, default: Any) -> Any:
+        value = holder.get(key)
+        if value is None:
+            if default is not NOTHING:
+                return default
+            close = nearest(key, [str(k) for k in holder if isinstance(k, str) and len(k) < 60], limit=3)
+            raise self.fault(at, f"no '{key}'" + (close.replace("did you mean", "there is") if "did you mean" in close else ""))
+        return value
+
+
+def _path(at: str, key: str) -> str:
+    return f"{at}.{key}" if at else key
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, Mapping | list):
+        return "an object" if isinstance(value, Mapping) else f"an array of {len(value)}"
+    text = "".join(c if c.isprintable() else "?" for c in str(value)[:40])
+    return f"'{text}'" if isinstance(value, str) else text

@@ -1,0 +1,297 @@
+"""The VDMA's Layout Interchange Format (LIF), as integrators of vehicles hand it over: 1.0, and the draft of 2.
+
+1.0.0 is that of the VDMA's repository (LIF.md, section 8). Of 2 two states are read: the branch dev/V2 of January 2026 (`origins`,
+`vehicleTypeIds`), and its text of autumn 2026 (`mobileRobotTypes` with manufacturer and series, `requiredActions`). Lengths are metres,
+angles radians; angles above a turn are taken for degrees and reported.
+
+A node is a vertex, an edge a lane, a station an option of its nodes, a layout's level (`layoutLevelId`, else the nodes' `mapId`) a
+level; an edge between levels is a lift. What robots here do not know is kept as an option of the lane and reported: turns that are not
+allowed, edges for loaded vehicles only. Trajectories are flattened within 1 cm. Refuses edges between unknown nodes, and identifiers
+that are given twice.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrp_sumo.errors import nearest
+from mrp_sumo.maps.curves import fault_of_curve, flattened
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.draft import Draft, polyline_bends
+from mrp_sumo.maps.readers.json_fields import Fields
+from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
+
+OFF_NODE_M = 0.05  # a trajectory that begins further from its node does not lead from node to node
+MAX_POINTS = 1000  # control points of a trajectory
+NODE_TYPES = ("vehicleTypeNodeProperties", "mobileRobotTypeNodeProperties")
+EDGE_TYPES = ("vehicleTypeEdgeProperties", "mobileRobotTypeEdgeProperties")
+ACTIONS = ("actions", "requiredActions", "feasibleActions")
+FREE_TURNS = {None, "BOTH"}
+
+
+@dataclass(frozen=True)
+class Lif:
+    """The VDMA's layouts."""
+
+    name: ClassVar[str] = "LIF"
+    suffixes: ClassVar[tuple[str, ...]] = (".lif.json",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Layouts, or origins with layouts, and the format's version or its nodes."""
+        document = file.document
+        if not isinstance(document, Mapping):
+            return False
+        about = document.get("metaInformation")
+        named = isinstance(about, Mapping) and "lifVersion" in about
+        return named or ("metaInformation" in document and ("layouts" in document or "origins" in document))
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The lanes of all types of vehicles, or of the selection's."""
+        refuse_choice(file.source, selection, "level", "vehicle_type")
+        return _Layouts(Fields(file.source), Draft(file.source), selection.vehicle_type).read(file.document, selection.level)
+
+
+@dataclass
+class _Layouts:
+    fields: Fields
+    draft: Draft
+    wanted: str | None
+    types: Counter[str] = field(default_factory=Counter)  # lanes of each type of vehicle
+    usable: dict[int, set[str]] = field(default_factory=dict)  # types that may be at each vertex
+    restricted: list[str] = field(default_factory=list)  # lanes whose ends restrict turns
+
+    def read(self, document: Mapping[str, Any], level: str | None) -> Map:
+        about = self.fields.object(document, "metaInformation", "")
+        version = self.fields.text(about, "lifVersion", "metaInformation", "")
+        if version.split(".")[0] not in ("0", "1", "2"):
+            self.draft.notes.add("unknown_version", f"lifVersion '{version[:40]}', read as 1 or 2")
+        layouts = list(self._layouts(document))
+        for at, layout in layouts:
+            self._nodes(layout, at)
+        for at, layout in layouts:
+            self._edges(layout, at)
+        for at, layout in layouts:
+            self._stations(layout, at)
+        self._note_types()
+        return self.draft.to_map(level)
+
+    def _layouts(self, document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Every layout with its path."""
+        holders = [("", document)]
+        if "origins" in document:
+            origins = self.fields.list(document, "origins", "")
+            holders = [(f"origins[{i}]", self.fields.mapping(o, f"origins[{i}]")) for i, o in enumerate(origins)]
+        if len(holders) > 1:
+            self.draft.notes.add("several_origins", f"{len(holders)} origins, whose frames the format does not relate, in one")
+        known: dict[Any, str] = {}
+        for above, holder in holders:
+            for i, layout in enumerate(self.fields.list(holder, "layouts", above)):
+                at = f"{above}.layouts[{i}]" if above else f"layouts[{i}]"
+                name = self.fields.text(self.fields.mapping(layout, at), "layoutId", at)
+                self.fields.unique(known, name, f"{at}.layoutId")
+                known[name] = at
+                yield at, layout
+
+    def _nodes(self, layout: Mapping[str, Any], above: str) -> None:
+        fields, draft = self.fields, self.draft
+        floor = fields.text(layout, "layoutLevelId", above, None)
+        for i, node in enumerate(fields.list(layout, "nodes", above)):
+            at = f"{above}.nodes[{i}]"
+            name = fields.text(fields.mapping(node, at), "nodeId", at)
+            fields.unique(draft.path_of, name, f"{at}.nodeId")
+            place = fields.object(node, "nodePosition", at)
+            level = floor or fields.text(node, "mapId", at, None) or layout["layoutId"]
+            xy = (fields.number(place, "x", f"{at}.nodePosition"), fields.number(place, "y", f"{at}.nodePosition"))
+            v = draft.add_vertex(name, name, xy, level)
+            draft.path_of[name] = at
+            self.usable[v] = set()
+            for where, types, given in self._properties(node, NODE_TYPES, at):
+                self.usable[v].update(types)
+                if not self._chosen(types):
+                    continue
+                theta = fields.number(given, "theta", where, None)
+                if theta is not None:
+                    degrees = draft.note_angle(f"theta of '{name}'", theta)
+                    draft.set_options(v, theta_rad=math.radians(theta) if degrees else theta)
+                draft.set_options(v, **self._of_actions(given, where))
+
+    def _edges(self, layout: Mapping[str, Any], above: str) -> None:
+        fields, draft = self.fields, self.draft
+        known: dict[str, str] = {}
+        for i, edge in enumerate(fields.list(layout, "edges", above)):
+            at = f"{above}.edges[{i}]"
+            name = fields.text(fields.mapping(edge, at), "edgeId", at)
+            fields.unique(known, name, f"{at}.edgeId")
+            known[name] = at
+            ends = [draft.vertex.get(fields.text(edge, key, at), -1) for key in ("startNodeId", "endNodeId")]
+            if -1 in ends:
+                key = "startNodeId" if ends[0] < 0 else "endNodeId"
+                draft.note_nowhere(f"{at}.{key}", f"no node '{edge[key][:60]}'{_nearest(edge[key], draft.path_of)}")
+                continue
+            self._edge(name, ends[0], ends[1], self._properties(edge, EDGE_TYPES, at))
+
+    def _edge(self, name: str, tail: int, head: int, properties: Iterable[tuple[str, list[str], Mapping[str, Any]]]) -> None:
+        """A lane for the chosen types; where they differ, what the first of them says, with the higher limit of speed."""
+        found: tuple[str, Mapping[str, Any]] | None = None
+        speed = 0.0
+        loads: set[str] = set()
+        for where, types, given in properties:
+            barred = [kind for kind in types if kind not in self.usable[tail] or kind not in self.usable[head]]
+            if barred:
+                self.draft.notes.add("edge_without_its_nodes", f"'{name}' is for {', '.join(barred)}, one of its nodes is not")
+            self.types.update(types)
+            if not self._chosen(types) or self.wanted in barred:
+                continue
+            limit = self.fields.number(given, "maxSpeed" if "maxSpeed" in given else "maximumSpeed", where, math.inf)
+            if limit <= 0:
+                self.draft.notes.add("speed_of_nothing", f"'{name}': {limit:g} m/s; read as no limit")
+                limit = math.inf
+            speed = max(speed, limit)
+            loads.add(self._load(given, where))
+            found = found or (where, given)
+        if found is None:
+            return
+        where, given = found
+        options: dict[str, Any] = {"edge_id": name}
+        if len(loads) == 1 and "" not in loads:
+            options["load"] = loads.pop()
+            self.draft.notes.add("load_dependent_lanes", f"'{name}': only {options['load']}")
+        options |= self._orientation(name, given, where)
+        line = self._line(name, tail, head, given, where)
+        self.draft.add_lane(tail, head, speed_mps=speed, options=options, bends=line)
+
+    def _orientation(self, name: str, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+        """Options for how vehicles are turned on an edge, and may turn at its ends."""
+        fields, found = self.fields, {}
+        angles = [fields.number(given, "vehicleOrientation", where, None)]
+        for key in ("vehicleOrientations", "mobileRobotOrientations"):
+            angles += [fields.finite(a, f"{where}.{key}[{i}]") for i, a in enumerate(fields.list(given, key, where, []))]
+        known = [a for a in angles if a is not None]
+        if known and fields.text(given, "orientationType", where, "TANGENTIAL") == "TANGENTIAL":
+            turned = [math.radians(a) if self.draft.note_angle(f"orientation of '{name}'", a) else a for a in known]
+            if all(abs(abs(math.remainder(a, 2 * math.pi)) - math.pi) < 0.01 for a in turned):
+                found["orientation_constraint"] = "backward"
+        for key, option in (("rotationAtStartNodeAllowed", "turns_at_start"), ("rotationAtEndNodeAllowed", "turns_at_end")):
+            allowed = given.get(key)
+            if isinstance(allowed, bool):  # as older files have it
+                allowed = "BOTH" if allowed else "NONE"
+            if allowed not in FREE_TURNS:
+                found[option] = fields.text({key: allowed}, key, where)
+        if "turns_at_start" in found or "turns_at_end" in found:
+            self.restricted.append(name)
+        return found
+
+    def _load(self, given: Mapping[str, Any], where: str) -> str:
+        """'loaded' or 'unloaded' where an edge is for these only, else ''."""
+        rule = self.fields.object(given, "loadRestriction", where, None)
+        if rule is None or bool(rule.get("loaded")) == bool(rule.get("unloaded")):
+            return ""
+        return "loaded" if rule.get("loaded") else "unloaded"
+
+    def _line(self, name: str, tail: int, head: int, given: Mapping[str, Any], where: str) -> Any:
+        """The places between the ends of an edge's trajectory, where it has one that leads from node to node."""
+        fields = self.fields
+        curve = fields.object(given, "trajectory", where, None)
+        if curve is None:
+            return ()
+        at = f"{where}.trajectory"
+        points = fields.list(curve, "controlPoints", at)
+        knots = fields.list(curve, "knotVector", at)
+        if len(points) > MAX_POINTS or len(knots) > 2 * MAX_POINTS:
+            raise fields.fault(f"{at}.controlPoints", f"{len(points)} points, more than {MAX_POINTS} are not read")
+        degree = fields.number(curve, "degree", at, 1)
+        knots = [fields.finite(k, f"{at}.knotVector[{i}]") for i, k in enumerate(knots)]
+        places, weights = [], []
+        for i, point in enumerate(points):
+            on = f"{at}.controlPoints[{i}]"
+            places.append((fields.number(fields.mapping(point, on), "x", on), fields.number(point, "y", on)))
+            weights.append(fields.number(point, "weight", on, 1.0))
+        fault = fault_of_curve(degree, knots, len(places))
+        if not fault and min(weights) <= 0:
+            fault = "a weight that is not above 0"
+        if fault:
+            self.draft.notes.add("trajectory_unusable", f"'{name}': {fault}; read as straight")
+            return ()
+        even = all(w == weights[0] for w in weights)
+        line = flattened(int(degree), knots, np.array(places), None if even else np.array(weights))
+        off = max(math.dist(line[0], self.draft.place(tail)), math.dist(line[-1], self.draft.place(head)))
+        if off > OFF_NODE_M:
+            self.draft.notes.add("trajectory_off_its_nodes", f"'{name}': {off:.2f} m; read as straight")
+            return ()
+        return polyline_bends(line)
+
+    def _stations(self, layout: Mapping[str, Any], above: str) -> None:
+        fields, draft = self.fields, self.draft
+        known: dict[str, str] = {}
+        for i, station in enumerate(fields.list(layout, "stations", above, [])):
+            at = f"{above}.stations[{i}]"
+            name = fields.text(fields.mapping(station, at), "stationId", at)
+            fields.unique(known, name, f"{at}.stationId")
+            known[name] = at
+            nodes = fields.list(station, "interactionNodeIds", at)
+            if not nodes:
+                draft.notes.add("dangling_reference", f"{at}.interactionNodeIds: '{name}' has no node")
+            for j, node in enumerate(nodes):
+                v = draft.vertex.get(node, -1) if isinstance(node, str) else -1
+                if v < 0:
+                    where = f"{at}.interactionNodeIds[{j}]"
+                    draft.notes.add("dangling_reference", f"{where}: no node '{str(node)[:60]}'{_nearest(str(node), draft.path_of)}")
+                else:
+                    draft.add_station(v, name)
+
+    def _of_actions(self, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+        """Options for what vehicles do at a node."""
+        kinds: list[str] = []
+        for key in ACTIONS:
+            for i, action in enumerate(self.fields.list(given, key, where, [])):
+                at = f"{where}.{key}[{i}]"
+                kinds.append(self.fields.text(self.fields.mapping(action, at), "actionType", at))
+        found: dict[str, Any] = {"actions": ", ".join(kinds)} if kinds else {}
+        if any("charg" in kind.lower() for kind in kinds):
+            found["is_charger"] = True
+        return found
+
+    def _properties(self, holder: Mapping[str, Any], keys: tuple[str, ...], at: str) -> Iterator[tuple[str, list[str], Mapping[str, Any]]]:
+        """What a node or edge says of types of vehicles: path, the types, and their properties."""
+        fields = self.fields
+        key = keys[1] if keys[1] in holder else keys[0]
+        for i, given in enumerate(fields.list(holder, key, at)):
+            where = f"{at}.{key}[{i}]"
+            fields.mapping(given, where)
+            if "vehicleTypeId" in given:
+                yield where, [fields.text(given, "vehicleTypeId", where)], given
+                continue
+            several = "mobileRobotTypes" if "mobileRobotTypes" in given else "vehicleTypeIds"
+            names = fields.list(given, several, where) if several in given else [fields.text(given, "vehicleTypeId", where)]
+            yield where, [self._type(kind, f"{where}.{several}[{j}]") for j, kind in enumerate(names)], given
+
+    def _type(self, given: Any, at: str) -> str:
+        """A type by name, or by manufacturer and series."""
+        if isinstance(given, str):
+            return given
+        kind = self.fields.mapping(given, at)
+        return f"{self.fields.text(kind, 'manufacturer', at)}.{self.fields.text(kind, 'seriesName', at)}"
+
+    def _chosen(self, types: Iterable[str]) -> bool:
+        return self.wanted is None or self.wanted in types
+
+    def _note_types(self) -> None:
+        notes, types = self.draft.notes, self.types
+        if self.wanted is not None and self.wanted not in types:
+            raise self.fields.fault("", f"no edge for vehicle type '{self.wanted}'{nearest(self.wanted, types)}")
+        if len(types) > 1 and self.wanted is None:
+            counts = ", ".join(f"{name} {count}" for name, count in sorted(types.items()))
+            notes.add("several_vehicle_types", f"edges for {counts}; all are read, --vehicle-type chooses one", len(types))
+        if self.restricted:
+            notes.add(
+                "turns_restricted", f"at ends of {len(self.restricted)} lanes; robots here may turn at every vertex", len(self.restricted)
+            )
+
+
+def _nearest(name: str, known: Mapping[Any, str]) -> str:
+    """The likeliest right name; of very many only when they are quick to compare."""
+    return nearest(name, known) if len(known) <= 2000 else ""

@@ -1,0 +1,177 @@
+"""Plant models of openTCS (`model-7.0.0.xsd`; 6 and 5 differ in what is not read here): points, paths, locations, blocks.
+
+Lengths are millimetres, velocities mm/s. A point is a vertex, a path a lane; where vehicles may drive a path in reverse, a lane back along
+it on which they drive backwards. A location is a station at the points it is linked to, with the operations of its type; parking
+positions and chargers keep that. A block for a single vehicle is a mutex group. The drawing counts: Bezier curves and polylines are
+flattened within 1 cm, and lengths that differ from them are reported. Refuses paths between unknown points, names given twice, and
+documents with a DTD: neither entities nor anything outside the file is read.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from mrp_sumo.errors import nearest
+from mrp_sumo.maps.curves import bezier_knots, flattened
+from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.draft import Draft, polyline_bends
+from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
+from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
+
+LEVEL = "L1"
+MM = 1e-3
+OFF_LENGTH = 0.05  # share by which a path's length may differ from its drawing
+OFF_POINT_M = 0.01
+
+
+@dataclass(frozen=True)
+class OpenTcs:
+    """openTCS's plant models."""
+
+    name: ClassVar[str] = "openTCS plant model"
+    suffixes: ClassVar[tuple[str, ...]] = (".xml",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Its root, and its points."""
+        return root_name(file.text) == "model" and "<point " in file.text
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """All of it: a model has one level."""
+        refuse_choice(file.source, selection)
+        return _Model(parse_xml(file.source), Draft(file.source)).read()
+
+
+@dataclass
+class _Model:
+    root: Element
+    draft: Draft
+    pair_of: dict[str, tuple[int, int]] = field(default_factory=dict)  # ends of each path
+
+    def read(self) -> Map:
+        version = self.root.get("version", "")
+        if version.split(".")[0] not in ("4", "5", "6", "7"):
+            self.draft.notes.add("unknown_version", f"version '{version[:40]}', read as 7")
+        self._points()
+        self._paths()
+        self._locations()
+        self._blocks()
+        return self.draft.to_map()
+
+    def _points(self) -> None:
+        for point in self.root.all("point"):
+            name = self._named(point)
+            xy = (point.number("positionX") * MM, point.number("positionY") * MM)
+            kind = point.get("type", "")
+            angle = point.get("vehicleOrientationAngle", "NaN")
+            v = self.draft.add_vertex(name, name, xy, LEVEL, is_parking_spot=kind == "PARK_POSITION")
+            if angle != "NaN":
+                self.draft.set_options(v, theta_rad=math.radians(point.number("vehicleOrientationAngle")))
+
+    def _paths(self) -> None:
+        scale = self._scale()
+        for path in self.root.all("path"):
+            name = self._named(path)
+            ends = [self.draft.vertex.get(path.text(key), -1) for key in ("sourcePoint", "destinationPoint")]
+            if -1 in ends:
+                key = "sourcePoint" if ends[0] < 0 else "destinationPoint"
+                missing = path.text(key)
+                points = [str(p) for p in self.draft.vertex if isinstance(p, str)] if len(self.draft.vertex) < 2000 else []
+                self.draft.note_nowhere(f"line {path.line}", f"{key} of path '{name}': no point '{missing[:60]}'{nearest(missing, points)}")
+                continue
+            if path.get("locked", "false") == "true":
+                self.draft.notes.add("locked_path", f"'{name}' is left out")
+                continue
+            tail, head = ends
+            self.pair_of[name] = (tail, head)
+            line = self._line(path, name, tail, head, scale)
+            bends = polyline_bends(line)
+            forward, back = path.number("maxVelocity", 0.0) * MM, path.number("maxReverseVelocity", 0.0) * MM
+            if forward > 0:
+                self.draft.add_lane(tail, head, speed_mps=forward, options={"path": name}, bends=bends)
+            if back > 0:
+                options = {"path": name, "orientation_constraint": "backward"}
+                self.draft.add_lane(head, tail, speed_mps=back, options=options, bends=bends[::-1])
+            drawn = float(np.hypot(*np.diff(line, axis=0).T).sum())
+            given = path.number("length", 0.0) * MM
+            if given > 0 and abs(given - drawn) > OFF_LENGTH * drawn + OFF_POINT_M:
+                self.draft.notes.add("path_length_disagrees", f"'{name}': {given:.2f} m, drawn {drawn:.2f} m")
+
+    def _line(self, path: Element, name: str, tail: int, head: int, scale: tuple[float, float]) -> np.ndarray:
+        """The polyline of a path, ends included."""
+        ends = np.array([self.draft.place(tail), self.draft.place(head)])
+        layout = next(path.all("pathLayout"), None)
+        kind = layout.get("connectionType", "DIRECT") if layout else "DIRECT"
+        points = [(c.number("x") * scale[0], -c.number("y") * scale[1]) for c in layout.all("controlPoint")] if layout else []
+        if not points or kind in ("DIRECT", "ELBOW", "SLANTED"):
+            return ends
+        line = np.concatenate([ends[:1], np.array(points), ends[1:]])
+        if kind in ("BEZIER", "BEZIER_3") and len(points) in (1, 2, 5):
+            degree, pieces = (2, 1) if len(points) == 1 else (3, (len(points) + 1) // 3)
+            return flattened(degree, bezier_knots(degree, pieces), line)
+        if kind != "POLYPATH":
+            self.draft.notes.add("trajectory_unusable", f"'{name}': {kind} with {len(points)} control points; read as a polyline")
+        return line
+
+    def _scale(self) -> tuple[float, float]:
+        """Metres for a unit of the layout, in which control points are."""
+        layout = next(self.root.all("visualLayout"), None)
+        return (layout.number("scaleX", 50.0) * MM, layout.number("scaleY", 50.0) * MM) if layout else (0.05, 0.05)
+
+    def _locations(self) -> None:
+        operations = {kind.text("name"): [o.text("name") for o in kind.all("allowedOperation")] for kind in self.root.all("locationType")}
+        for location in self.root.all("location"):
+            name, kind = self._named(location), location.text("type")
+            if kind not in operations:
+                message = f"line {location.line}: location '{name}' is of no type '{kind[:60]}'{nearest(kind, operations)}"
+                self.draft.notes.add("dangling_reference", message)
+            for link in location.all("link"):
+                point = link.text("point")
+                v = self.draft.vertex.get(point, -1)
+                if v < 0:
+                    self.draft.notes.add("dangling_reference", f"line {link.line}: link of location '{name}' to no point '{point[:60]}'")
+                    continue
+                allowed = [o.text("name") for o in link.all("allowedOperation")] or operations.get(kind, [])
+                allowed = [o for o in allowed if o != "NOP"]
+                charges = any("charg" in o.lower() for o in allowed)
+                self.draft.add_station(v, name, actions=", ".join(allowed) or None, is_charger=charges)
+
+    def _blocks(self) -> None:
+        for block in self.root.all("block"):
+            name, points, paths = self._named(block), [], []
+            for member in block.all("member"):
+                of = member.text("name")
+                if of in self.pair_of:
+                    tail, head = self.pair_of[of]
+                    paths += [(tail, head), (head, tail)]
+                elif of in self.draft.vertex:
+                    points.append(self.draft.vertex[of])
+                elif of not in self.draft.path_of:
+                    self.draft.notes.add(
+                        "dangling_reference", f"line {member.line}: member '{of[:60]}' of block '{name}' is nothing in the model"
+                    )
+            if block.get("type", "SINGLE_VEHICLE_ONLY") == "SAME_DIRECTION_ONLY":
+                self.draft.notes.add("same_direction_block", f"'{name}': not kept, robots here may meet where its paths allow it")
+                continue
+            self.draft.set_mutex(name, points, paths)
+
+    def _named(self, element: Element) -> str:
+        name = element.text("name")
+        if name in self.draft.path_of:
+            raise element.fault(f"the name '{name[:60]}' is taken by {self.draft.path_of[name]}")
+        self.draft.path_of[name] = f"line {element.line}"
+        return name
+
+
+def vehicles_of(root: Element) -> Iterator[Mapping[str, float]]:
+    """Length and width in m and speed in m/s of each vehicle of a model."""
+    for vehicle in root.all("vehicle"):
+        box = next(vehicle.all("boundingBox"), None)
+        if box is not None:
+            yield {
+                "length_m": box.number("length") * MM,
+                "width_m": box.number("width") * MM,
+                "max_speed_mps": vehicle.number("maxVelocity") * MM,
+            }

@@ -1,0 +1,181 @@
+"""The VDMA's Layout Interchange Format."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lif_worlds import TYPE, lif, lif_2, node
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.load import load_map
+
+SHARED = Path(__file__).resolve().parents[4] / "shared" / "reference" / "data" / "lif"
+THERE = pytest.mark.skipif(not SHARED.is_dir(), reason="the VDMA's files are not beside this repository")
+
+
+@pytest.fixture
+def load(tmp_path):
+    def loaded(document, **choice):
+        path = tmp_path / "site.lif.json"
+        path.write_text(document if isinstance(document, str) else json.dumps(document))
+        return load_map(path, **choice)
+
+    return loaded
+
+
+def kinds(map_):
+    return {finding.kind: finding for finding in map_.findings}
+
+
+def test_nodes_edges_and_stations_become_vertices_lanes_and_options(load):
+    nav = load(lif()).nav
+    a, b, c = (nav.vertex_of_name[name] for name in "ABC")
+    assert nav.vertex_of_name["dock"] == b
+    assert nav.vertex_options[b] == {"station": "dock", "theta_rad": 1.5}
+    assert nav.vertex_options[c] == {"is_charger": True, "actions": "startCharging"}
+    assert nav.speed_mps[nav.lane_between(a, b)] == 1.2
+    back = nav.lane_options[nav.lane_between(c, a)]
+    assert back == {"edge_id": "C-A", "load": "unloaded", "orientation_constraint": "backward"}
+    assert (nav.name, nav.level_names) == ("site", ("hall",))
+
+
+def test_a_trajectory_is_followed_within_a_centimetre(load):
+    nav = load(lif()).nav
+    bends = nav.xy[nav.having("is_bend")]
+    t = np.linspace(0, 1, 2001)[:, None]
+    weights = np.concatenate([(1 - t) ** 2, t * (1 - t), t**2], axis=1)  # 2 t (1 - t) times the weight 0.5
+    curve = weights @ [(4, 0), (4, 4), (0, 4)] / weights.sum(1, keepdims=True)
+    line = np.concatenate([[(4.0, 0.0)], bends, [(0.0, 4.0)]])
+    for place in curve:
+        start, way = line[:-1], np.diff(line, axis=0)
+        share = np.clip(((place - start) * way).sum(1) / (way**2).sum(1), 0, 1)
+        assert np.hypot(*(start + share[:, None] * way - place).T).min() <= 0.01
+
+
+def test_draft_2_says_the_same(load):
+    one, two = load(lif()).nav, load(lif_2()).nav
+    assert (one.xy == two.xy).all()
+    assert (one.vertex_options, one.lane_options) == (two.vertex_options, two.lane_options)
+    assert (one.speed_mps == two.speed_mps).all()
+
+
+def test_one_type_of_vehicle_is_chosen_by_name(load):
+    document = lif()
+    other = json.loads(json.dumps(document["layouts"][0]["edges"][0]).replace(TYPE, "slow").replace("1.2", "0.3").replace("A-B", "A-B2"))
+    document["layouts"][0]["edges"].append(other)
+    for what in document["layouts"][0]["nodes"][:2]:
+        what["vehicleTypeNodeProperties"].append({"vehicleTypeId": "slow"})
+    assert kinds(load(document))["several_vehicle_types"].details == (
+        f"edges for {TYPE} 3, slow 1; all are read, --vehicle-type chooses one",
+    )
+    slow = load(document, vehicle_type="slow").nav
+    assert (slow.num_lanes, slow.speed_mps.tolist()) == (1, [0.3])
+    with pytest.raises(MapError, match=re.escape("no edge for vehicle type 'slw' (did you mean 'slow'?)")):
+        load(document, vehicle_type="slw")
+
+
+def test_what_is_odd_is_found(load):
+    document = lif()
+    layout = document["layouts"][0]
+    layout["nodes"] += [node("D", 9000.0, 0.0), node("E", 9000.0, 5.0, theta=90.0)]
+    layout["edges"] += [json.loads(json.dumps(layout["edges"][0]).replace('"A', '"D').replace('B"', 'E"').replace("-B", "-E"))]
+    layout["stations"] += [{"stationId": "far", "interactionNodeIds": ["E", "F"]}]
+    layout["edges"][1]["vehicleTypeEdgeProperties"][0]["trajectory"]["knotVector"] = [0, 1]
+    found = kinds(load(document))
+    assert found["extent_above_1_km"].details == ("9000 x 5 m: is the file in millimetres?",)
+    assert found["theta_in_degrees"].details == ("theta of 'E' is 90",)
+    assert found["dangling_reference"].details == ("layouts[0].stations[1].interactionNodeIds[1]: no node 'F' (known: A, B, C, D, E)",)
+    assert found["station_out_of_reach"].details == ("'far' at 'E'",)
+    assert "2 knots, expected 6" in found["trajectory_unusable"].details[0]
+    assert {"turns_restricted", "load_dependent_lanes"} <= set(found)
+
+
+def test_nodes_at_one_place_between_which_vehicles_turn_are_one_vertex(load):
+    document = lif()
+    layout = document["layouts"][0]
+    layout["nodes"].append(node("B2", 4.0, 0.0))
+    layout["edges"].append(json.loads(json.dumps(layout["edges"][0]).replace('"A"', '"B"').replace('"B"', '"B"', 1).replace("A-B", "turn")))
+    layout["edges"][-1] |= {"startNodeId": "B", "endNodeId": "B2"}
+    layout["edges"][1]["startNodeId"] = "B2"
+    map_ = load(document)
+    assert kinds(map_)["vertices_at_one_place"].details == ("'B2' is 'B'",)
+    assert "several_components" not in kinds(map_)
+    assert "not_strongly_connected" not in kinds(map_)
+
+
+def test_an_edge_to_another_level_is_a_lift(load):
+    document = lif()
+    above = json.loads(
+        json.dumps(document["layouts"][0])
+        .replace('"A', '"U')
+        .replace("B", "V")
+        .replace("C", "W")
+        .replace("ground", "up")
+        .replace("hall", "roof")
+    )
+    above["stations"], above["nodes"][0]["mapId"] = [], "roof"
+    for what in above["edges"]:
+        what["vehicleTypeEdgeProperties"][0].pop("trajectory", None)
+    above["edges"].append(
+        json.loads(json.dumps(document["layouts"][0]["edges"][0]).replace('"A-B"', '"ride"').replace('"A"', '"U"').replace('"B"', '"A"'))
+    )
+    document["layouts"].append(above)
+    nav = load(document).nav
+    assert nav.level_names == ("hall", "roof")
+    assert sorted(nav.label(int(v)) for k, v in enumerate(nav.head) if "lift" in nav.lane_options[k]) == ["A", "U"]
+    assert load(document, level="roof").nav.num_vertices == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"endNodeId": "B"', '"endNodeId": "b"', "layouts[0].edges[0].endNodeId: no node 'b' (did you mean 'B'?)"),
+        ('"nodeId": "B"', '"nodeId": "A"', "layouts[0].nodes[1].nodeId: 'A' is taken by layouts[0].nodes[0]"),
+        ('"x": 4.0', '"x": "4.0"', "layouts[0].nodes[1].nodePosition.x: found '4.0', expected a number"),
+        ('"x": 4.0', '"X": 4.0', "layouts[0].nodes[1].nodePosition: no 'x' (there is 'X'?)"),
+        ('"x": 4.0', '"x": 1e999', "not YAML"),
+        ('"edges": [', '"edges": 3, "x": [', "layouts[0].edges: found 3, expected an array"),
+        ('"layouts": [', '"layouts": [7, ', "layouts[0]: found 7, expected an object"),
+        ('"A-B"', '"B-C"', "layouts[0].edges[1].edgeId: 'B-C' is taken by layouts[0].edges[0]"),
+    ],
+)
+def test_broken_files_are_refused_with_the_path(load, old, new, message):
+    text = json.dumps(lif())
+    assert old in text
+    with pytest.raises(MapError) as error:
+        load(text.replace(old, new, 1))
+    assert message in str(error.value).replace("inf", "") or message == "not YAML"
+    assert "\n" not in str(error.value)
+
+
+def test_a_check_lists_every_edge_to_nowhere_and_ends_with_2(tmp_path, capsys):
+    path = tmp_path / "site.lif.json"
+    path.write_text(json.dumps(lif()).replace('"endNodeId": "B"', '"endNodeId": "X"').replace('"endNodeId": "A"', '"endNodeId": "Y"'))
+    assert main(["import", str(path), "--check"]) == 2
+    assert "edge to nowhere: layouts[0].edges[0].endNodeId: no node 'X'" in capsys.readouterr().out
+
+
+@THERE
+@pytest.mark.parametrize(("file", "vertices", "edges"), [("example.lif.json", 2, 1)])
+def test_published_examples_are_read(file, vertices, edges):
+    nav = load_map(SHARED / file).nav
+    assert (nav.num_vertices, nav.num_edges) == (vertices, edges)
+
+
+@THERE
+def test_the_examples_in_the_text_of_both_versions_are_read(load):
+    read = 0
+    for version in ("vdma-1.0", "vdma-2-draft"):
+        for block in re.findall(r"```json\n(.*?)```", (SHARED / version / "LIF.md").read_text(), re.DOTALL):
+            if '"lifVersion": "string"' in block or '"nodes"' not in block:
+                continue  # the table of all fields
+            try:
+                json.loads(block)
+            except ValueError:
+                continue  # one has a comma too many
+            assert load(block).nav.num_lanes > 0
+            read += 1
+    assert read >= 30
