@@ -60,21 +60,24 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
     else:
         shares = basis * weights
         fine = (shares @ points) / shares.sum(1, keepdims=True)
-    pieces = 1
-    while pieces < samples and _farthest_m(fine, pieces) > SPARE * TOLERANCE_M:
-        pieces *= 2
-    return np.asarray(fine[:: samples // pieces])
+    return fine[_corners(fine, SPARE * TOLERANCE_M)]
 
 
-def _farthest_m(fine: FloatArray, pieces: int) -> float:
-    """How far samples [n + 1, 2] are from so many straight pieces between them."""
-    step = (len(fine) - 1) // pieces
-    ends = fine[::step]
-    start, way = ends[:-1, None], (ends[1:] - ends[:-1])[:, None]
-    off = fine[:-1].reshape(pieces, step, 2) - start
-    square = np.maximum((way**2).sum(2), 1e-18)
-    share = np.clip((off * way).sum(2) / square, 0.0, 1.0)[..., None]
-    return float(np.sqrt(((off - share * way) ** 2).sum(2).max()))
+def _corners(fine: FloatArray, within_m: float) -> list[int]:
+    """Those of samples [N, 2], ends included, between which straight pieces stay so close to all (Douglas and Peucker, 1973)."""
+    kept, open_ = [0], [(0, len(fine) - 1)]
+    while open_:
+        a, b = open_.pop()
+        way = fine[b] - fine[a]
+        off = fine[a + 1 : b] - fine[a]
+        share = np.clip(off @ way / max(float(way @ way), 1e-18), 0.0, 1.0)
+        away = ((off - share[:, None] * way) ** 2).sum(1)
+        if b - a > 1 and away.max() > within_m**2:
+            middle = a + 1 + int(away.argmax())
+            open_ += [(middle, b), (a, middle)]
+        else:
+            kept.append(b)
+    return kept
 
 
 @lru_cache(maxsize=256)

@@ -1,11 +1,14 @@
 """Mutilated maps: every reader returns a map or raises MapError with one line, and nothing else."""
 
+import json
 import re
 
 import pytest
 from golden import MAPS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from lif_worlds import LIF, lif_2
+from map_worlds import CSV, LINK, MODEL, ROUTE, SITE
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.facts import facts
@@ -56,7 +59,7 @@ GRID = "type octile\nheight 3\nwidth 4\nmap\n..@.\n.TG.\n....\n"
 PROBLEMS = "version 1\n0\tsmall.map\t4\t3\t0\t1\t2\t2\t3.0\n"
 SHEET = "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
 PICTURE = b"P5\n16 16\n255\n" + bytes([254] * 256)
-TEXTS = [SMALL, NAV, EARTH, GRID, PROBLEMS, SHEET]
+TEXTS = [SMALL, NAV, EARTH, GRID, PROBLEMS, SHEET, MODEL, CSV, *(json.dumps(d) for d in (LIF, lif_2(), SITE, ROUTE, LINK))]
 CORPUS_TEXTS = [f.read_text() for f in sorted(MAPS.rglob("*.yaml")) if f.stat().st_size < 12_000]
 
 WORD = re.compile(r"[^\s,\[\]{}:]+")

@@ -6,6 +6,7 @@ with the option `is_bend`, which `cut_lanes` cuts as one lane; a curve back alon
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, FloatArray, NavGraph, Options, nav_graph
 from mrp_sumo.files.reading import shortened
-from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.check import check_graph
 from mrp_sumo.maps.finding import Notes, RefusedMap, ordered
 from mrp_sumo.maps.levels import joined_by_lifts, side_by_side
@@ -45,6 +46,7 @@ class Draft:
     _xy: list[tuple[float, float]] = field(default_factory=list)
     _level: list[int] = field(default_factory=list)
     _name: list[str] = field(default_factory=list)
+    _names: set[str] = field(default_factory=set)  # given by `rename`
     _options: list[dict[str, Any]] = field(default_factory=list)
     _lanes: dict[tuple[int, int], _Lane] = field(default_factory=dict)
     _chains: dict[tuple[int, int], list[list[int]]] = field(default_factory=dict)  # bends of curves from a vertex to another
@@ -113,6 +115,16 @@ class Draft:
     def vertices_of(self, lanes: Iterable[tuple[int, int]]) -> list[int]:
         """The bends of lanes between vertices."""
         return [v for pair in lanes for chain in self._chains.get(pair, []) for v in chain]
+
+    def rename(self, v: int, name: str) -> None:
+        """Give a vertex a name; one that another has gets a number: dock, dock_2."""
+        taken, number, free = set(self._names), 2, name
+        while free in taken:
+            free, number = f"{name}_{number}", number + 1
+        if free != name:
+            self.notes.add("duplicate_vertex_name", name)
+        self._names.add(free)
+        self._name[v] = free
 
     def note_nowhere(self, at: str, what: str) -> None:
         """An edge that ends at a vertex that is not there: refused at the end, with all others of the kind."""
@@ -285,6 +297,50 @@ class Draft:
             if strong[v] != largest and ("station" in options or options.get("is_charger") or options.get("is_parking_spot")):
                 what = f"'{options['station']}' at '{nav.label(v)}'" if "station" in options else f"'{nav.label(v)}'"
                 self.notes.add("station_out_of_reach", what)
+
+
+def building_of_walls(
+    draft: Draft,
+    walls: Mapping[str, Sequence[Any]],
+    doors: Mapping[str, Sequence[Any]] = MappingProxyType({}),
+    elevation_m: Mapping[str, float] = MappingProxyType({}),
+) -> Building:
+    """What is drawn around the lanes of a draft, by level.
+
+    Parameters
+    ----------
+    walls
+        Pairs of ends, each (x, y) in m.
+    doors
+        (end, end, name, kind of door) each.
+    elevation_m
+        Of levels; 0 by default.
+    """
+    levels = {}
+    for name in dict.fromkeys([*draft.level_names, *walls, *doors]):
+        strokes, openings = walls.get(name, ()), doors.get(name, ())
+        ends = [place for stroke in strokes for place in stroke[:2]] + [place for door in openings for place in door[:2]]
+        xy = np.array(ends, np.float64).reshape(-1, 2)
+        first = 2 * len(strokes)
+        levels[name] = Level(
+            name=name,
+            elevation_m=elevation_m.get(name, 0.0),
+            raw_xy=xy,
+            world_xy=xy,
+            xy=xy,
+            vertex_name=("",) * len(xy),
+            vertex_options=(NO_OPTIONS,) * len(xy),
+            walls=np.arange(first).reshape(-1, 2),
+            doors=tuple(Door(first + 2 * i, first + 2 * i + 1, str(door[2]), str(door[3])) for i, door in enumerate(openings)),
+        )
+    return Building(
+        name=map_name(draft.source.path),
+        path=draft.source.path,
+        coordinate_system="cartesian_meters",
+        reference_level=next(iter(levels)),
+        levels=levels,
+        lifts={},
+    )
 
 
 def polyline_bends(line: FloatArray) -> FloatArray:

@@ -4,28 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from map_worlds import MODEL
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.load import load_map
 
 DEMO = Path(__file__).resolve().parents[4] / "shared" / "reference" / "data" / "opentcs" / "Demo-01.xml"
-MODEL = """<?xml version="1.0" encoding="UTF-8"?>
-<model version="7.0.0" name="small">
-    <point name="P1" positionX="0" positionY="0" positionZ="0" vehicleOrientationAngle="90.0" type="HALT_POSITION"/>
-    <point name="P2" positionX="4000" positionY="0" positionZ="0" vehicleOrientationAngle="NaN" type="PARK_POSITION"/>
-    <point name="P3" positionX="4000" positionY="4000" positionZ="0" type="HALT_POSITION"/>
-    <path name="P1 --- P2" sourcePoint="P1" destinationPoint="P2" length="4000" maxVelocity="1500" maxReverseVelocity="300" locked="false"/>
-    <path name="P2 --- P3" sourcePoint="P2" destinationPoint="P3" length="9000" maxVelocity="1000" maxReverseVelocity="0" locked="false">
-        <pathLayout connectionType="BEZIER" layerId="0"><controlPoint x="120" y="0"/><controlPoint x="120" y="-80"/></pathLayout>
-    </path>
-    <path name="P3 --- P1" sourcePoint="P3" destinationPoint="P1" length="5657" maxVelocity="1000" maxReverseVelocity="0" locked="false"/>
-    <path name="shut" sourcePoint="P3" destinationPoint="P2" length="4000" maxVelocity="1000" maxReverseVelocity="0" locked="true"/>
-    <locationType name="Charger"><allowedOperation name="CHARGE"/><allowedOperation name="NOP"/></locationType>
-    <location name="Socket" positionX="0" positionY="0" positionZ="0" type="Charger" locked="false"><link point="P3"/></location>
-    <block name="B" type="SINGLE_VEHICLE_ONLY"><member name="P2 --- P3"/><member name="P1"/></block>
-    <visualLayout name="V" scaleX="50.0" scaleY="50.0"/>
-</model>
-"""
 
 
 @pytest.fixture
