@@ -18,6 +18,7 @@ from mrp_sumo.errors import MrpSumoError
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.experiments.solve import StageReport
+    from mrp_sumo.io.scenario import ScenarioFile
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,13 +40,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="a metric of your own, FILE.py:FUNCTION, instead of the scenario's; may be repeated",
     )
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
+    parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
+    parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")
     parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the scenario and print a table."""
-    from mrp_sumo.experiments.run import PLUG_IN_FAILED, run_scenario
+    from mrp_sumo.experiments.run import PLUG_IN_FAILED
 
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
@@ -53,8 +56,9 @@ def run(options: argparse.Namespace) -> int:
         raise MrpSumoError("a scenario says itself who goes where: --scen is for --map")
     file = scenario_choice.chosen_scenario(options)
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
-    with _progress_bar() as progress:
-        result = run_scenario(file, out, progress=progress, gui=options.gui)
+    if options.port is not None and not options.live:
+        raise MrpSumoError("--port is for --live")
+    result = _run_live(file, out, options) if options.live else _run(file, out, options.gui)
     _print(result, out, options.verbose)
     if options.replay and (out / "plan.json").is_file():
         from mrp_sumo.reports.replay.page import write_replay
@@ -67,6 +71,32 @@ def run(options: argparse.Namespace) -> int:
     if result.status == "interrupted":
         return 130
     return 0 if result.status == "completed" and not result.metric_faults else 1
+
+
+def _run(file: "ScenarioFile", out: Path, gui: bool) -> "RunResult":
+    from mrp_sumo.experiments.run import run_scenario
+
+    with _progress_bar() as progress:
+        return run_scenario(file, out, progress=progress, gui=gui)
+
+
+def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace) -> "RunResult":
+    """Run it while a browser shows it."""
+    import webbrowser
+
+    from mrp_sumo.experiments.run import run_scenario
+    from mrp_sumo.reports.live.watch import LiveView
+
+    live = LiveView(options.port or 0)
+    print(f"{live.address} (Ctrl+C ends)", flush=True)
+    webbrowser.open(live.address)
+    try:
+        result = run_scenario(file, out, progress=live.stage, gui=options.gui, watch=live.watch)
+    except BaseException:
+        live.close()
+        raise
+    live.finish(result)
+    return result
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from tempfile import SpooledTemporaryFile
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.engines.protocol import Engine
+
+if TYPE_CHECKING:
+    from mrp_sumo.drive.work import Work
 
 ROWS = 256  # samples are kept in blocks of this many
 MOST_BLOCKS = 64  # until positions are worked out
@@ -30,6 +33,7 @@ class Moment(NamedTuple):
     bodies: Engine
     ledger: Ledger
     events: Sequence[Event]  # what has happened since the moment before; some of it is known only when it is over
+    tasks: "Work"  # what has become of them
 
 
 class Listener(Protocol):

@@ -52,6 +52,7 @@ def simulate(
     progress: AtGoalReport | None = None,
     gui: bool = False,
     stopped: Callable[[], bool] | None = None,
+    listeners: Sequence[Listener] = (),
 ) -> Execution:
     """Drive a plan.
 
@@ -69,6 +70,8 @@ def simulate(
         Show it in sumo-gui, whatever the engine; everything else is the same.
     stopped
         Asked between steps; once it says so the execution is over, with outcome INTERRUPTED.
+    listeners
+        Hear every moment, beside those that record.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def simulate(
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            drive.run(bodies, [log, recorder, witness, *reports], recorder.settle)
+            drive.run(bodies, [log, recorder, witness, *reports, *listeners], recorder.settle)
         return _execution(drive, plan, log, recorder, witness)
 
 
@@ -171,7 +174,7 @@ class Drive:
             is_last = is_sample and self._is_over()
             if is_last:
                 self._close()
-            moment = Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger, self.events)
+            moment = Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger, self.events, self.tasks)
             self.events = []
             for listener in listeners:
                 listener.hear(moment)

@@ -14,6 +14,7 @@ from typing import Any
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.plan import Status
+from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -30,7 +31,12 @@ POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statu
 PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)
 
 
-def run_scenario(file: ScenarioFile, out: Path, *, progress: StageReport | None = None, gui: bool = False) -> RunResult:
+Watch = Callable[[SetUp, Solution], Listener]  # somebody who wants to hear how a run is driven
+
+
+def run_scenario(
+    file: ScenarioFile, out: Path, *, progress: StageReport | None = None, gui: bool = False, watch: Watch | None = None
+) -> RunResult:
     """Run a scenario and write its run folder.
 
     Parameters
@@ -43,6 +49,8 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: StageReport | None 
         Called now and then with the stage and how far it is.
     gui
         Drive in sumo-gui, for people to look at.
+    watch
+        Asked for a listener when robots are about to set out. It changes nothing of the run.
 
     Raises
     ------
@@ -51,7 +59,7 @@ def run_scenario(file: ScenarioFile, out: Path, *, progress: StageReport | None 
     """
     check_replaceable(out)
     with MapCache() as maps:
-        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True)
+        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True, watch=watch)
         (progress or silent)("writing the run folder", 0.0, 0.0)
         result.write(out, maps)
     return result
@@ -85,6 +93,7 @@ def carry_out(
     progress: StageReport | None = None,
     gui: bool = False,
     keeps_interrupted: bool = False,
+    watch: Watch | None = None,
 ) -> RunResult:
     """Run a scenario and measure it; writes nothing.
 
@@ -102,6 +111,8 @@ def carry_out(
         Drive in sumo-gui.
     keeps_interrupted
         Whether Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`.
+    watch
+        Asked for a listener when robots are about to set out.
 
     Raises
     ------
@@ -119,6 +130,7 @@ def carry_out(
         progress=progress,
         gui=gui,
         keeps_interrupted=keeps_interrupted,
+        watch=watch,
     )
 
 
@@ -131,6 +143,7 @@ def finish(
     progress: StageReport | None = None,
     gui: bool = False,
     keeps_interrupted: bool = False,
+    watch: Watch | None = None,
 ) -> RunResult:
     """Drive what was planned, if there is a plan, and measure it.
 
@@ -138,7 +151,7 @@ def finish(
     ----------
     setup, solution
         Of one problem; the setup says how to drive.
-    maps, execute, progress, gui, keeps_interrupted
+    maps, execute, progress, gui, keeps_interrupted, watch
         As for `carry_out`.
     """
     from mrp_sumo.metrics.audit import at_walls, audit
@@ -155,7 +168,7 @@ def finish(
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         try:
-            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted)
+            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watch)
             note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
@@ -199,7 +212,13 @@ def _unanswered(execution: Execution) -> str:
 
 
 def _execute(
-    setup: SetUp, solution: Solution, network: Path, report: StageReport, gui: bool, keeps_interrupted: bool
+    setup: SetUp,
+    solution: Solution,
+    network: Path,
+    report: StageReport,
+    gui: bool,
+    keeps_interrupted: bool,
+    watch: Watch | None,
 ) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.drive import warm
@@ -216,8 +235,9 @@ def _execute(
         def progress(t_s: float, at_goal: int) -> None:
             report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
+        listeners = [watch(setup, solution)] if watch else []
         with interrupts() if keeps_interrupted and settings.tasks else nullcontext() as stopped:
-            run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui, stopped=stopped)
+            run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui, stopped=stopped, listeners=listeners)
         return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:

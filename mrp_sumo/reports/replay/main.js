@@ -2,6 +2,7 @@
 import { AT_GOAL, BLOCKED, MOVING, NEVER, STATE_NAMES, WAITING } from "./constants.js";
 import { bytesOfBase64, inflate, readRun } from "./data.js";
 import { STATE_VARIABLES, clockText, make, spanText } from "./elements.js";
+import { LIVE_SPEEDS, Live } from "./live.js";
 import { Events, Motion } from "./motion.js";
 import { Panel } from "./panel.js";
 import { Scene } from "./scene.js";
@@ -19,6 +20,9 @@ class App {
     const few = this.motion.numRobots <= 60;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: false, labels: true, follow: false, found: null, still };
+    this.live = this.events.live = run.live ? new Live(this) : null;
+    this.speeds = run.live ? LIVE_SPEEDS : SPEEDS;
+    if (run.live) Object.assign(this.view, { playing: true, speed: 1 });
     this.clock = 0;
     this.dirty = true;
     this.frames = 0;
@@ -36,6 +40,10 @@ class App {
     this.panel.open(this.view.selected >= 0 ? "robots" : "run");
     this.listen();
     this.showToggles();
+    if (this.live) {
+      this.live.connect();
+      this.showLive();
+    }
     const frame = (now) => {
       this.frame(now);
       requestAnimationFrame(frame);
@@ -58,8 +66,45 @@ class App {
       button.dataset.state = state;
       return button;
     }));
-    $("speed").replaceChildren(...SPEEDS.map((s) => make("option", { value: String(s), textContent: `${s}×`, selected: s === this.view.speed })));
+    $("speed").replaceChildren(...this.speeds.map((s) => make("option", { value: String(s), textContent: s === Infinity ? "fast" : `${s}×`, selected: s === this.view.speed })));
     $("track").setAttribute("aria-valuemax", motion.end.toFixed(1));
+  }
+
+  /* ---- a run under way ---- */
+
+  restart() {
+    this.motion.received = 0;
+    this.events.listed = [];
+    if (this.run.tasks) Object.assign(this.run.tasks, { name: [], robot: [], times: [], stations: [] });
+  }
+
+  /* What the server has said of its clock. */
+  showLive() {
+    const { live, view } = this;
+    if (live.following && !live.over) this.showPlaying(!live.paused);
+    $("speed").value = String(view.speed);
+    $("live").hidden = $("step").hidden = live.over;
+    $("live").setAttribute("aria-pressed", String(live.following));
+    $("step").disabled = !(live.following && live.paused);
+    this.touch();
+  }
+
+  showEnd() {
+    const { live, view } = this;
+    if (!Number.isFinite(view.speed)) view.speed = 8;
+    this.speeds = SPEEDS;
+    this.play(view.playing && view.t < this.motion.end - 0.1);
+    this.writeHeader();
+    this.showLive();
+    this.refresh();
+    live.following = false;
+  }
+
+  refresh() {
+    this.timeline.refresh();
+    this.timeline.draw();
+    this.panel.refresh();
+    $("track").setAttribute("aria-valuemax", this.motion.end.toFixed(1));
   }
 
   /* ---- the loop ---- */
@@ -71,10 +116,16 @@ class App {
   frame(now) {
     const { view, motion } = this, passed = Math.min(100, now - (this.last || now));
     this.last = now;
-    if (view.playing) {
+    const { live } = this;
+    if (live && !live.over && live.isDue(now)) this.refresh();
+    if (live && live.following && !live.over) {
+      if (!live.paused) this.clock += passed;
+      view.t = live.advance(view.t, passed / 1000);
+      this.dirty = true;
+    } else if (view.playing) {
       this.clock += passed;
       view.t = Math.min(motion.end, view.t + (passed / 1000) * view.speed);
-      if (view.t >= motion.end) this.play(false);
+      if (view.t >= motion.end) live && !live.over ? this.seek(motion.end) : this.play(false);
       this.dirty = true;
     }
     if (!this.dirty) return;
@@ -107,17 +158,31 @@ class App {
   /* ---- what the user can do ---- */
 
   play(on) {
-    const { view, motion } = this;
+    const { view, motion, live } = this;
+    if (live && live.following && !live.over) {
+      live.paused = !on;
+      live.order({ do: on ? "play" : "pause" });
+      return this.showLive();
+    }
     if (on && view.t >= motion.end) view.t = 0;
-    view.playing = on;
-    $("play-icon").setAttribute("href", on ? "#i-pause" : "#i-play");
-    $("play").setAttribute("aria-label", on ? "Pause" : "Play");
+    this.showPlaying(on);
     if (!on) this.writeAddress();
     this.touch();
   }
 
+  showPlaying(on) {
+    this.view.playing = on;
+    $("play-icon").setAttribute("href", on ? "#i-pause" : "#i-play");
+    $("play").setAttribute("aria-label", on ? "Pause" : "Play");
+  }
+
   seek(t) {
-    this.view.t = Math.max(0, Math.min(this.motion.end, t));
+    const { live, motion } = this;
+    this.view.t = Math.max(0, Math.min(motion.end, t));
+    if (live && !live.over) {
+      live.following = t >= motion.end - 1.5 * motion.period;
+      this.showLive();
+    }
     this.writeAddress();
     this.touch();
   }
@@ -175,9 +240,20 @@ class App {
     else if (i >= 0) this.play(false), this.seek(events.seconds(i)), this.panel.open("events");
   }
 
+  /* One sample on; at the head of a run under way, the run makes one. */
+  next() {
+    const { live, motion, view } = this;
+    if (live && live.following && !live.over) {
+      live.paused = true;
+      live.order({ do: "step" });
+      this.showLive();
+    } else this.seek((motion.sampleAt(view.t) + 1) * motion.period);
+  }
+
   setSpeed(speed) {
     this.view.speed = speed;
     $("speed").value = String(speed);
+    this.live?.order({ do: "speed", speed: Number.isFinite(speed) ? speed : null });
   }
 
   setTheme(name) {
@@ -195,6 +271,7 @@ class App {
     if (what === "ghosts" && (!this.motion.hasPlan || this.motion.isPlanOnly)) return;
     view[what] = !view[what];
     if (what === "heat") {
+      if (this.live && !this.live.over) this.scene.heat = null;
       this.scene.showHeat(view.heat);
       if (view.heat) $("heat-top").textContent = `up to ${spanText(this.scene.heat.raw)}`;
       $("heat-key").hidden = !view.heat;
@@ -265,6 +342,8 @@ class App {
   listen() {
     $("play").addEventListener("click", () => this.play(!this.view.playing));
     $("speed").addEventListener("change", (e) => this.setSpeed(Number(e.target.value)));
+    $("live").addEventListener("click", () => this.seek(this.motion.end));
+    $("step").addEventListener("click", () => this.next());
     $("theme").addEventListener("click", () => this.setTheme(this.theme === "dark" ? "light" : "dark"));
     $("help").addEventListener("click", () => $("keys").showModal());
     $("sheet").addEventListener("click", () => this.openSheet(!$("side").classList.contains("open")));
@@ -296,12 +375,12 @@ class App {
     const typing = e.target.matches("input, select") || $("keys").open;
     if (e.key === "Escape" && e.target.matches("input")) return e.target.blur();
     if (typing || e.ctrlKey || e.metaKey || e.altKey) return;
-    const { view, motion } = this, jump = e.shiftKey ? 10 : 1, speed = SPEEDS.indexOf(view.speed);
+    const { view, motion } = this, jump = e.shiftKey ? 10 : 1, speed = this.speeds.indexOf(view.speed);
     const actions = {
       " ": () => this.play(!view.playing), k: () => this.play(!view.playing),
       ArrowLeft: () => this.seek(view.t - jump), ArrowRight: () => this.seek(view.t + jump),
-      ",": () => this.seek((motion.sampleAt(view.t) - 1) * motion.period), ".": () => this.seek((motion.sampleAt(view.t) + 1) * motion.period),
-      "[": () => this.setSpeed(SPEEDS[Math.max(0, speed - 1)]), "]": () => this.setSpeed(SPEEDS[Math.min(SPEEDS.length - 1, speed + 1)]),
+      ",": () => this.seek((motion.sampleAt(view.t) - 1) * motion.period), ".": () => this.next(),
+      "[": () => this.setSpeed(this.speeds[Math.max(0, speed - 1)]), "]": () => this.setSpeed(this.speeds[Math.min(this.speeds.length - 1, speed + 1)]),
       Home: () => this.seek(0), End: () => this.seek(motion.end), n: () => this.step(1), p: () => this.step(-1),
       "+": () => this.do("zoom-in"), "=": () => this.do("zoom-in"), "-": () => this.do("zoom-out"), f: () => this.do("fit"),
       t: () => this.toggle("trails"), g: () => this.toggle("ghosts"), h: () => this.toggle("heat"), l: () => this.toggle("labels"), c: () => this.toggle("follow"),

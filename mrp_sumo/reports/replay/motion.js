@@ -1,5 +1,5 @@
 /* Where every robot is, and where the plan has it, at any time. Lengths in metres from the lower left corner of the map. */
-import { ABSENT, NEVER } from "./constants.js";
+import { ABSENT, BLOCKED, NEVER, WAITING } from "./constants.js";
 
 export class Motion {
   constructor(run) {
@@ -8,8 +8,8 @@ export class Motion {
     this.numSamples = run.num_samples;
     this.period = run.period_s;
     this.unit = run.unit_m;
-    this.end = (this.numSamples - 1) * this.period;
-    this.x = c.x; // robot by robot, [R * T]
+    this.stride = this.numSamples; // samples that there is room for
+    this.x = c.x; // robot by robot, [R * stride]
     this.y = c.y;
     this.yaw = c.yaw; // 256 to a full turn
     this.state = c.state;
@@ -22,6 +22,45 @@ export class Motion {
     this.pose = new Float32Array(3 * this.numRobots); // x, y, yaw of everybody at the time last asked for
     this.now = new Uint8Array(this.numRobots); // and the states
     this.ghost = new Float32Array(3 * this.numRobots);
+    this.waits = run.live ? new Int16Array(this.numRobots * this.stride).fill(-1) : null; // robot waited for, or a reason (live.js)
+    this.received = 0;
+  }
+
+  get end() {
+    return Math.max(0, this.numSamples - 1) * this.period;
+  }
+
+  /* ---- of a run under way ---- */
+
+  /* Take samples: of each robot x, y (2 bytes each), yaw, state (1 byte each), whom it waits for (2 bytes). */
+  append(bytes) {
+    const R = this.numRobots, count = bytes.length / (8 * R), words = new Uint16Array(bytes.buffer), signed = new Int16Array(bytes.buffer);
+    while (this.received + count > this.stride) this.grow();
+    for (let n = 0, p = 0; n < count; n++, this.received++) {
+      for (let r = 0, i = this.received; r < R; r++, i += this.stride, p += 8) {
+        this.x[i] = words[p / 2];
+        this.y[i] = words[p / 2 + 1];
+        this.yaw[i] = bytes[p + 4];
+        this.state[i] = bytes[p + 5];
+        this.waits[i] = signed[p / 2 + 3];
+      }
+    }
+    this.numSamples = Math.max(this.numSamples, this.received);
+  }
+
+  grow() {
+    const old = this.stride, R = this.numRobots;
+    this.stride = Math.max(600, 2 * old);
+    for (const name of ["x", "y", "yaw", "state", "waits"]) {
+      const from = this[name], to = new from.constructor(R * this.stride);
+      for (let r = 0; r < R; r++) to.set(from.subarray(r * old, (r + 1) * old), r * this.stride);
+      this[name] = to;
+    }
+  }
+
+  waitsAt(robot, t) {
+    const state = this.state[robot * this.stride + this.sampleAt(t)];
+    return state === WAITING || state === BLOCKED ? this.waits[robot * this.stride + this.sampleAt(t)] : -1;
   }
 
   sampleAt(t) {
@@ -30,8 +69,8 @@ export class Motion {
 
   /* Fill `pose` and `now`. */
   seek(t) {
-    const k = this.sampleAt(t), T = this.numSamples;
-    const last = k >= T - 1;
+    const k = this.sampleAt(t), T = this.stride;
+    const last = k >= this.numSamples - 1;
     const u = last ? 0 : Math.max(0, Math.min(1, t / this.period - k));
     const { x, y, yaw, state, pose, now, unit } = this;
     for (let r = 0, i = k, p = 0; r < this.numRobots; r++, i += T, p += 3) {
@@ -75,9 +114,9 @@ export class Motion {
   }
 
   speedAt(robot, t) {
-    const T = this.numSamples, k = Math.min(this.sampleAt(t), T - 2);
+    const k = Math.min(this.sampleAt(t), this.numSamples - 2);
     if (k < 0) return 0;
-    const i = robot * T + k;
+    const i = robot * this.stride + k;
     return (Math.hypot(this.x[i + 1] - this.x[i], this.y[i + 1] - this.y[i]) * this.unit) / this.period;
   }
 
@@ -92,14 +131,14 @@ export class Motion {
   /* [T][4] how many robots are in each state at each sample. */
   census() {
     const T = this.numSamples, count = new Uint32Array(T * 5);
-    for (let r = 0, i = 0; r < this.numRobots; r++) for (let k = 0; k < T; k++, i++) count[5 * k + this.state[i]]++;
+    for (let r = 0; r < this.numRobots; r++) for (let k = 0, i = r * this.stride; k < T; k++, i++) count[5 * k + this.state[i]]++;
     return count;
   }
 
   /* Seconds a robot spends in each state, [R * 5]. */
   totals() {
     const T = this.numSamples, total = new Float64Array(this.numRobots * 5);
-    for (let r = 0, i = 0; r < this.numRobots; r++) for (let k = 0; k < T; k++, i++) total[5 * r + this.state[i]] += this.period;
+    for (let r = 0; r < this.numRobots; r++) for (let k = 0, i = r * this.stride; k < T; k++, i++) total[5 * r + this.state[i]] += this.period;
     return total;
   }
 }
@@ -117,6 +156,12 @@ export class Events {
     this.vertex = c.event_vertex;
     this.kinds = run.event_kinds;
     this.text = run.event_text; // {index: text}
+    this.live = null; // where a run under way says whom robots wait for
+    this.listed = [];
+    this.index();
+  }
+
+  index() {
     this.perKind = new Uint32Array(this.kinds.length);
     this.ofRobot = new Map();
     for (let i = 0; i < this.count; i++) {
@@ -129,12 +174,26 @@ export class Events {
     }
   }
 
+  /* Take events of a run under way: time and duration in ms, kind, robot, other robot and vertex (-1: none), text. */
+  append(events) {
+    this.listed = [...this.listed, ...events].sort((a, b) => a[0] - b[0]);
+    this.kinds = [...new Set([...this.kinds, ...events.map((e) => e[1])])];
+    const column = (k) => Uint32Array.from(this.listed, (e) => (e[k] < 0 ? NEVER : e[k]));
+    [this.t, this.robot, this.other, this.vertex] = [0, 2, 3, 4].map(column);
+    this.duration = Uint32Array.from(this.listed, (e) => (e[5] === null ? NEVER - 1 : e[5]));
+    this.kind = Uint8Array.from(this.listed, (e) => this.kinds.indexOf(e[1]));
+    this.text = Object.fromEntries(this.listed.map((e, i) => [i, e[6]]).filter(([, text]) => text));
+    this.count = this.listed.length;
+    this.index();
+  }
+
   seconds(i) {
     return this.t[i] / 1000;
   }
 
   /* Whom a robot waits for at a time, NEVER for nobody: of the events that last, the latest begun. */
   waitsFor(robot, t) {
+    if (this.live) return this.live.otherAt(robot, t);
     const ms = t * 1000 + 0.5, own = this.ofRobot.get(robot) || [];
     let other = NEVER;
     for (const i of own) {

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
@@ -35,6 +36,7 @@ SCRIPTS = (
     "data.js",
     "elements.js",
     "labels.js",
+    "live.js",
     "main.js",
     "motion.js",
     "panel.js",
@@ -144,13 +146,30 @@ def page_of(run: AnyRun) -> str:
     """The page of a run. Raises MrpSumoError where its folder is damaged or there is nothing to replay."""
     try:
         record = view_record(run)
-        about = _about(run, record)
+        about = about_run(run, record)
     except DAMAGE as error:
         raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     return replay_page(record, about)
 
 
-def replay_page(record: RunRecord, about: About) -> str:
+@dataclass(frozen=True)
+class Frame:
+    """How places on the floor are written: as cells of a grid from the lower left."""
+
+    low: FloatArray  # [2] m
+    high: FloatArray  # [2] m
+
+    @property
+    def unit_m(self) -> float:
+        return max(POSITION_M, float((self.high - self.low).max()) / 65000)
+
+    def cells(self, values: FloatArray, axis: int | slice = slice(None)) -> NDArray[Any]:
+        """Metres along an axis (or [..., 2]) as cells, 0 to 65535."""
+        cells = np.rint((values - self.low[axis]) / self.unit_m)
+        return np.clip(np.where(np.isfinite(cells), cells, 0), 0, 65535)
+
+
+def replay_page(record: RunRecord, about: About, *, live_period_s: float | None = None) -> str:
     """The page as text.
 
     Parameters
@@ -159,6 +178,8 @@ def replay_page(record: RunRecord, about: About) -> str:
         An executed run; at least one sample and one robot. For a plan alone see `plan_as_execution`.
     about
         The run in words, and the building.
+    live_period_s
+        For a run under way, of which the record has the first sample: time between those that the page will be sent.
 
     Raises
     ------
@@ -169,7 +190,8 @@ def replay_page(record: RunRecord, about: About) -> str:
     num_samples, num_robots = execution.x_m.shape
     if not num_samples or not num_robots:
         raise MrpSumoError(f"{about.name}: nothing to replay: {num_robots} robots, {num_samples} samples")
-    low, high = extent(record, about.outline)
+    frame = Frame(*extent(record, about.outline))
+    low, high = frame.low, frame.high
     columns = Columns()
     head: dict[str, Any] = {
         "name": about.name,
@@ -187,11 +209,13 @@ def replay_page(record: RunRecord, about: About) -> str:
         "goal_s": [None if math.isnan(t) else round(t, 3) for t in execution.goal_s.tolist()],
         "map": _map(record, about.outline, low, high),
     }
-    head |= _add_motion(columns, execution, low, high)
-    head["tasks"] = _tasks(execution)
-    used = _add_plan(columns, record, low, high)
+    head |= _add_motion(columns, execution, frame)
+    head["tasks"] = None if execution.tasks is None else task_document(execution.tasks, execution.stops)
+    used = _add_plan(columns, record, low, high, names_all=live_period_s is not None)
     index = used.pop("vertex_index")
     head |= used | _add_events(columns, record, index)
+    if live_period_s is not None:
+        head |= {"live": True, "period_s": round(live_period_s, 9)}
     head["manifest"] = columns.manifest
     return _filled(
         "page.html",
@@ -204,7 +228,7 @@ def replay_page(record: RunRecord, about: About) -> str:
     )
 
 
-def _about(run: AnyRun, record: RunRecord) -> About:
+def about_run(run: AnyRun, record: RunRecord) -> About:
     """A run in words, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
     status = run.result["status"].replace("_", " ")
@@ -257,38 +281,34 @@ def _seconds(value: float | None) -> str | None:
 
 
 def _lateness(value: float | None) -> str | None:
-    return None if value is None else f"{_seconds(abs(value))} {'early' if value < 0 else 'late'}"
+    if value is None:
+        return None
+    return "none" if abs(value) < 0.05 else f"{abs(value):.1f} s {'early' if value < 0 else 'late'}"
 
 
-def _add_motion(columns: Columns, execution: Execution, low: FloatArray, high: FloatArray) -> dict[str, Any]:
+def _add_motion(columns: Columns, execution: Execution, frame: Frame) -> dict[str, Any]:
     """Poses and states, robot by robot."""
     stride = math.ceil(execution.x_m.size / MAX_POSES)
     state = view_states(execution)
     kept = slice(None, None, stride)
-    unit_m = max(POSITION_M, float((high - low).max()) / 65000)
-
-    def quantised(values: FloatArray, origin: float) -> NDArray[Any]:
-        cells = np.rint((values[kept].T - origin) / unit_m)
-        return np.clip(np.where(np.isfinite(cells), cells, 0), 0, 65535)
-
-    columns.add("x", quantised(execution.x_m, low[0]), "<u2", 2)
-    columns.add("y", quantised(execution.y_m, low[1]), "<u2", 2)
+    columns.add("x", frame.cells(execution.x_m[kept].T, 0), "<u2", 2)
+    columns.add("y", frame.cells(execution.y_m[kept].T, 1), "<u2", 2)
     yaw = np.nan_to_num(execution.yaw_rad[kept].T)
     columns.add("yaw", np.rint(yaw * (128 / np.pi)).astype(np.int64) % 256, "<u1", 1)
     columns.add("state", state[kept].T, "<u1", 1)
     t_s = execution.t_s[kept]
     period_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1) if len(t_s) > 1 else 0.1
-    return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": unit_m}
+    return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": frame.unit_m}
 
 
-def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatArray) -> dict[str, Any]:
-    """Planned visits and when they were reached; the vertices that plan, goals and events name, renumbered."""
+def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatArray, *, names_all: bool) -> dict[str, Any]:
+    """Planned visits and when they were reached; the vertices that plan, goals and events name, or all, renumbered."""
     plan, graph = record.plan, record.graph
     named = [record.target, np.array([e.vertex for e in record.execution.events], np.int64)]
     if plan is not None:
         named.append(plan.vertex)
     vertices = np.unique(np.concatenate(named))
-    vertices = vertices[(vertices >= 0) & (vertices < graph.num_vertices)]
+    vertices = np.arange(graph.num_vertices) if names_all else vertices[(vertices >= 0) & (vertices < graph.num_vertices)]
     index = np.full(graph.num_vertices + 1, -1)
     index[vertices] = np.arange(len(vertices))
     unit_m = max(0.001, float((high - low).max()) / 1e6)
@@ -309,11 +329,8 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
     }
 
 
-def _tasks(execution: Execution) -> dict[str, Any] | None:
-    """The tasks that were known, and by station when robots waited there, were served and left; None in runs without tasks."""
-    if execution.tasks is None:
-        return None
-    log, stops = execution.tasks, execution.stops
+def task_document(log: TaskLog, stops: StopLog | None) -> dict[str, Any]:
+    """The tasks that are known, and by station when robots waited there, were served and left."""
 
     def rounded(times: FloatArray) -> list[float | None]:
         return [round(t, 2) if math.isfinite(t) else None for t in times.tolist()]

@@ -30,6 +30,7 @@ export class Panel {
     for (const button of document.querySelectorAll(".tabs button")) button.setAttribute("aria-selected", String(button.dataset.tab === tab));
     this.lists = [];
     this.update = () => {};
+    this.redraw = null;
     if (tab === "run") this.showRun();
     else if (tab === "events") this.showEvents();
     else if (tab === "tasks") showTasks(this);
@@ -37,6 +38,16 @@ export class Panel {
     else this.showRobots();
     this.lists.forEach((list) => list.draw());
     this.update(true);
+  }
+
+  /* Show what is new of a run under way, but not under a finger. */
+  refresh() {
+    this.totals = this.app.motion.totals();
+    if (this.redraw) return this.redraw();
+    if (this.body.matches(":active") || this.body.contains(document.activeElement)) return;
+    const top = this.body.querySelector(".rows")?.scrollTop;
+    this.open(this.tab);
+    if (top !== undefined && this.body.querySelector(".rows")) this.body.querySelector(".rows").scrollTop = top;
   }
 
   facts(pairs) {
@@ -90,7 +101,7 @@ export class Panel {
     return make("button", { className: "row", title: what.textContent, onclick: () => app.showEvent(i) },
       make("span", { className: "time", textContent: clockText(events.seconds(i)) }),
       make("span", { className: "dot", style: { "--dot": `var(${kindColor(events.kinds[events.kind[i]])})` } }), what,
-      events.duration[i] ? make("span", { className: "end", textContent: spanText(events.duration[i] / 1000) }) : null);
+      events.duration[i] ? make("span", { className: "end", textContent: events.duration[i] === NEVER - 1 ? "for good" : spanText(events.duration[i] / 1000) }) : null);
   }
 
   /* What happened, without the robot. */
@@ -183,7 +194,8 @@ export class Panel {
       make("section", { className: "pad", style: { "padding-top": "0" } }, make("div", { className: "strip-wrap" }, strip, head)),
       make("section", { className: "pad" }, chain), make("section", { className: "pad" }, facts),
       make("div", { className: "switch" }, ...parts), ...content);
-    this.drawStrip(strip, r);
+    this.redraw = () => this.drawStrip(strip, r);
+    this.redraw();
     this.update = (force) => {
       const state = m.now[r];
       chip.textContent = STATE_NAMES[state];
@@ -212,10 +224,11 @@ export class Panel {
       if (seen.has(at) || links.length > 8) break;
       seen.add(at);
     }
-    const key = links.map((l) => `${l}:${motion.now[l]}`).join();
+    const reason = links.length || !app.live ? "" : app.live.reasonAt(r, view.t), key = links.map((l) => `${l}:${motion.now[l]}`).join() + reason;
     if (chain.dataset.key === key) return;
     chain.dataset.key = key;
-    chain.parentElement.hidden = !links.length;
+    chain.parentElement.hidden = !links.length && !reason;
+    if (reason) return chain.replaceChildren(`Waits ${reason}`);
     chain.replaceChildren("Waits for", ...links.flatMap((l, i) => [
       i ? "← which waits for" : null,
       make("button", { className: "link", onclick: () => app.select(l, true) }, make("span", { className: "dot", style: { "--dot": `var(${STATE_VARIABLES[motion.now[l]]})` } }), run.robots[l]),
@@ -229,7 +242,7 @@ export class Panel {
     strip.height = 52;
     const c = strip.getContext("2d"), colors = STATE_VARIABLES.map(cssColor);
     for (let px = 0; px < width; px++) {
-      c.fillStyle = colors[m.state[r * T + Math.min(T - 1, Math.round((px / width) * (T - 1)))]];
+      c.fillStyle = colors[m.state[r * m.stride + Math.min(T - 1, Math.round((px / width) * (T - 1)))]];
       c.fillRect(px, 0, 1, 52);
     }
   }

@@ -165,7 +165,7 @@ export class Scene {
     const [w, h] = this.map.size_m, m = this.motion;
     const cell = Math.max(0.2, Math.sqrt((w * h) / 160000)), columns = Math.ceil(w / cell) + 1, rows = Math.ceil(h / cell) + 1;
     let sum = new Float32Array(columns * rows);
-    for (let i = 0; i < m.x.length; i++) {
+    for (let r = 0; r < m.numRobots; r++) for (let i = r * m.stride, end = i + m.numSamples; i < end; i++) {
       const s = m.state[i];
       if (s === WAITING || s === BLOCKED) sum[Math.min(rows - 1, ((m.y[i] * m.unit) / cell) | 0) * columns + Math.min(columns - 1, ((m.x[i] * m.unit) / cell) | 0)] += m.period;
     }
@@ -300,7 +300,7 @@ export class Scene {
 
   /* The way of the last seconds, fading. Pieces in one line are drawn as one: most of the way is straight. */
   drawTrails(view) {
-    const { motion: m, trails, theme } = this, T = m.numSamples;
+    const { motion: m, trails, theme } = this, T = m.stride;
     if (!view.trails && view.selected < 0) {
       trails.begin(0);
       return trails.end();
@@ -335,7 +335,7 @@ export class Scene {
 
   /* The way that a robot drove for a task, from when it had it until it was done. */
   drawTask(k, color) {
-    const { motion: m, trails } = this, { tasks } = this.run, [, from, , to] = tasks.times[k], base = tasks.robot[k] * m.numSamples;
+    const { motion: m, trails } = this, { tasks } = this.run, [, from, , to] = tasks.times[k], base = tasks.robot[k] * m.stride;
     const a = m.sampleAt(from), b = m.sampleAt(to === null ? m.end : to), step = Math.max(1, Math.ceil((b - a) / MAX_TASK_PIECES));
     for (let s = a; s < b; s += step) {
       const e = Math.min(b, s + step), x = m.x[base + s] * m.unit, y = m.y[base + s] * m.unit, u = m.x[base + e] * m.unit, v = m.y[base + e] * m.unit;

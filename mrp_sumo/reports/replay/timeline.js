@@ -10,6 +10,12 @@ const MANY = 400;
 export class Timeline {
   constructor(element, canvas, motion, events) {
     Object.assign(this, { element, canvas, motion, events });
+    this.refresh();
+  }
+
+  /* Count again what there is. */
+  refresh() {
+    const { motion, events } = this;
     this.census = motion.census();
     const rank = (kind) => (KIND_ORDER.indexOf(kind) + KIND_ORDER.length + 1) % (KIND_ORDER.length + 1);
     this.rows = events.kinds

@@ -1,0 +1,196 @@
+"""A run that is watched while it drives: a listener that says every sample, event and task to the page. It changes nothing."""
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.drive._causes import DISTURBED, LETTING_PASS, PLANNED
+from mrp_sumo.drive.ledger import planned_arrivals
+from mrp_sumo.drive.listeners import Listener, Moment
+from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.set_up import SetUp
+from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.io.outline import outline_of
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord
+from mrp_sumo.reports.live.broadcast import Broadcast
+from mrp_sumo.reports.live.server import LiveServer
+from mrp_sumo.reports.pictures.view import extent, subtitle_of
+from mrp_sumo.reports.replay.page import MAX_POSES, About, Frame, about_run, replay_page, task_document
+
+SAMPLE = np.dtype([("x", "<u2"), ("y", "<u2"), ("yaw", "<u1"), ("state", "<u1"), ("waits", "<i2")])  # of a robot
+REASONS = {PLANNED: -2, DISTURBED: -3, LETTING_PASS: -4}  # for waiting without a robot to wait for, as `waits`; live.js knows them
+REPORT_S = 0.5  # of wall time, between reports of tasks and arrivals
+
+
+class LiveView:
+    """Shows runs of one command to a browser."""
+
+    def __init__(self, port: int = 0) -> None:
+        """Raises MrpSumoError where the port cannot be had."""
+        self.broadcast = Broadcast()
+        self.server = LiveServer(self.broadcast, port)
+        self.server.start()
+
+    @property
+    def address(self) -> str:
+        return self.server.address
+
+    def stage(self, stage: str, done: float, of: float) -> None:
+        """Say what is done before robots drive."""
+        self.server.stage = stage
+
+    def watch(self, setup: SetUp, solution: Solution) -> Listener:
+        """The listener of a run that is about to be driven; from now on there is a page."""
+        told = Telling(self.broadcast, setup, solution)
+        self.server.page = told.page.encode()
+        return told
+
+    def finish(self, result: RunResult) -> None:
+        """Say what the run came to, and let viewers go."""
+        if result.executed:
+            about = about_run(result, result.record)
+            said = {
+                "status_text": about.status,
+                "is_good": about.is_good,
+                "note": about.note,
+                "facts": about.facts,
+                "metrics": about.metrics,
+            }
+            self.broadcast.say("end", said)
+        else:
+            self.server.stage = f"{result.status.replace('_', ' ')}: {result.note}"
+        self.close()
+
+    def close(self) -> None:
+        """Nothing more comes."""
+        self.broadcast.end()
+        self.server.close()
+
+
+class Telling:
+    """A listener for one run."""
+
+    def __init__(self, broadcast: Broadcast, setup: SetUp, solution: Solution) -> None:
+        self._broadcast = broadcast
+        settings, problem, plan = setup.settings, solution.problem, solution.result.plan
+        assert plan is not None
+        self._has_tasks = bool(settings.tasks)
+        samples = settings.time_limit_s / settings.record_period_s
+        self._every = max(1, math.ceil(samples * problem.num_robots / MAX_POSES))
+        self._period_s = self._every * settings.record_period_s
+        record = RunRecord(
+            name=setup.scenario.name,
+            seed=setup.scenario.seed,
+            fleet=problem.fleet,
+            graph=problem.graph,
+            target=problem.target[:0] if self._has_tasks else problem.target,
+            plan=None if self._has_tasks else plan,
+            execution=_at_start(problem.graph.xy[problem.start], 0 if self._has_tasks else len(plan.vertex), self._has_tasks),
+            nav=setup.map.nav,
+        )
+        result = {"scenario": setup.scenario.model_dump(mode="json")}
+        building, nav = setup.map.building, setup.map.nav
+        outline = outline_of(building, nav.level_names) if building else None
+        about = About(
+            name=record.name,
+            subtitle=subtitle_of(result, problem.num_robots),
+            status="driving",
+            note="The run is under way.",
+            facts=(
+                ("Robots", str(problem.num_robots)),
+                ("Policy", settings.policy),
+                ("Engine", settings.engine),
+                ("Seed", str(record.seed)),
+            ),
+            outline=outline,
+        )
+        self._frame: Frame = Frame(*extent(record, outline))
+        self.page = replay_page(record, about, live_period_s=self._period_s)
+        self._arrived = np.full(len(plan.vertex), np.nan)
+        self._tasks: list[Any] = []
+        self._stops: set[Any] = set()
+        self._count = self._reported = 0
+        self._next_report = 0.0
+        broadcast.begin(SAMPLE.itemsize * problem.num_robots)
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        if moment.events:
+            self._broadcast.say("events", [_event_document(event, moment.now_s) for event in moment.events])
+        if not moment.is_sample:
+            return
+        self._count += 1
+        if time.monotonic() >= self._next_report or moment.is_last:
+            self._next_report = time.monotonic() + REPORT_S
+            self._report(moment)
+        if (self._count - 1) % self._every == 0:
+            self._broadcast.sample(self._sample(moment), self._period_s)
+
+    def _sample(self, moment: Moment) -> bytes:
+        state, frame = moment.ledger.state, self._frame
+        row = np.zeros(len(state.motion.s_m), SAMPLE)
+        cells = frame.cells(moment.bodies.positions())
+        row["x"], row["y"] = cells[:, 0], cells[:, 1]
+        row["yaw"] = np.rint(np.nan_to_num(state.motion.yaw_rad) * (128 / np.pi)).astype(np.int64) % 256
+        moving = (np.abs(state.motion.speed_mps) >= STANDING_MPS) | state.motion.turning
+        row["state"] = np.where(moving, MOVING, np.where(state.waits.stuck, BLOCKED, WAITING))
+        if not self._has_tasks:
+            row["state"][~moving & np.isfinite(state.waits.goal_s)] = AT_GOAL
+        row["waits"] = state.grants.other
+        for cause, code in REASONS.items():
+            row["waits"][(state.grants.cause == cause) & (state.grants.other < 0)] = code
+        return row.tobytes()
+
+    def _report(self, moment: Moment) -> None:
+        """What changes more slowly: tasks, or which visits of the plan have been reached."""
+        if self._has_tasks:
+            self._report_tasks(task_document(moment.tasks.log(), moment.tasks.stops_made()))
+            return
+        arrived = planned_arrivals(moment.ledger)
+        new = np.flatnonzero(np.isfinite(arrived) & np.isnan(self._arrived))
+        self._arrived = arrived
+        if len(new):
+            self._broadcast.say("arrived", [new.tolist(), np.rint(arrived[new] * 1000).astype(np.int64).tolist()])
+
+    def _report_tasks(self, document: dict[str, Any]) -> None:
+        """Tasks that are new or not what they were, and stops that were made since."""
+        rows = list(zip(document["name"], document["robot"], document["times"]))
+        changed = [(k, *row) for k, row in enumerate(rows) if k >= len(self._tasks) or self._tasks[k] != row]
+        made = [(name, *stop) for name, stops in document["stations"] for stop in stops]
+        new = [stop for stop in made if stop not in self._stops]
+        self._tasks = rows
+        self._stops.update(new)
+        if changed or new:
+            self._broadcast.say("tasks", {"changed": changed, "stops": new})
+
+
+def _event_document(event: Event, now_s: float) -> list[Any]:
+    """An event as live.js reads it; null for what lasts for good."""
+    lasts = round(1000 * event.duration_s) if math.isfinite(event.duration_s) else None
+    return [round(1000 * event.t_s), event.kind, event.robot, event.other, event.vertex, lasts, event.text]
+
+
+def _at_start(xy: FloatArray, num_visits: int, has_tasks: bool) -> Execution:
+    """Nothing has happened yet."""
+    here, none = xy[None], np.zeros(0)
+    return Execution(
+        t_s=np.zeros(1),
+        x_m=here[..., 0],
+        y_m=here[..., 1],
+        yaw_rad=np.zeros_like(here[..., 0]),
+        speed_mps=np.zeros_like(here[..., 0]),
+        arrived_s=np.full(num_visits, np.nan),
+        goal_s=np.full(len(xy), np.nan),
+        outcome=Outcome.INTERRUPTED,
+        policy="",
+        sim_time_s=0.0,
+        wall_time_s=0.0,
+        cpu_time_s=0.0,
+        tasks=TaskLog((), none.astype(np.int64), none, none, none, none) if has_tasks else None,
+        stops=StopLog(*(none.astype(np.int64),) * 2, (), none.astype(np.int64), *(none,) * 6) if has_tasks else None,
+    )

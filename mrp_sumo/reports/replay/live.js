@@ -1,0 +1,97 @@
+/* A run under way: takes what the server says, and has it pause, step, and go at a speed. */
+import { NEVER } from "./constants.js";
+import { bytesOfBase64 } from "./data.js";
+
+export const LIVE_SPEEDS = [0.25, 0.5, 1, 2, 4, 10, 32, 100, Infinity];
+const REDRAW_MS = 400;
+const REASONS = { [-2]: "for the time its plan says", [-3]: "until a disturbance is over", [-4]: "to let others pass" };
+
+export class Live {
+  constructor(app) {
+    this.app = app;
+    this.following = true; // at the head of the run, rather than in what has been
+    this.over = false;
+    this.paused = false;
+    this.drawn = 0;
+  }
+
+  connect() {
+    const source = new EventSource("events"), { app } = this, hear = (name, act) => source.addEventListener(name, (e) => act(e.data));
+    source.onopen = () => app.restart(); // the server says everything again
+    source.onerror = () => { if (!this.over) this.lost(source); };
+    hear("samples", (data) => app.motion.append(bytesOfBase64(data)));
+    hear("events", (data) => {
+      const events = JSON.parse(data);
+      app.events.append(events);
+      for (const [ms, kind, robot] of events) if (kind === "goal") app.run.goal_s[robot] = ms / 1000;
+    });
+    hear("arrived", (data) => {
+      const [visits, ms] = JSON.parse(data);
+      visits.forEach((k, i) => (app.motion.visit.arrived[k] = ms[i]));
+    });
+    hear("tasks", (data) => this.takeTasks(JSON.parse(data)));
+    hear("clock", (data) => {
+      const { paused, speed } = JSON.parse(data);
+      this.paused = paused;
+      app.view.speed = speed === null ? Infinity : speed;
+      app.showLive();
+    });
+    hear("end", (data) => {
+      this.over = true;
+      source.close();
+      Object.assign(app.run, JSON.parse(data));
+      app.showEnd();
+    });
+  }
+
+  lost(source) {
+    source.close();
+    this.over = true;
+    this.app.run.status_text = "connection lost";
+    this.app.run.is_good = false;
+    this.app.showEnd();
+  }
+
+  takeTasks({ changed, stops }) {
+    const { tasks } = this.app.run;
+    for (const [k, name, robot, times] of changed) (tasks.name[k] = name), (tasks.robot[k] = robot), (tasks.times[k] = times);
+    for (const [name, ...times] of stops) {
+      let at = tasks.stations.find((station) => station[0] === name);
+      if (!at) tasks.stations.push((at = [name, []]));
+      at[1].push(times);
+    }
+    this.tasksChanged = true;
+  }
+
+  async order(what) {
+    if (this.over) return;
+    await fetch("control", { method: "POST", body: JSON.stringify(what) }).catch(() => {});
+  }
+
+  /* The time to show, a moment behind the newest sample so that robots glide rather than jump. */
+  advance(t, passed) {
+    const { motion, view } = this.app, head = motion.end;
+    if (this.over) return Math.min(head, t + passed * (Number.isFinite(view.speed) ? view.speed : 1e9));
+    if (this.paused) return Math.min(head, t + Math.max(passed, head - t) * 0.5 + 1e-3);
+    const lag = Math.max(2 * motion.period, Math.min(view.speed, 1000) * 0.15);
+    if (t < head - 6 * lag) return head - lag; // far behind: catch up at once
+    return Math.min(head, Math.max(t, t + passed * Math.min(view.speed, 1000) * (1 + 0.5 * Math.max(-1, Math.min(1, (head - lag - t) / lag)))));
+  }
+
+  /* Whether it is time to draw again what shows the whole run. */
+  isDue(now) {
+    if (now - this.drawn < REDRAW_MS) return false;
+    this.drawn = now;
+    return true;
+  }
+
+  /* Why a robot stands that waits for no robot, '' where there is nothing to say. */
+  reasonAt(robot, t) {
+    return REASONS[this.app.motion.waitsAt(robot, t)] || "";
+  }
+
+  otherAt(robot, t) {
+    const other = this.app.motion.waitsAt(robot, t);
+    return other >= 0 ? other : NEVER;
+  }
+}

@@ -1,0 +1,121 @@
+"""A run that is watched: the same files as without, pause and step, and nothing for those who do not know the address."""
+
+import base64
+import json
+import socket
+import threading
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.experiments.run import run_scenario
+from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.reports.live.broadcast import Broadcast
+from mrp_sumo.reports.live.server import LiveServer
+from mrp_sumo.reports.live.watch import SAMPLE, LiveView
+
+
+def messages_of(address):
+    """(name, data) of everything that a viewer is sent."""
+    with urllib.request.urlopen(f"{address}events", timeout=30) as stream:
+        text = stream.read().decode()
+    parts = [part.split("\n") for part in text.split("\n\n") if part.startswith("event")]
+    return [(name.removeprefix("event: "), data.removeprefix("data: ")) for name, data in parts]
+
+
+def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
+    live, found = LiveView(), []
+    viewer = threading.Thread(target=lambda: found.extend(messages_of(live.address)))
+    viewer.start()
+    live.broadcast.control({"do": "speed", "speed": None})
+    overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
+    result = run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run", watch=live.watch)
+    with urllib.request.urlopen(live.address, timeout=30) as page:
+        assert b'"live":true' in page.read()
+    live.finish(result)
+    viewer.join()
+
+    files = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name != "result.json")
+    different = [name for name in files if (tmp_path / "run" / name).read_bytes() != (folder / name).read_bytes()]
+    assert not different and "trajectory.parquet" in files
+
+    samples = np.frombuffer(b"".join(base64.b64decode(data) for name, data in found if name == "samples"), SAMPLE)
+    driven = load_run(folder).execution
+    x = samples["x"].reshape(-1, driven.num_robots) * 0.005
+    assert x.shape == driven.x_m.shape
+    assert np.abs((x - x[0]) - (driven.x_m - driven.x_m[0])).max() < 0.02
+    said = [event for name, data in found if name == "events" for event in json.loads(data)]
+    assert sorted((t / 1000, kind) for t, kind, *_ in said) == sorted((round(e.t_s, 3), e.kind) for e in driven.events)
+    assert found[-1][0] == "end" and json.loads(found[-1][1])["status_text"] == "completed"
+
+
+def test_paused_run_makes_one_sample_for_each_step_that_is_asked_for():
+    broadcast, seen = Broadcast(), []
+    broadcast.begin(1)
+    broadcast.control({"do": "speed", "speed": None})
+    broadcast.control({"do": "pause"})
+    viewer = threading.Thread(target=lambda: seen.extend(broadcast.stream()))
+    viewer.start()
+    while not broadcast._viewers:
+        pass
+    driver = threading.Thread(target=lambda: [broadcast.sample(bytes([k]), 0.1) for k in range(3)] and broadcast.end())
+    driver.start()
+    broadcast.control({"do": "step"})
+    broadcast.control({"do": "step"})
+    driver.join(0.5)
+    assert driver.is_alive() and broadcast._samples == b"\0\1\2"  # the third is out, and holds the run
+    broadcast.control({"do": "play"})
+    driver.join(10)
+    viewer.join(10)
+    assert b"".join(samples for _, samples in seen) == b"\0\1\2"
+
+
+def test_nobody_watching_holds_no_run_up():
+    broadcast = Broadcast()
+    broadcast.control({"do": "speed", "speed": None})
+    broadcast.control({"do": "pause"})
+    broadcast.sample(b"x", 0.1)
+    broadcast.end()
+
+
+def test_only_who_knows_the_address_may_watch_and_steer():
+    server = LiveServer(Broadcast())
+    server.start()
+    root = server.address.removesuffix(f"{server.token}/")
+
+    def status(address, order=None):
+        try:
+            with urllib.request.urlopen(address, data=order, timeout=10) as answer:
+                return answer.status
+        except urllib.error.HTTPError as error:
+            return error.code
+
+    try:
+        assert server.address.startswith("http://127.0.0.1:")
+        assert [status(root), status(f"{root}events"), status(f"{root}control", b"{}"), status(f"{server.address}x")] == [404] * 4
+        assert status(server.address) == 200
+        orders = (b'{"do":"pause"}', b'{"do":"speed","speed":0}', b'{"do":"fly"}', b"{", b"[1]", b"[" * 900)
+        assert [status(f"{server.address}control", order) for order in orders] == [204, 400, 400, 400, 400, 400]
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize(("port", "message"), [("taken", "Address already in use"), ("70000", "port must be 0-65535")])
+def test_port_that_cannot_be_had_is_one_line(tmp_path, monkeypatch, capsys, port, message):
+    monkeypatch.chdir(tmp_path)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        number = str(taken.getsockname()[1]) if port == "taken" else port
+        assert main(["run", "office_5", "--live", "--port", number]) == 2
+    said = capsys.readouterr().err
+    assert message in said and len(said.splitlines()) == 1
+
+
+def test_port_without_live_is_refused(capsys):
+    assert main(["run", "office_5", "--port", "8000"]) == 2
+    assert "--port is for --live" in capsys.readouterr().err
