@@ -14,7 +14,7 @@ from mrp_sumo.reports.live.broadcast import Broadcast
 
 MOST_BYTES = 1000  # of an order
 WAITING = """<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<meta name="color-scheme" content="light dark"><meta http-equiv="refresh" content="1"><title>mrp_sumo</title>
+<meta name="color-scheme" content="light dark"><meta http-equiv="refresh" content="1"><link rel="icon" href="data:,"><title>mrp_sumo</title>
 <body style="font:15px system-ui,sans-serif;display:grid;place-items:center;min-height:80vh"><p>{stage} …</p>"""
 
 

@@ -2,17 +2,18 @@
 import { NEVER } from "./constants.js";
 import { bytesOfBase64 } from "./data.js";
 
-export const LIVE_SPEEDS = [0.25, 0.5, 1, 2, 4, 10, 32, 100, Infinity];
+const LIVE_SPEEDS = [0.25, 0.5, 1, 2, 4, 10, 32, 100, Infinity];
 const REDRAW_MS = 400;
 const REASONS = { [-2]: "for the time its plan says", [-3]: "until a disturbance is over", [-4]: "to let others pass" };
 
-export class Live {
+class Live {
   constructor(app) {
     this.app = app;
     this.following = true; // at the head of the run, rather than in what has been
     this.over = false;
     this.paused = false;
     this.drawn = 0;
+    this.speeds = LIVE_SPEEDS;
   }
 
   connect() {
@@ -95,3 +96,5 @@ export class Live {
     return other >= 0 ? other : NEVER;
   }
 }
+
+window.liveOf = (app) => new Live(app);

@@ -2,7 +2,6 @@
 import { AT_GOAL, BLOCKED, MOVING, NEVER, STATE_NAMES, WAITING } from "./constants.js";
 import { bytesOfBase64, inflate, readRun } from "./data.js";
 import { STATE_VARIABLES, clockText, make, spanText } from "./elements.js";
-import { LIVE_SPEEDS, Live } from "./live.js";
 import { Events, Motion } from "./motion.js";
 import { Panel } from "./panel.js";
 import { Scene } from "./scene.js";
@@ -20,8 +19,8 @@ class App {
     const few = this.motion.numRobots <= 60;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: false, labels: true, follow: false, found: null, still };
-    this.live = this.events.live = run.live ? new Live(this) : null;
-    this.speeds = run.live ? LIVE_SPEEDS : SPEEDS;
+    this.live = this.events.live = run.live ? window.liveOf(this) : null;
+    this.speeds = run.live ? this.live.speeds : SPEEDS;
     if (run.live) Object.assign(this.view, { playing: true, speed: 1 });
     this.clock = 0;
     this.dirty = true;

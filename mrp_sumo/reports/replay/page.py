@@ -36,7 +36,6 @@ SCRIPTS = (
     "data.js",
     "elements.js",
     "labels.js",
-    "live.js",
     "main.js",
     "motion.js",
     "panel.js",
@@ -46,6 +45,8 @@ SCRIPTS = (
     "tasks.js",
     "timeline.js",
 )
+LIVE = 'import "replay/live.js"; '
+LIVE_SCRIPTS = (*SCRIPTS, "live.js")  # the one that asks the network
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
 MAX_JUNCTIONS = 20_000
@@ -224,7 +225,8 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         head=_script_json(head),
         data=columns.packed(),
         library=_packed_library(),
-        modules=_import_map(),
+        modules=_import_map(SCRIPTS if live_period_s is None else LIVE_SCRIPTS),
+        begin=f'{"" if live_period_s is None else LIVE}import "replay/main.js";',
     )
 
 
@@ -432,13 +434,13 @@ def _packed_library() -> str:
     return base64.b64encode(zlib.compress(code, 9)).decode()
 
 
-def _import_map() -> str:
+def _import_map(scripts: tuple[str, ...]) -> str:
     """The scripts as an import map of `data:` addresses, which a page of one file can load without a server.
 
     In their files the modules import each other as `./scene.js`; an address like that leads nowhere from within
     a `data:` address, so it becomes the name `replay/scene.js`, which the map resolves.
     """
-    code = {"constants.js": constants_module()} | {name: (SOURCES / name).read_text(encoding="utf-8") for name in SCRIPTS}
+    code = {"constants.js": constants_module()} | {name: (SOURCES / name).read_text(encoding="utf-8") for name in scripts}
     places = {}
     for name, text in code.items():
         text = re.sub(r'(?<= from ")\./(?=\w+\.js";$)', "replay/", text, flags=re.MULTILINE)
