@@ -42,11 +42,13 @@ CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
 
 
 class Samples:
-    """Positions and states of R robots at the K times of a bag's fast topics."""
+    """Positions and states of R robots at K times of a topic, of which `first` came before in the bag, the last at `before_ns`."""
 
-    def __init__(self, record: RunRecord, t_ns: IntArray) -> None:
+    def __init__(self, record: RunRecord, t_ns: IntArray, first: int = 0, before_ns: int = -1) -> None:
         execution = record.execution
-        self.t_ns = t_ns
+        self.t_ns, self.first = t_ns, first
+        self.before_ns = before_ns
+        self.yaw_before = positions_at(execution, np.array([before_ns / 1e9]))[2][0] if first else None  # [R]
         self.x, self.y, self.yaw = positions_at(execution, t_ns / 1e9)
         sample = np.clip(np.searchsorted(execution.t_s, t_ns / 1e9 - 1e-9), 0, len(execution.t_s) - 1)
         self.speed = execution.speed_mps[sample]
@@ -70,7 +72,7 @@ class Stream:
         self.samples = samples
         self._make, self._fill, self._nanosec, self._only = template, fill, nanosec, only
         self._all = np.where(samples.there, 0, ABSENT).astype(np.int8) if now is None else now
-        self._now = self._all[0]
+        self._now: NDArray[Any] | None = None
         self._template: Template | None = None
         self._robots: Any = slice(None)
 
@@ -176,7 +178,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
     def fill(t: Template, k: int, robots: Any) -> None:
         nanosec = int(samples.t_ns[k]) % 10**9
         now = np.where(charging[k, robots], RMF_CHARGING, mode[samples.state[k, robots]])
-        t.set("<u8", k)
+        t.set("<u8", samples.first + k)
         t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
         columns = (battery, samples.x, samples.y, samples.yaw)
         t.set("<f4", np.stack([column[k, robots] for column in columns], 1).ravel())
@@ -213,10 +215,10 @@ def cloud(m: Messages, samples: Samples) -> Stream:
 def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
     """/<robot>/odom of one robot; no messages while it is not on the floor."""
     covariance = np.zeros(36)
-    turn_rate = np.zeros(len(samples.t_ns))
-    if len(turn_rate) > 1:
-        turn = (np.diff(samples.yaw[:, robot]) + np.pi) % (2 * np.pi) - np.pi
-        turn_rate[1:] = np.nan_to_num(turn / (np.diff(samples.t_ns) / 1e9))
+    yaw, t_ns = samples.yaw[:, robot], samples.t_ns
+    before, since_ns = (yaw[:1], t_ns[:1] - 1) if samples.yaw_before is None else (samples.yaw_before[[robot]], [samples.before_ns])
+    turn = (np.diff(yaw, prepend=before) + np.pi) % (2 * np.pi) - np.pi
+    turn_rate = np.nan_to_num(turn / (np.diff(t_ns, prepend=since_ns) / 1e9))
 
     def template(*_: Any) -> Template:
         def make(v: list[Any]) -> Any:

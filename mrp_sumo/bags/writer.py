@@ -7,20 +7,18 @@ write leaves complete chunks in the mcap file but no index.
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import partial
 from pathlib import Path
-from types import FunctionType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.rosbag2.metadata import dump_qos_v8
 
 from mrp_sumo.bags import streams as say
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
+from mrp_sumo.bags.parts import STORAGES, PartedWriter
 from mrp_sumo.bags.paths import ODD, plain_path
 from mrp_sumo.bags.task_states import TOPIC, TYPE, task_states
 from mrp_sumo.core.execution import Reply, as_believed, plans_in_force
@@ -29,10 +27,9 @@ from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.scenario import Recording
 
-VERSION: Literal[8] = 8
 FLEET_STATES_NS = 500_000_000  # 2 Hz, as MRP-Bench
 SECOND_NS = 1_000_000_000
-STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+SAMPLES_TOGETHER = 500_000  # robots times stamps of the fast topics, so that long runs take little memory
 INFINITE = QosTime(9223372036, 854775807)  # as rosbag2 writes it
 
 
@@ -46,43 +43,15 @@ class BagOptions:
     robots: tuple[str, ...] = ()  # robots with topics of their own: /<robot>/odom and /<robot>/plan
     poses: bool = False  # also write /robot_poses: what /tf says, as one PoseArray
     repeat_latched_s: float = 0.0  # repeat /map and markers, for players that start in the middle; 0: never
-
-
-@cache
-def _profiles_text(profiles: tuple[Qos, ...]) -> str:
-    return dump_qos_v8(list(profiles))
-
-
-def _with_stored_profiles(method: Callable[..., Any]) -> Any:
-    """A method of the library's writer that makes the text of each kind of profile once.
-
-    The library makes it twice for each topic, which takes longer than a short run's messages. Its own module stays as it is.
-    """
-    seen_by_it = {**method.__globals__, "dump_qos_v8": lambda qos: _profiles_text(tuple(qos))}
-    same = FunctionType(method.__code__, seen_by_it, method.__name__)
-    same.__kwdefaults__ = method.__kwdefaults__
-    return same
-
-
-class FastWriter(Writer):
-    """The library's writer without its search for the connection, which is linear in the number of topics."""
-
-    add_connection = _with_stored_profiles(Writer.add_connection)
-    close = _with_stored_profiles(Writer.close)
-
-    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        assert self.storage is not None
-        self.storage.write(connection, timestamp, data)
-        self.counts[connection.id] += 1
-        if timestamp < self.min_timestamp:
-            self.min_timestamp = timestamp
-        if timestamp > self.max_timestamp:
-            self.max_timestamp = timestamp
+    split_s: float = 0.0  # a file for each so many seconds, each with /map and markers at its beginning; 0: one file
 
 
 def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> None:
     """Write the bag of a run with its scenario's options."""
-    write_bag(folder, record, BagOptions(storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses))
+    options = BagOptions(
+        storage=choice.storage, rmf=choice.rmf_messages, robots=choice.robots, poses=choice.poses, split_s=choice.split_s or 0.0
+    )
+    write_bag(folder, record, options)
 
 
 def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(), about: Mapping[str, str] | None = None) -> None:
@@ -124,20 +93,15 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
         custom["robot_names"] = json.dumps(renamed, ensure_ascii=False)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with plain_path(folder) as place:
-        writer = FastWriter(place, version=VERSION, storage_plugin=STORAGES[options.storage])
-        if options.storage == "mcap":
-            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        for key, value in {**custom, **(about or {})}.items():
-            writer.set_custom_data(key, value)
         try:
-            with writer:
+            with PartedWriter(place, options.storage, {**custom, **(about or {})}, parted=options.split_s > 0) as writer:
                 _write(writer, messages, record, options, chosen)
         except sqlite3.Error as error:  # a full disk, above all
             raise OSError(str(error)) from error
 
 
-def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
-    """All messages, latched ones first, then by time."""
+def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
+    """All messages, latched ones first, then by time, some samples at a time."""
     topic = _Topics(writer, messages).add
     once = [  # (connection, message at a stamp)
         (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),
@@ -155,65 +119,87 @@ def _write(writer: FastWriter, messages: Messages, record: RunRecord, options: B
         writer.write(requests, EPOCH_NS, raw)
 
     end_ns = round(float(record.execution.t_s[-1]) * 1e9)
-    fast = say.Samples(record, _ticks(record, end_ns, round(options.period_s * 1e9)))
-    slow = say.Samples(record, np.arange(0, end_ns + 1, FLEET_STATES_NS, dtype=np.int64))
-    second = say.Samples(record, np.arange(0, end_ns + 1, SECOND_NS, dtype=np.int64))
-    streams = [
-        (topic("/tf", "tf2_msgs/TFMessage", 100), say.transforms(messages, fast)),
-        (topic("/robot_cloud", "sensor_msgs/PointCloud2"), say.cloud(messages, fast)),
-        (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), say.fleet_states(messages, slow)),
+    fast_ns = _ticks(record, end_ns, round(options.period_s * 1e9))
+    slow_ns, second_ns = (np.arange(0, end_ns + 1, every, dtype=np.int64) for every in (FLEET_STATES_NS, SECOND_NS))
+    makers = [  # (connection, times, stream of messages from samples)
+        (topic("/tf", "tf2_msgs/TFMessage", 100), fast_ns, say.transforms),
+        (topic("/robot_cloud", "sensor_msgs/PointCloud2"), fast_ns, say.cloud),
+        (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), slow_ns, say.fleet_states),
     ]
     if options.poses:
-        streams.append((topic("/robot_poses", "geometry_msgs/PoseArray"), say.poses(messages, fast)))
-    streams += [(topic(f"/{messages.robots[robot]}/odom", "nav_msgs/Odometry"), say.odometry(messages, fast, robot)) for robot in chosen]
+        makers.append((topic("/robot_poses", "geometry_msgs/PoseArray"), fast_ns, say.poses))
+    makers += [(topic(f"/{messages.robots[r]}/odom", "nav_msgs/Odometry"), fast_ns, partial(say.odometry, robot=r)) for r in chosen]
     log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
     states = list(task_states(messages, end_ns / 1e9))
-    state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else None
-    diagnosed, diagnostics = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray"), say.Diagnostics(messages, second)
-    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(second, 0)}
-    repeats = np.zeros(0, np.int64)
-    if options.repeat_latched_s > 0:
-        every = round(options.repeat_latched_s * 1e9)
-        repeats = np.arange(every, end_ns + 1, every, dtype=np.int64)
+    state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else log_topic
+    diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+    figures = say.metrics(say.Samples(record, second_ns[:1]), 0)
+    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in figures}
 
     replies = record.execution.replies if record.plan else ()
-    replied = np.array([round(reply.t_s * 1e9) for reply in replies], np.int64)
     plans = plans_in_force(record.plan, replies) if record.plan else iter(())
     times = [
-        repeats,
-        *(stream.samples.t_ns for _, stream in streams),
+        _every(options.split_s, end_ns - 1),
+        _every(options.repeat_latched_s, end_ns),
+        *(t_ns for _, t_ns, _ in makers),
         np.array([ns - EPOCH_NS for ns, _ in logs], np.int64),
-        second.t_ns,
-        replied,
+        second_ns,
+        np.array([round(reply.t_s * 1e9) for reply in replies], np.int64),
         np.array([ns for ns, _ in states], np.int64),
     ]
-    for ns, kind, k in _merged(times):
-        if kind == 0:
-            for connection, message in once:
-                writer.write(connection, ns, message(ns))
-        elif kind <= len(streams):
-            connection, stream = streams[kind - 1]
-            if (data := stream.message(k)) is not None:
-                writer.write(connection, ns, data)
-        elif kind == len(streams) + 1:
-            writer.write(log_topic, ns, logs[k][1])
-        elif kind == len(times) - 1:
-            assert state_topic is not None
-            writer.write(state_topic, ns, states[k][1])
-        elif kind == len(times) - 2:
-            messages.plan = next(plans)
-            _write_replan(writer, messages, replies[k], ns, plan_markers, requests, paths)
-        else:
-            writer.write(diagnosed, ns, diagnostics.message(k))
-            for name, data in say.metrics(second, k).items():
-                if name in metrics:
-                    writer.write(metrics[name], ns, data)
+    for place in _spans(times, fast_ns[:: max(1, SAMPLES_TOGETHER // max(1, record.fleet.num_robots))]):
+        parts = place[2 : 2 + len(makers)]
+        sampled = {id(t_ns): _samples(record, t_ns, part) for (_, t_ns, _), part in zip(makers, parts)}
+        streams = [(connection, make(messages, sampled[id(t_ns)])) for connection, t_ns, make in makers]
+        second = _samples(record, second_ns, place[-3])
+        diagnostics = say.Diagnostics(messages, second)
+        for ns, kind, k in _merged([t_ns[part] for t_ns, part in zip(times, place)]):
+            if kind < 2:
+                if kind == 0:
+                    writer.next_part()
+                for connection, message in once:
+                    writer.write(connection, ns, message(ns))
+            elif kind < 2 + len(streams):
+                connection, stream = streams[kind - 2]
+                if (data := stream.message(k)) is not None:
+                    writer.write(connection, ns, data)
+            elif kind == len(times) - 4:
+                writer.write(log_topic, ns, logs[place[kind].start + k][1])
+            elif kind == len(times) - 3:
+                writer.write(diagnosed, ns, diagnostics.message(k))
+                for name, data in say.metrics(second, k).items():
+                    if name in metrics:
+                        writer.write(metrics[name], ns, data)
+            elif kind == len(times) - 2:
+                messages.plan = next(plans)
+                _write_replan(writer, messages, replies[place[kind].start + k], ns, plan_markers, requests, paths)
+            else:
+                writer.write(state_topic, ns, states[place[kind].start + k][1])
+
+
+def _every(period_s: float, until_ns: int) -> IntArray:
+    """Stamps at each period, but 0; none for a period of 0."""
+    every = round(period_s * 1e9)
+    return np.arange(every, until_ns + 1, every, dtype=np.int64) if every else np.zeros(0, np.int64)
+
+
+def _spans(times: Sequence[IntArray], begins_ns: IntArray) -> Iterator[list[slice]]:
+    """Which stamps of each stream come from each beginning until the next, and all that is before and after."""
+    edges = [np.searchsorted(t_ns, begins_ns[1:]).tolist() for t_ns in times]
+    for k in range(len(begins_ns)):
+        yield [slice(edge[k - 1] if k else 0, edge[k] if k < len(edge) else len(t_ns)) for edge, t_ns in zip(edges, times)]
+
+
+def _samples(record: RunRecord, t_ns: IntArray, part: slice) -> say.Samples:
+    """Samples at some of a topic's times."""
+    before_ns = int(t_ns[part.start - 1]) if part.start else -1
+    return say.Samples(record, t_ns[part], part.start, before_ns)
 
 
 class _Topics:
     """Adds topics to a bag; a type is described once, however many topics have it."""
 
-    def __init__(self, writer: FastWriter, messages: Messages) -> None:
+    def __init__(self, writer: PartedWriter, messages: Messages) -> None:
         self._writer, self._store = writer, messages.typestore
         self._described: dict[str, tuple[str, str]] = {}
 
@@ -224,8 +210,7 @@ class _Topics:
             self._described[full] = self._store.generate_msgdef(full, ros_version=2)[0], self._store.hash_rihs01(full)
         definition, digest = self._described[full]
         profiles = [_qos(depth, latched)]
-        connection: Connection = self._writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=profiles)
-        return connection
+        return self._writer.add_connection(name, full, msgdef=definition, rihs01=digest, offered_qos_profiles=profiles)
 
 
 def _merged(times: Sequence[IntArray]) -> Iterator[tuple[int, int, int]]:
@@ -238,7 +223,7 @@ def _merged(times: Sequence[IntArray]) -> Iterator[tuple[int, int, int]]:
 
 
 def _write_replan(
-    writer: FastWriter,
+    writer: PartedWriter,
     messages: Messages,
     reply: Reply,
     ns: int,

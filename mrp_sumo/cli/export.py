@@ -5,6 +5,7 @@ what exists is not replaced.
 """
 
 import argparse
+from math import inf
 from pathlib import Path
 
 FORMATS = {  # option -> (name of the file or folder, help)
@@ -28,6 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rmf", default="jazzy", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
     parser.add_argument("--robots", default="", metavar="A,B", help="robots that get topics of their own in a bag: odom and plan")
     parser.add_argument("--poses", action="store_true", help="put /robot_poses into a bag: what /tf says, as a PoseArray")
+    parser.add_argument("--split", type=float, default=0.0, metavar="S", help="a file of a ROS 2 bag for each S seconds (default: one)")
     parser.add_argument(
         "--repeat-latched", type=float, default=0.0, metavar="S", help="say map and markers again every S seconds (for play --start-offset)"
     )
@@ -41,8 +43,11 @@ def run(options: argparse.Namespace) -> int:
 
     loaded = load_run(options.run)
     out = options.out or Path(options.run) / FORMATS[options.format][0]
-    if not options.repeat_latched >= 0:
-        raise MrpSumoError(f"--repeat-latched: found {options.repeat_latched}, expected seconds of 0 or more")
+    for name, found in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
+        if not 0 <= found < inf:
+            raise MrpSumoError(f"{name}: found {found}, expected seconds of 0 or more")
+    if options.split and options.format == "ros1":
+        raise MrpSumoError("--split: a ROS 1 bag is one file; use it with --bag")
     if out.exists():
         raise MrpSumoError(f"{out}: exists already; choose another place with --out")
     record = loaded.record
@@ -53,7 +58,12 @@ def run(options: argparse.Namespace) -> int:
 
         robots = tuple(name.strip() for name in options.robots.split(",") if name.strip())
         choice = BagOptions(
-            storage=options.storage, rmf=options.rmf, robots=robots, poses=options.poses, repeat_latched_s=options.repeat_latched
+            storage=options.storage,
+            rmf=options.rmf,
+            robots=robots,
+            poses=options.poses,
+            repeat_latched_s=options.repeat_latched,
+            split_s=options.split,
         )
         if options.format == "ros1":
             exports.write_ros1(out, record, lambda folder: write_bag(folder, record, choice))

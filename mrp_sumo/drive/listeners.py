@@ -101,12 +101,12 @@ class Recorder:
 
 
 def _read(file: "SpooledTemporaryFile[bytes]", shape: tuple[int, int]) -> FloatArray:
-    """[T, R] what was written; the file's pages, where it is on the disk."""
+    """[T, R] what was written, read-only; the file's pages, where it is on the disk."""
     file.seek(0)
     if shape[0] * shape[1] * 8 <= IN_MEMORY:
         return np.frombuffer(file.read()).reshape(shape)
     file.rollover()
-    return np.memmap(file, np.float64, "r", shape=shape)
+    return np.memmap(file, np.float64, "r", shape=shape).view(np.ndarray)
 
 
 def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray]:

@@ -340,10 +340,10 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
     arrived_s[ends] = np.where(np.isfinite(arrived_s[ends]), arrived_s[ends], goal_s)
     driven = Execution(
         t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
-        x_m=frozen(x),
-        y_m=frozen(y),
-        yaw_rad=frozen(yaw),
-        speed_mps=frozen(speed),
+        x_m=x,  # read-only, and on the disk where they are many: a copy would take their whole size
+        y_m=y,
+        yaw_rad=yaw,
+        speed_mps=speed,
         arrived_s=frozen(arrived_s),
         goal_s=frozen(goal_s),
         outcome=drive.outcome,

@@ -69,7 +69,7 @@ def task_names_at(record: RunRecord, t_s: FloatArray) -> NDArray[np.object_]:
         return np.tile(np.array([goal_name(record, r) for r in range(num_robots)], object), (len(t_s), 1))
     found = np.full((len(t_s), num_robots), "", object)
     for name, robot, assigned_s, done_s in zip(tasks.name, tasks.robot.tolist(), tasks.assigned_s, tasks.done_s):
-        if np.isfinite(assigned_s):
+        if len(t_s) and assigned_s <= t_s[-1] and not done_s < t_s[0]:  # NaN: it never was
             end = np.searchsorted(t_s, done_s) if np.isfinite(done_s) else len(t_s)
             found[np.searchsorted(t_s, assigned_s) : end, robot] = name
     return found

@@ -338,6 +338,7 @@ class Recording(_Strict):
     robots: tuple[str, ...] = Field((), description="Robots that get topics of their own in the bag, /<robot>/odom and /<robot>/plan.")
     metrics: list[str] = Field([], description="Metrics beside the bundled ones: FILE.py:FUNCTION, or the name that a package gives one.")
     poses: bool = Field(False, description="Put /robot_poses into the bag: what /tf says, as a PoseArray.")
+    split_s: Positive | None = Field(None, description="A file of the bag for each so many seconds; one file by default.")
 
 
 def _folder_name(name: str) -> str:

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from worlds import LENGTH, record_of_four
 
+from mrp_sumo.bags import writer
 from mrp_sumo.bags.messages import EPOCH_NS, GENERATIONS, Messages, ros_names, typestore
 from mrp_sumo.bags.reader import read_fleet_log
 from mrp_sumo.bags.streams import Samples, transforms
@@ -253,8 +254,8 @@ def test_a_writer_that_is_killed_leaves_complete_chunks(tmp_path):
 
     code = (
         "import os, sys\nsys.path.insert(0, sys.argv[2])\n"
-        "from pathlib import Path\nfrom worlds import record_of_four\nfrom mrp_sumo.bags import writer\n"
-        "writer.FastWriter.close = lambda self: os._exit(9)\n"
+        "from pathlib import Path\nfrom worlds import record_of_four\nfrom mrp_sumo.bags import parts, writer\n"
+        "parts.FastWriter.close = lambda self: os._exit(9)\n"
         "writer.write_bag(Path(sys.argv[1]), record_of_four(seconds=1500.0))\n"
     )
     told = subprocess.run([sys.executable, "-c", code, str(tmp_path / "bag"), str(Path(__file__).parents[1])], check=False)
@@ -341,3 +342,26 @@ def test_levels_are_named_where_there_are_several(tmp_path, generation):
 
 def test_the_library_is_the_same_for_others_in_the_process():
     assert rosbags.rosbag2.writer.dump_qos_v8 is rosbags.rosbag2.metadata.dump_qos_v8
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_split_bag_is_read_as_one_and_says_latched_topics_in_every_part(tmp_path, storage, monkeypatch):
+    record, latched = (
+        record_of_four(absent=True),
+        {"/map", "/tf_static", "/map_markers", "/robot_markers", "/plan_markers", "/robot_1/plan"},
+    )
+    options = replace(DETAILED, storage=storage)
+    write_bag(tmp_path / "whole", record, options)
+    monkeypatch.setattr(writer, "SAMPLES_TOGETHER", 40)  # of 4 robots: blocks of a second, which begin within parts
+    write_bag(tmp_path / "bag", record, replace(options, split_s=2.5))
+    suffix = "mcap" if storage == "mcap" else "db3"
+    assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == [*(f"bag_{k}.{suffix}" for k in range(5)), "metadata.yaml"]
+    with Reader(tmp_path / "whole") as one, Reader(tmp_path / "bag") as parts:
+        whole, split = ([(c.topic, ns, bytes(raw)) for c, ns, raw in reader.messages()] for reader in (one, parts))
+        assert (parts.duration, parts.message_count) == (one.duration, len(split))
+        assert {c.topic: c.msgcount for c in parts.connections}["/map"] == 5
+    repeated = [m for m in split if m[0] in latched and m[1] > EPOCH_NS and m not in whole]
+    assert [m for m in split if m not in repeated] == whole
+    assert sorted(m[0] for m in repeated) == sorted(4 * list(latched))
+    log, again = read_fleet_log(tmp_path / "whole"), read_fleet_log(tmp_path / "bag")
+    assert np.array_equal(log.x_m, again.x_m, equal_nan=True) and np.array_equal(log.t_ns, again.t_ns)
