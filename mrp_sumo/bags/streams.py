@@ -81,7 +81,7 @@ class Stream:
         there, now = self.samples.there[k], self._all[k]
         if self._only is not None and not there[self._only]:
             return None
-        if self._template is None or (self._only is None and not np.array_equal(now, self._now)):
+        if self._template is None or self._now is None or (self._only is None and not np.array_equal(now, self._now)):
             robots = np.flatnonzero(there)
             self._now, self._robots = now, slice(None) if there.all() else robots
             self._template = self._make(robots, now)

@@ -53,6 +53,7 @@ class Fleet:
     decel_mps2: FloatArray
     turn_rate_rad_s: FloatArray
     gap_m: FloatArray
+    type_name: tuple[str, ...] = ()  # [R]; empty where types are not known
 
     @property
     def num_robots(self) -> int:
@@ -84,10 +85,12 @@ def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
         decel_mps2=column(robot_type.decel_mps2),
         turn_rate_rad_s=column(robot_type.turn_rate_rad_s),
         gap_m=column(robot_type.gap_m),
+        type_name=(robot_type.name,) * num_robots,
     )
 
 
 def some_of(fleet: Fleet, robots: IntArray) -> Fleet:
     """A fleet of some of the robots [K], in this order."""
-    columns = {name: getattr(fleet, name)[robots] for name in Fleet.__dataclass_fields__ if name != "robot_name"}
-    return Fleet(robot_name=tuple(fleet.robot_name[r] for r in robots.tolist()), **columns)
+    robot_name, type_name = (tuple(names[r] for r in robots.tolist()) if names else () for names in (fleet.robot_name, fleet.type_name))
+    columns = {name: getattr(fleet, name)[robots] for name in Fleet.__dataclass_fields__ if name not in ("robot_name", "type_name")}
+    return Fleet(robot_name=robot_name, type_name=type_name, **columns)

@@ -131,6 +131,7 @@ class TaskStream:
     count: int = 0  # 0: without end
     due_after_s: float = inf
     priority: int = 0
+    robot_type: str = ""  # that the tasks need
     seed: int = 0
     number: int = 0  # of the stream in its scenario
 
@@ -148,7 +149,8 @@ class TaskStream:
                 return
             route = self.routes[min(int(np.searchsorted(share, rngs[ROUTES].random(), side="right")), len(share) - 1)]
             stops = tuple(self._stop(k, station, rngs[SERVICE]) for k, station in enumerate(route))
-            yield Task(n, stops, release_s, release_s + self.due_after_s, self.priority, name=f"{self.name}_{n}")
+            due_s, name = release_s + self.due_after_s, f"{self.name}_{n}"
+            yield Task(n, stops, release_s, due_s, self.priority, name=name, robot_type=self.robot_type)
 
     def _stop(self, k: int, station: Station, rng: np.random.Generator) -> Stop:
         service_s = self.service[min(k, len(self.service) - 1)].draw(rng) if self.service else 0.0

@@ -64,6 +64,7 @@ class Task:
     robot: int = NOBODY
     name: str = ""
     kind: str = ORDER  # or CHARGE, which the fleet makes for itself
+    robot_type: str = ""  # the only one that can do it; '': any can
 
     def __post_init__(self) -> None:
         if not self.stops:

@@ -20,6 +20,7 @@ from mrp_sumo.core.request import Request
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import CHARGE, NOBODY, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits
+from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 NONE = -1
@@ -140,7 +141,15 @@ class Work:
             [L] lanes that nobody may use.
         given
             Tasks for robots that have none, or have one that they may pass on. It goes back to those that wait, if nobody is given it.
+
+        Raises
+        ------
+        PlugInError
+            For a task that needs a robot of another type.
         """
+        if (wrong := next(((r, k) for r, k in given.items() if not self.can_do(r, k)), None)) is not None:
+            name, needs = self.problem.fleet.robot_name[wrong[0]], self.tasks[wrong[1]]
+            raise PlugInError(f"task '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
         self.news = False
         passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
         keeps = (self.current != NONE) & ~passed_on
@@ -199,6 +208,11 @@ class Work:
         task, robot, station, vertex, *times = zip(*rows) if rows else [()] * 10
         numbers = [frozen(np.array(column, np.int64)) for column in (task, robot, vertex)]
         return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
+
+    def can_do(self, robot: int, task: int) -> bool:
+        """Whether a robot is of the type that a task needs."""
+        needed, types = self.tasks[task].robot_type, self.problem.fleet.type_name
+        return not needed or types[robot] == needed
 
     def may_pass_on(self, robot: int) -> bool:
         """Whether a robot has a task and has not come to its first stop."""

@@ -482,7 +482,7 @@ def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, 
     if choice.charging is not None and model.battery is None:
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{model.name}' has no battery, see robots/turtlebot3.yaml")
     start = choice.charging.start_level if choice.charging else (100.0, 100.0)
-    site = Site(vertex_of, nav.vertex_name, file.at, file.folder, cells)
+    site = Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, problem.fleet.type_name)
     sources = sources_of(choice, site, file.scenario.seed, problem.step_s, problem.num_robots)
     if wrong := unreachable(sources, problem):
         raise ScenarioError(f"{file.at('tasks')}: {wrong}")

@@ -53,7 +53,7 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
     graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
-    arrays = {key: frozen(np.array(fleet[key], np.float64)) for key in FLEET_ARRAYS}
+    arrays: dict[str, Any] = {key: frozen(np.array(fleet[key], np.float64)) for key in FLEET_ARRAYS}
     return graph, Fleet(tuple(fleet["robot_name"]), **arrays), _graph(nav) if nav else None
 
 

@@ -2,7 +2,8 @@
 
 A file has one request or a list of them, each as it is or inside a message with `request` (and `robot`). Read are the categories
 `patrol`, `delivery`, `clean` and `compose` (activities `go_to_place`, `pickup`, `dropoff`, `wait_for`, `perform_action`); times count
-from the earliest start time of the file. Source: `task_request.json` and `task_descriptions/*.json` of Open-RMF's rmf_api_msgs and
+from the earliest start time of the file, and a label `robot_type=forklift` says which type of robot a task needs.
+Source: `task_request.json` and `task_descriptions/*.json` of Open-RMF's rmf_api_msgs and
 rmf_fleet_adapter. Refuses other categories and activities, in one line that says where.
 """
 
@@ -11,12 +12,13 @@ from typing import Any
 
 from mrp_sumo.errors import ScenarioError, nearest
 
+ROBOT_TYPE = "robot_type="  # of a label
 EARLIEST, ESTIMATE = "unix_millis_earliest_start_time", "unix_millis_action_duration_estimate"
 ACTIVITIES = ("go_to_place", "pickup", "dropoff", "wait_for", "perform_action", "sequence")
 
 
 def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
-    """Tasks by the keys of a scenario's list: name, stops, release_s, priority, and service_s of each stop.
+    """Tasks by the keys of a scenario's list: name, stops, release_s, priority, robot_type, and service_s of each stop.
 
     Parameters
     ----------
@@ -39,11 +41,12 @@ def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
         stops = list(_stops(request, f"{where}: [{n}]"))
         found.append(
             {
-                "name": str(request.get("labels", [f"task_{n}"])[0]) if request.get("labels") else f"task_{n}",
+                "name": next((str(label) for label in request.get("labels") or () if not _is_robot_type(label)), f"task_{n}"),
                 "stops": [name for name, _ in stops],
                 "service_s": [seconds for _, seconds in stops],
                 "release_s": 0.0 if at is None else (at - first) / 1000,
                 "priority": _priority(request),
+                "robot_type": _robot_type(request),
             }
         )
     return found
@@ -54,6 +57,15 @@ def _request(content: Any, where: str) -> Mapping[str, Any]:
     if not isinstance(found, dict) or "category" not in found:
         raise ScenarioError(f"{where}: found no task request, expected an object with category and description")
     return found
+
+
+def _is_robot_type(label: Any) -> bool:
+    return str(label).startswith(ROBOT_TYPE)
+
+
+def _robot_type(request: Mapping[str, Any]) -> str:
+    """The type of robot that a label asks for; Open-RMF has no key for it."""
+    return next((str(label).removeprefix(ROBOT_TYPE) for label in request.get("labels") or () if _is_robot_type(label)), "")
 
 
 def _priority(request: Mapping[str, Any]) -> int:

@@ -77,6 +77,7 @@ class TaskChoice(_Strict):
     due_s: NotNegative | None = None
     priority: int = 0
     service_s: NotNegative | list[NotNegative] = Field(0.0, description="At each stop, or one for each.")
+    robot_type: str = Field("", description="The only type of robot that can do it; by default any can.")
 
     @model_validator(mode="after")
     def _a_time_for_each(self) -> "TaskChoice":
@@ -120,6 +121,7 @@ class StreamChoice(_Strict):
     service: list[ServiceChoice] = Field([], description="Of each stop; the last also of those after it. Nothing by default.")
     due_after_s: Positive | None = Field(None, description="After the release.")
     priority: int = Field(0, description="More is more urgent.")
+    robot_type: str = Field("", description="The only type of robot that can do these tasks; by default any can.")
 
     @model_validator(mode="after")
     def _routes(self) -> "StreamChoice":
@@ -193,6 +195,7 @@ class Site:
     at: Callable[..., str]  # `file:line: key` of a place in the scenario
     folder: Path  # where the path of a file begins
     cells: Callable[[], BoolArray]  # the free cells [H, W] of a MovingAI map, row 0 the uppermost
+    robot_types: Sequence[str] = ()  # of the fleet
 
 
 def sources_of(choice: TasksChoice, site: Site, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
@@ -254,6 +257,7 @@ class _Names:
 
     def __init__(self, choice: TasksChoice, site: Site) -> None:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
+        self._robot_types = dict.fromkeys(site.robot_types)
         self._station = {
             name: Station(
                 name,
@@ -278,6 +282,13 @@ class _Names:
     def group(self, place: Place, name: str) -> tuple[Station, ...]:
         return tuple(self.station(place, member) for member in self._group.get(name, [name]))
 
+    def robot_type(self, place: Place, name: str) -> str:
+        """The type of robot that a task needs, which somebody has to be of."""
+        if name and name not in self._robot_types:
+            had = ", ".join(f"'{known}'" for known in self._robot_types)
+            raise ScenarioError(f"{self.at(*place)}: no robot is of type '{name}', the fleet's are {had}{nearest(name, self._robot_types)}")
+        return name
+
     def _vertex(self, place: Place, name: str) -> int:
         vertex = self._vertex_of(name)
         if vertex is None:
@@ -298,7 +309,8 @@ def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     times_s = task.service_s if isinstance(task.service_s, list) else [task.service_s] * len(stations)
     stops = tuple(Stop(station.places[0], service_s, "", station) for station, service_s in zip(stations, times_s))
     due_s = math.inf if task.due_s is None else task.due_s
-    return Task(number, stops, task.release_s, due_s, task.priority, name=task.name or f"task_{number}")
+    name, robot_type = task.name or f"task_{number}", names.robot_type((*place, "robot_type"), task.robot_type)
+    return Task(number, stops, task.release_s, due_s, task.priority, name=name, robot_type=robot_type)
 
 
 def _file(names: _Names, site: Site, path: Path, num_robots: int) -> TaskSource:
@@ -412,6 +424,7 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         count=stream.count or 0,
         due_after_s=stream.due_after_s or math.inf,
         priority=stream.priority,
+        robot_type=names.robot_type((*place, "robot_type"), stream.robot_type),
         seed=seed,
         number=number,
     )

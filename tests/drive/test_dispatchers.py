@@ -1,5 +1,6 @@
 """Who is given which task: by hand, on a line, where what robots drive is left out."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive.dispatcher import dispatcher_of
 from mrp_sumo.drive.work import Work
+from mrp_sumo.errors import PlugInError
 
 ALL = ("nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts")
 REASSIGN = ("hungarian", "central", "min_cost_flow", "tpts")
@@ -19,11 +21,16 @@ REASSIGN = ("hungarian", "central", "min_cost_flow", "tpts")
 class Fleet:
     """Robots on a line of 20 vertices, a step of a second each, and the tasks that they have or could have."""
 
-    def __init__(self, at, *tasks, service_s=1.0):
+    def __init__(self, at, *tasks, service_s=1.0, types=()):
         problem = problem_on(line(20), at, at)
+        problem = replace(problem, fleet=replace(problem.fleet, type_name=types))
         stations = [[Station(f"at {v}", (v,)) for v in stops] for _, stops, *_ in tasks]
         listed = [
-            Task(k, tuple(Stop(s.places[0], service_s, "", s) for s in of), task[0], priority=task[2] if len(task) > 2 else 0)
+            Task(
+                *(k, tuple(Stop(s.places[0], service_s, "", s) for s in of), task[0]),
+                priority=task[2] if len(task) > 2 else 0,
+                robot_type=task[3] if len(task) > 3 else "",
+            )
             for k, (task, of) in enumerate(zip(tasks, stations))
         ]
         self.booked_s = np.zeros((len(at), len(BOOKINGS)))
@@ -51,6 +58,20 @@ def test_of_more_tasks_than_robots_the_near_one_goes_first_and_only_nearest_take
     tasks = [(0.0, (19, 18)), (0.0, (3, 4)), (0.0, (12, 13))]
     assert Fleet([2], *tasks).decides(dispatcher) == {0: 1}
     assert Fleet([2], *tasks).decides("nearest") == {0: 0}
+
+
+@pytest.mark.parametrize("dispatcher", ALL)
+def test_a_task_goes_to_a_robot_of_the_type_that_it_needs_or_waits(dispatcher):
+    tasks = [(0.0, (3, 4), 0, "lift"), (0.0, (5, 6), 0, "lift"), (0.0, (19, 18), 0, "")]
+    assert Fleet([2, 5], *tasks, types=("cart", "lift")).decides(dispatcher)[0] == 2  # far away, and all that it can do
+    assert Fleet([2, 5], *tasks[:2], types=("cart", "lift")).decides(dispatcher) in ({1: 0}, {1: 1})
+
+
+def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
+    fleet = Fleet([2, 15], (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
+    fleet.work._reveal(0.0)
+    with pytest.raises(PlugInError, match="task '' needs a robot of type 'lift', robot_0 is none"):
+        fleet.work.request(0.0, fleet.around.start, fleet.around.closed, {0: 0})
 
 
 @pytest.mark.parametrize("dispatcher", ALL)

@@ -28,7 +28,8 @@ def tasks_of(choice, folder=None):
 
 def source_of(choice, folder=None, names=VERTICES):
     cells = np.array([[1, 0, 1], [1, 1, 1]], np.bool_)  # v0 to v2 below, v3 and v4 above
-    (source,) = sources_of(TasksChoice.model_validate(choice), Site(names.get, list(names), at, folder, lambda: cells), 0, 3.0, 3)
+    site = Site(names.get, list(names), at, folder, lambda: cells, ("cart", "cart", "lift"))
+    (source,) = sources_of(TasksChoice.model_validate(choice), site, 0, 3.0, 3)
     return source
 
 
@@ -36,6 +37,17 @@ def test_a_list_is_by_release():
     first, second = tasks_of([{"stops": ["a", "b"], "release_s": 9}, {"name": "x", "stops": ["c"], "service_s": 4, "due_s": 60}])
     assert (first.name, first.stops[0].places, first.stops[0].service_s, first.due_s) == ("x", (2,), 4, 60)
     assert [stop.places for stop in second.stops] == [(0,), (1,)] and second.release_s == 9
+
+
+def test_a_type_of_robot_that_nobody_is_of_is_refused(tmp_path):
+    with pytest.raises(
+        ScenarioError,
+        match=r"s.yaml: tasks.list.0.robot_type: no robot is of type 'lft', the fleet's are 'cart', 'lift' \(did you mean 'lift'\?\)",
+    ):
+        tasks_of([{"stops": ["a"], "robot_type": "lft"}])
+    (tmp_path / "orders.csv").write_text("release_s,stops,robot_type\n5,a c,lift\n0,b,\n")
+    assert [task.robot_type for task in tasks_of("orders.csv", tmp_path)] == ["", "lift"]
+    assert {task.robot_type for task in tasks_of({**GROUPS, "streams": [{**STREAM, "robot_type": "cart"}]})} == {"cart"}
 
 
 def test_a_file_has_a_task_in_each_row(tmp_path):

@@ -30,6 +30,7 @@ class Choice:
     rest_s: FloatArray  # [K] from a task's first stop to its end, the services included
     between_s: FloatArray  # [K] mean from the ends of these tasks to the task's first stop
     later_s: FloatArray  # [K] more for tasks that are less urgent than others
+    typed: bool  # whether some need a type of robot
 
 
 def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
@@ -54,15 +55,16 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
             remaining_s, at[r] = _remaining(now_s, around, r)
         ready_s[r] = LATER * remaining_s if busy else FAR_S
     waiting = sorted([*holder, *work.unassigned], key=lambda k: (-work.tasks[k].priority, k))
-    if len(waiting) > most:
+    typed = any(work.tasks[k].robot_type for k in waiting)  # then those left out might be all that some robot can do
+    if len(waiting) > most and not typed:
         waiting = [k for k in waiting if work.tasks[k].priority >= work.tasks[waiting[most]].priority]
-    pick_up_s = np.minimum(ready_s[:, None] + steps_to(around, at, waiting) * around.ledger.problem.step_s, FAR_S)
+    pick_up_s = np.minimum(ready_s[:, None] + steps_of(around, at, waiting) * around.ledger.problem.step_s, FAR_S)
     priority = np.array([work.tasks[k].priority for k in waiting], np.int64)
     later_s: FloatArray = np.multiply(np.unique(-priority, return_inverse=True)[1].reshape(-1), LESS_URGENT_S, dtype=np.float64)
     step_s, ends = around.ledger.problem.step_s, np.array([work.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
     between_s = steps_to(around, ends, waiting).mean(0) * step_s if waiting else np.zeros(0)
     rest_s = np.array([task_s(around, work.tasks[k]) for k in waiting], np.float64)
-    return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s)
+    return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s, typed)
 
 
 def steps_to(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
@@ -71,6 +73,15 @@ def steps_to(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatA
     for column, k in enumerate(tasks):
         found[:, column] = np.minimum.reduce([steps.to(v)[at] for v in around.work.tasks[k].stops[0].places])
     return np.where(found < UNREACHABLE, found, FAR_S)
+
+
+def steps_of(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
+    """[R, K] steps of robots from where they are, or will be, to the first stops of tasks; `FAR_S` for tasks that they cannot do."""
+    found, work = steps_to(around, at, tasks), around.work
+    for column, k in enumerate(tasks):
+        if work.tasks[k].robot_type:
+            found[[not work.can_do(r, k) for r in range(len(at))], column] = FAR_S
+    return found
 
 
 def task_s(around: Surroundings, task: Task) -> float:

@@ -41,6 +41,7 @@ class MinCostFlow(ByTask):
         for column, task in enumerate(found.task):
             if task in found.holder:  # of equals the robot that is on its way
                 cost_s[found.holder[task], :, column] -= around.ledger.problem.step_s
+        cost_s[np.broadcast_to((found.pick_up_s >= FAR_S)[:, None], cost_s.shape)] = FAR_S  # not later in the row, either
         slots = (np.minimum(cost_s, FAR_S) + found.later_s).reshape(num_robots * depth, len(found.task))
         column_of = registry.make("assigners", "min_cost_flow", {}).assign(slots, np.inf).reshape(num_robots, depth)
         given = {}

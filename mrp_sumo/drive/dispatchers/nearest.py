@@ -22,8 +22,9 @@ class Nearest(ByTask):
             if not free:
                 break
             to_place = steps.to_all(np.array(work.tasks[task].stops[0].places)).min(0)
-            robot = min(free, key=lambda r: (int(to_place[start[r]]), r))
-            if to_place[start[robot]] < UNREACHABLE:
+            able = (r for r in free if work.can_do(r, task))
+            robot = min(able, key=lambda r: (int(to_place[start[r]]), r), default=None)
+            if robot is not None and to_place[start[robot]] < UNREACHABLE:
                 given[robot] = task
                 free.remove(robot)
         return given

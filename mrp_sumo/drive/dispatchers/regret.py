@@ -21,7 +21,7 @@ class Regret(ByTask):
         free = found.able.tolist()
         done_s = found.pick_up_s + found.rest_s + found.later_s
         soonest = done_s[free].min(0, initial=FAR_S).argsort(kind="stable")
-        left = sorted(soonest[: len(free)].tolist())  # as many tasks as robots
+        left = sorted(soonest[: None if found.typed else len(free)].tolist())  # as many tasks as robots
         while left and free:
             ranked = {c: sorted((float(done_s[r, c]), r) for r in free) for c in left}
             second = {c: of[1][0] if len(of) > 1 else FAR_S for c, of in ranked.items()}

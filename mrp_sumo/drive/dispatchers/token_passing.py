@@ -12,7 +12,7 @@ import numpy as np
 
 from mrp_sumo.core.task import Task
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_to
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of
 from mrp_sumo.drive.surroundings import Surroundings
 
 
@@ -26,7 +26,7 @@ class TokenPassing(ByTask):
         """See ByTask."""
         work = around.work
         start, given, waiting = around.start, dict[int, int](), list(work.unassigned)
-        away = dict(zip(waiting, steps_to(around, start, waiting).T))
+        away = dict(zip(waiting, steps_of(around, start, waiting).T))
         ends = [work.tasks[k].stops[-1].places for k in work.current.tolist() if k >= 0]
         nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))
         for r in sorted(work.free.tolist(), key=lambda r: (nearest[r], r)):

@@ -7,7 +7,7 @@ the run's planner for ways, and without the rule on ends (see `token_passing`).
 from dataclasses import dataclass
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, steps_to
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, steps_of
 from mrp_sumo.drive.surroundings import Surroundings
 
 
@@ -21,7 +21,7 @@ class Tpts(ByTask):
         start = around.start
         holder = {int(work.current[r]): r for r in range(len(work.current)) if work.may_pass_on(r)}
         tasks = [*holder, *work.unassigned]
-        away = dict(zip(tasks, steps_to(around, start, tasks).T))
+        away = dict(zip(tasks, steps_of(around, start, tasks).T))
         turn = work.free.tolist()
         while turn:
             r = turn.pop(0)
