@@ -63,9 +63,11 @@ def square_grid(n, cell_m=CELL_M):
 
 
 def two_levels(ride_s=10.0, step_s=3.0, lifts=("goods",)):
-    """Vertices 0 to 3 in a row below and 4 to 7 above, 50 m beside them; the first lift leads from 3 to 4, a second one from 0 to 7."""
-    xy = [(i * CELL_M, 0) for i in range(4)] + [(50 + i * CELL_M, 0) for i in range(4)]
-    pairs = [(a, b) for i in (0, 1, 2, 4, 5, 6) for a, b in ((i, i + 1), (i + 1, i))]
+    """Vertices 0 to 3 in a row below and 4 to 7 above, 50 m beside them; bays 8 at 1 and 9 at 6. The first lift leads from 3 to 4, a
+    second one from 0 to 7.
+    """
+    xy = [(i * CELL_M, 0) for i in range(4)] + [(50 + i * CELL_M, 0) for i in range(4)] + [(CELL_M, CELL_M), (50 + 2 * CELL_M, CELL_M)]
+    pairs = [(a, b) for i, j in ((0, 1), (1, 2), (2, 3), (4, 5), (5, 6), (6, 7), (1, 8), (6, 9)) for a, b in ((i, j), (j, i))]
     rides = [(a, b) for one, other in ((3, 4), (0, 7))[: len(lifts)] for a, b in ((one, other), (other, one))]
     options = [{"lift": name, "ride_s": ride_s, "close_s": 3.0, "open_s": 3.0} for name in lifts for _ in range(2)]
     nav = nav_graph(
@@ -73,7 +75,7 @@ def two_levels(ride_s=10.0, step_s=3.0, lifts=("goods",)):
         xy=xy,
         lanes=pairs + rides,
         level_names=("L1", "L2"),
-        level=[0] * 4 + [1] * 4,
+        level=[0] * 4 + [1] * 4 + [0, 1],
         lane_options=[{}] * len(pairs) + options,
     )
     return with_rides(plan_graph(nav, kind="roadmap", cell_m=CELL_M), step_s, BURGER.radius_m, None, {})

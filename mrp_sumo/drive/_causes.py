@@ -1,7 +1,7 @@
 """Codes that the controller's kernels share: why robots wait, how their time is booked, what the log says."""
 
 # why a robot does not go on
-FREE, TURNING, PLANNED, OTHER, ONCOMING, FOLLOWING, DISTURBED, FINISHED, LETTING_PASS = range(9)
+FREE, TURNING, PLANNED, OTHER, ONCOMING, FOLLOWING, DISTURBED, FINISHED, LETTING_PASS, FACILITY = range(10)
 # how a robot's time is booked, the columns of `core.execution.BOOKINGS`
 MOVING, TURN, PLANNED_WAIT, DEPENDENCY_WAIT, YIELDING, BLOCKED, DISTURBANCE, AT_GOAL = range(8)
 # kinds of entries in the log

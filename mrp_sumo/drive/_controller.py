@@ -6,7 +6,8 @@ needs no more than its deceleration.
 
 import numpy as np
 
-from mrp_sumo.drive._causes import DISTURBED, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
+from mrp_sumo.drive._causes import DISTURBED, FACILITY, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
+from mrp_sumo.drive._facilities import run_facilities
 from mrp_sumo.drive._observe import observe
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._motion import stop_speed
@@ -16,7 +17,7 @@ SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
 @kernel
 def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditions, routed, log, news):
-    """All between two steps of the engine: observe, grant, command.
+    """All between two steps of the engine: observe, run lifts and doors, grant, command.
 
     One call, since handing the arrays over costs more than the work for few robots.
 
@@ -37,7 +38,9 @@ def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditi
         Entries in the log, robots with another speed, robots whose routes end soon.
     """
     num_logged = observe(now, dt, s_m, kinematics, rules, visits, needs, state, log) if look else 0
-    grant(now, kinematics, rules, visits, needs, state, conditions.closed)
+    if conditions.facilities.any:
+        run_facilities(now, dt, kinematics, visits, needs, state, conditions.facilities)
+    grant(now, kinematics, rules, visits, needs, state, conditions.closed, conditions.facilities.shut)
     num_changed = command(now, dt, kinematics, rules, visits, state, conditions, news.changed)
     num_due = 0
     for r in range(len(s_m)):
@@ -48,7 +51,7 @@ def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditi
 
 
 @kernel
-def grant(now, kinematics, rules, visits, needs, state, closed):
+def grant(now, kinematics, rules, visits, needs, state, closed, shut):
     """Let robots claim their next visits, as many as they can and may."""
     # arrays are taken out of their tuples once: numba counts references each time
     grants, following, rank, reached, granted = state.grants, visits.next, visits.rank, visits.reached, visits.granted
@@ -105,6 +108,12 @@ def grant(now, kinematics, rules, visits, needs, state, closed):
                 asked[r] = min(asked[r], now)
                 break
             missing = who_is_before(r, first_need[k], first_need[k + 1], ordered, resource, turn, passage, passing, holder)
+            if shut[lane[k]] and not on_lane[r]:
+                waits_for = missing >= 0 and missing != r
+                cause[r] = OTHER if waits_for else FACILITY
+                other[r] = missing if waits_for else -1
+                asked[r] = min(asked[r], now)
+                break
             if missing >= 0:
                 own = missing == r  # it is to pass again before its last passage is over: it has not heard how far it may go
                 cause[r] = DISTURBED if own else OTHER

@@ -13,6 +13,7 @@ from mrp_sumo.drive._causes import (
     DEPENDENCY_WAIT,
     DISTURBANCE,
     DISTURBED,
+    FACILITY,
     FOLLOWING,
     FREE,
     MOVING,
@@ -34,7 +35,7 @@ def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
     """Book the step that ended at `now`; robots have driven `s_m` [R] in all. Returns the number of entries in the log."""
     move(dt, s_m, kinematics, visits, state.motion)
     book(dt, visits, state)
-    count = watch_progress(now, dt, s_m, rules, visits, state.waits, log, 0)
+    count = watch_progress(now, dt, s_m, rules, visits, state.grants, state.waits, log, 0)
     count = watch_waits(now, dt, rules, state.grants, state.waits, log, count)
     count = arrive(now, dt, s_m, visits, state, log, count)
     release(s_m, visits, needs, state.grants)
@@ -92,13 +93,14 @@ def book(dt, visits, state):
 
 
 @kernel
-def watch_progress(now, dt, s_m, rules, visits, waits, log, count):
-    """Blocked is who made no progress by a cell within the window, but for waits that the plan or a disturbance asks for."""
+def watch_progress(now, dt, s_m, rules, visits, grants, waits, log, count):
+    """Blocked is who made no progress by a cell within the window, but for waits that the plan, a facility or a disturbance asks for."""
+    why = grants.cause
     category, mark_m, mark_s, stuck = waits.category, waits.mark_m, waits.mark_s, waits.stuck
     reached, following = visits.reached, visits.next
     for r in range(len(s_m)):
         kind = category[r]
-        if kind in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING):
+        if kind in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING) or (kind == DEPENDENCY_WAIT and why[r] == FACILITY):
             mark_s[r] += dt
         if following[reached[r]] < 0 or s_m[r] - mark_m[r] >= rules.cell_m:
             if stuck[r]:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from mrp_sumo.drive._causes import PLANNED
+from mrp_sumo.drive._causes import FACILITY, PLANNED
 from mrp_sumo.drive._controller import command, grant
+from mrp_sumo.drive._facilities import run_facilities
 from mrp_sumo.drive._observe import arrive, move, release
 from mrp_sumo.search._bodies import lane_limits, move_bodies
 from mrp_sumo.search._kernel import kernel
@@ -34,7 +35,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         How many it took; -1 when nobody can go on, or not within `most_steps`.
     """
     # arrays are taken out of their tuples once: numba counts references each time
-    motion, grants = state.motion, state.grants
+    motion, grants, facilities = state.motion, state.grants, conditions.facilities
     reached, following = visits.reached, visits.next
     commanded, cause, turning, speed = grants.command_mps, grants.cause, motion.turning, motion.speed_mps
     num_robots = len(accel)
@@ -56,13 +57,15 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
             look_late(step, s_m, rank, reached, lag, past_m, past_lag, seen, left_m)
             release(left_m, visits, needs, grants)
             motion.s_m[:] = s_m
-        grant(now, kinematics, rules, visits, needs, state, conditions.closed)
+        if facilities.any:
+            run_facilities(now, dt, kinematics, visits, needs, state, facilities)
+        grant(now, kinematics, rules, visits, needs, state, conditions.closed, facilities.shut)
         command(now, dt, kinematics, rules, visits, state, conditions, news.changed)
         finished, stuck = True, True
         for r in range(num_robots):
             if following[reached[r]] >= 0:
                 finished = False
-                if commanded[r] > 0.0 or turning[r] or cause[r] == PLANNED or speed[r] > 0.0:
+                if commanded[r] > 0.0 or turning[r] or cause[r] == PLANNED or cause[r] == FACILITY or speed[r] > 0.0:
                     stuck = False
         if finished:
             return step

@@ -22,6 +22,7 @@ WHY = {
     _causes.FOLLOWING: "behind {other}",
     _causes.DISTURBED: "disturbed",
     _causes.LETTING_PASS: "lets {other} pass",
+    _causes.FACILITY: "waits for {facility}",
 }
 
 
@@ -124,5 +125,12 @@ class Controller:
         if kind == _causes.ARRIVED_AT_GOAL:
             return Event(end_s, "goal", robot, vertex)
         names = self.ledger.problem.fleet.robot_name
-        text = WHY.get(cause, "").format(other=names[other] if other >= 0 else "another robot")
+        facility = self._facility(visit) if cause == _causes.FACILITY else ""
+        text = WHY.get(cause, "").format(other=names[other] if other >= 0 else "another robot", facility=facility)
         return Event(begin_s, "waited" if kind == _causes.WAITED else "blocked", robot, vertex, other, round(end_s - begin_s, 9), text)
+
+    def _facility(self, visit: int) -> str:
+        """The lift or door for which a robot waits that is to make a visit."""
+        lane = int(self.ledger.column("lane")[visit])
+        options = self.ledger.graph.lane_options[lane]
+        return f"door '{options['door']}'" if options.get("door") else f"lift '{options.get('cabin', '')}'"

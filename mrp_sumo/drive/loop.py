@@ -25,6 +25,7 @@ from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
+from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.listeners import AtGoalReport, EventLog, Listener, Moment, ProgressReport, Recorder, Witness
@@ -84,7 +85,7 @@ def simulate(
     ledger = Ledger(problem, resources_for(problem, plan))
     world = World(
         *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
-        *(float(problem.fleet.radius_m.max()), settings.seed),
+        *(float(problem.fleet.radius_m.max()), settings.seed, facilities_of(problem.graph, ledger.resources)),
     )
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
     # a plan in steps lets robots be early, one with the times of real motion does not
@@ -94,13 +95,14 @@ def simulate(
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, witness = EventLog(), Witness()
+    facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            drive.run(bodies, [log, recorder, witness, *reports, *listeners], recorder.settle)
-        return _execution(drive, plan, log, recorder, witness)
+            drive.run(bodies, [log, recorder, witness, *reports, *listeners, *([facilities] if facilities else [])], recorder.settle)
+        return _execution(drive, plan, log, recorder, witness, facilities)
 
 
 def _engine(
@@ -326,7 +328,9 @@ class Drive:
         return [policy_of("adg"), policy_of("open_loop")]
 
 
-def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witness: Witness) -> Execution:
+def _execution(
+    drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witness: Witness, facilities: FacilityRecorder | None
+) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
     x, y, yaw, speed, level = recorder.samples(ledger)
@@ -358,6 +362,7 @@ def _execution(drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witn
         stops=drive.tasks.stops_made() if settings.tasks else None,
         calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
+        facilities=facilities.log() if facilities else None,
         level=None if level is None else frozen(level),
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),

@@ -13,6 +13,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _retime
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.disturbances import NONE
+from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Adg, policy_of
@@ -62,7 +63,8 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy, 0.0)
     controller, dt = Controller(ledger, policy, settings, paced=False), settings.step_length_s
-    world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, float(problem.fleet.radius_m.max()), 0)
+    facilities = facilities_of(problem.graph, ledger.resources)
+    world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, float(problem.fleet.radius_m.max()), 0, facilities)
     left_s = np.zeros(ledger.num_visits)
     visits = np.arange(int(np.diff(plan.first).max(initial=0)) + 1)
     lag = np.round((margin_s + 2 * spread_s * np.sqrt(visits)) / dt).astype(np.int64)

@@ -111,6 +111,41 @@ class Rules(NamedTuple):
     separation_m: float  # the least distance of two robots' centres
 
 
+class Facilities(NamedTuple):
+    """F lifts and D doors, K levels, as kernels see them. What changes is written by `_facilities`, and for people by the world."""
+
+    any: bool  # whether there are facilities at all; else all below is empty, but for `shut`
+    shut: BoolArray  # [L] lanes on which nobody may set out before a lift or a door is open
+    level: IntArray  # [V] of vertices
+    resource: IntArray  # [F] what who is in the cabin holds
+    vertex_lift: IntArray  # [V] the lift in whose cabin a vertex is, -1: none
+    lane_lift: IntArray  # [L] the lift that one enters on a lane, -1: none
+    gate_lane: IntArray  # [G] these lanes, with their lifts and levels
+    gate_lift: IntArray  # [G]
+    gate_level: IntArray  # [G]
+    ride_s: FloatArray  # [F, K, K] from level to level: doors close, the cabin travels, doors open
+    close_s: FloatArray  # [F, K]
+    open_s: FloatArray  # [F, K]
+    call_s: FloatArray  # [F] how long a robot before it is there a lift is called
+    mode: IntArray  # [F]
+    car: IntArray  # [F] the level at which the cabin is
+    target: IntArray  # [F] and to which it comes
+    until_s: FloatArray  # [F] when it is there, with open doors
+    session: IntArray  # [F] the robot for which it comes or that is in it, -1: none, -2: people
+    caller: IntArray  # [F] the robot that is next, and
+    calls: IntArray  # [F] its visit in the cabin, -1: none
+    since_s: FloatArray  # [F] when it asked, below 0: it may enter
+    lane_door: IntArray  # [L] the door that a lane leads through or near, -1: none
+    vertex_door: IntArray  # [V] the door near which a vertex is, -1: none
+    through: IntArray  # [H] the lanes that need doors, with their doors
+    through_door: IntArray  # [H]
+    door_s: FloatArray  # [D] to open or close
+    door_mode: IntArray  # [D]
+    door_until_s: FloatArray  # [D]
+    asked: BoolArray  # [D] whether somebody is near
+    longest_s: float  # of `call_s` and `door_s`
+
+
 class Conditions(NamedTuple):
     """What the world lets robots do."""
 
@@ -119,6 +154,7 @@ class Conditions(NamedTuple):
     told_m: FloatArray  # [R] how far they know they may drive
     closed: BoolArray  # [L] lanes nobody may set out on
     prompt: bool  # whether robots know at once what they are granted
+    facilities: Facilities
 
 
 class Log(NamedTuple):

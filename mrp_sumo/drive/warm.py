@@ -11,6 +11,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import DeadlockWatch
 from mrp_sumo.drive.disturbances import NONE
+from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import policy_of
@@ -36,7 +37,7 @@ def prepare() -> None:
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy, 0.0)
     controller = Controller(ledger, policy, settings)
-    conditions = World(NONE, problem.graph, 1, 0.1, 1.0, 0.1, 0).conditions
+    conditions = World(NONE, problem.graph, 1, 0.1, 1.0, 0.1, 0, facilities_of(problem.graph, ledger.resources)).conditions
     for step in range(2):
         controller.advance(step * 0.1, Standstill(1), conditions, observe=step > 0)
     ledger.state.waits.since_s[:] = 0.0

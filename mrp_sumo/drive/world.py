@@ -12,7 +12,7 @@ import numpy as np
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
-from mrp_sumo.drive.state import Conditions, Grants
+from mrp_sumo.drive.state import Conditions, Facilities, Grants
 from mrp_sumo.errors import ExecutionError
 
 SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
@@ -41,6 +41,7 @@ class World:
     planned_step_s: float
     robot_radius_m: float
     seed: int
+    facilities: Facilities
     factor: FloatArray = field(init=False)  # [R] on the robots' speeds
     hold_until: FloatArray = field(init=False)  # [R] s
     told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive
@@ -71,7 +72,7 @@ class World:
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
         self._is_calm = not what.any
-        self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt)
+        self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt, self.facilities)
 
     def inform(self, robots: list[int], allowed_m: FloatArray) -> None:
         """These robots know how far they may drive, allowed_m [R], whatever they were sent before."""

@@ -98,6 +98,8 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
             lane_options += [options] * steps
     for v, name in (around | inside).items():
         vertex_options[v] = {**vertex_options[v], "cabin": name, **({"in_lift": name} if v in inside else {})}
+        if v in inside and building and name in building.lifts and building.lifts[name].initial_level == graph.level_names[level[v]]:
+            vertex_options[v] = {**vertex_options[v], "car_at_first": True}
     for k, (a, b) in enumerate(pairs):
         if name := inside.get(a) or inside.get(b) or around.get(a) or around.get(b):
             lane_options[k] = {**lane_options[k], "cabin": name}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from worlds import problem_of, two_levels
 
+from mrp_sumo.core.facilities import LIFT_STATES
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -11,24 +12,61 @@ from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.metrics.audit import audit
 
 STEP_S, RIDE_S = 3.0, 10.0
-UP = [3, 8, 9, 10, 4]  # through the shaft
+UP = [3, 10, 11, 12, 4]  # through the shaft
+DOWN = UP[::-1]
+ONE_BY_ONE = [[1, 2, *UP, 5, 6, 7], [0, 0, 0, 0, 0, 0, 0, 1, 2, *UP, 5, 6]]
+
+
+def planned_and_driven(tmp_path, paths, **settings):
+    """The retimed plan, and how it was driven."""
+    graph = two_levels(RIDE_S, STEP_S)
+    problem, plan = problem_of(graph, paths)
+    how = ExecutionSettings(**settings)
+    planned = retime(problem, plan, how)
+    run = simulate(problem, planned, how, build_network(graph, tmp_path / "world.net.xml"))
+    verdict = audit(run, problem.fleet)
+    assert verdict["passed"], verdict
+    assert run.all_at_goal
+    return planned, run
+
+
+def times(plan, robot, vertex):
+    """When a robot comes to a vertex, and when it leaves it."""
+    visit = next(k for k in range(plan.first[robot], plan.first[robot + 1]) if plan.vertex[k] == vertex)
+    return plan.arrive_s[visit], plan.depart_s[visit]
 
 
 @pytest.mark.parametrize("engine", ["kinematic", "sumo"])
 def test_two_robots_ride_one_after_the_other_and_arrive_as_planned(tmp_path, engine):
-    graph = two_levels(RIDE_S, STEP_S)
-    paths = [[1, 2, *UP, 5, 6, 7], [0, 0, 0, 0, 0, 0, 0, 1, 2, *UP, 5, 6]]
-    problem, plan = problem_of(graph, paths)
-    how = ExecutionSettings(engine=engine)
-    planned = retime(problem, plan, how)
-    run = simulate(problem, planned, how, build_network(graph, tmp_path / "world.net.xml"))
-    assert run.all_at_goal
+    planned, run = planned_and_driven(tmp_path, ONE_BY_ONE, engine=engine)
     assert np.abs(run.arrived_s - planned.arrive_s).max() <= 0.1 + 1e-9
-    first = planned.arrive_s[: len(paths[0])]
-    assert first[6] - first[2] == pytest.approx(RIDE_S, abs=0.2)
-    verdict = audit(run, problem.fleet)
-    assert verdict["passed"], verdict
-    assert run.level is not None
+    assert times(planned, 0, 4)[0] - times(planned, 0, 3)[0] == pytest.approx(RIDE_S, abs=0.2)
     assert run.level[0].tolist() == [0, 0]
     assert run.level[-1].tolist() == [1, 1]
-    assert set(run.x_m[(run.level == 1) & (run.speed_mps < 0.1)].round(6).tolist()) >= {50.0}
+    assert 50.0 in run.x_m[(run.level == 1) & (run.speed_mps < 0.1)].round(6)
+
+
+def test_the_second_robot_waits_for_the_ride_the_return_and_the_doors(tmp_path):
+    planned, run = planned_and_driven(tmp_path, ONE_BY_ONE, engine="kinematic")
+    left_s = times(planned, 0, 5)[0]
+    arrived_s, leaves_s = times(planned, 1, 2)
+    assert leaves_s - left_s == pytest.approx(RIDE_S, abs=0.2)  # it comes back: doors close, it travels, doors open
+    waits = [event for event in run.events if event.kind == "waited" and event.robot == 1]
+    assert [event.text for event in waits[-2:]] == ["needs what robot_0 holds or is to pass first", "waits for lift 'goods'"]
+    assert sum(event.duration_s for event in waits[-2:]) == pytest.approx(leaves_s - arrived_s, abs=0.2)
+    assert not [event for event in run.events if event.kind == "blocked" and event.robot == 0]
+
+
+def test_who_leaves_goes_first_and_the_car_is_there_for_who_enters_next(tmp_path):
+    opposite = [[1, 2, *UP, 5, 6, 7], [9, 9, 9, 9, 9, 9, 9, 9, 9, 6, 5, *DOWN, 2, 1]]
+    planned, run = planned_and_driven(tmp_path, opposite, engine="kinematic")
+    assert times(planned, 1, 4)[0] - times(planned, 0, 7)[0] < RIDE_S  # it need not come back
+    log = run.facilities
+    assert log.lift_name == ("goods",)
+    states = zip((LIFT_STATES[k] for k in log.lift_state.tolist()), log.lift_level.tolist())
+    assert list(dict.fromkeys(states)) == [("coming", 0), ("open", 0), ("taken", 0), ("taken", 1), ("open", 1)]
+
+
+def test_without_an_order_the_lift_is_for_who_asked_first(tmp_path):
+    _, run = planned_and_driven(tmp_path, [[1, 2, *UP, 5, 6, 7], [8, 8, 8, 1, 2, *UP, 5, 6, 9]], policy="open_loop", engine="kinematic")
+    assert run.goal_s[0] < run.goal_s[1]

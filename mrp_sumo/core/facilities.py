@@ -1,0 +1,26 @@
+"""What lifts and doors did in a run."""
+
+from dataclasses import dataclass
+
+from mrp_sumo.core.graph import FloatArray, IntArray
+
+LIFT_STATES = ("closed", "coming", "open", "taken")  # of lifts; one that is coming closes its doors, travels, and opens them again
+DOOR_STATES = ("closed", "opening", "open", "closing")
+PEOPLE = -2  # in the place of a robot
+
+
+@dataclass(frozen=True, eq=False)
+class FacilityLog:
+    """N changes of F lifts and M changes of D doors, by time. What was before the first is the first."""
+
+    lift_name: tuple[str, ...]  # [F]
+    lift_t_s: FloatArray  # [N]
+    lift: IntArray  # [N]
+    lift_state: IntArray  # [N] in LIFT_STATES
+    lift_level: IntArray  # [N] of the cabin, in the order of the graph's names
+    lift_target: IntArray  # [N] to which it comes, or its level
+    lift_robot: IntArray  # [N] for which it comes or that is in it, -1: none, or PEOPLE
+    door_name: tuple[str, ...]  # [D]
+    door_t_s: FloatArray  # [M]
+    door: IntArray  # [M]
+    door_state: IntArray  # [M] in DOOR_STATES

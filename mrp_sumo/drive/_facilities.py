@@ -1,0 +1,108 @@
+"""The kernels of lifts and doors: what they do in a step, and on which lanes robots have to wait for them.
+
+A lift comes to who is next in the order of its cabin, or has asked longest, and opens its doors. A door opens when a robot that is to pass
+comes near, early enough that it need not brake, and closes when nobody is near any more.
+"""
+
+from mrp_sumo.search._kernel import kernel
+
+CLOSED, COMING, OPEN, TAKEN = range(4)  # lifts; a lift that is coming closes its doors, travels, and opens them again
+SHUT, OPENING, STANDS_OPEN, CLOSING = range(4)  # doors
+
+IN_TIME_S = 1e-9
+
+
+@kernel
+def run_facilities(now, dt, kinematics, visits, needs, state, facilities):
+    """Bring lifts and doors up to the step that begins now."""
+    note_requests(dt, kinematics, visits, needs, state, facilities)
+    run_lifts(now, visits, state, facilities)
+    run_doors(now, facilities)
+
+
+@kernel
+def note_requests(dt, kinematics, visits, needs, state, facilities):
+    """Who calls which lift, and which doors are asked for: robots that may pass already, and those that come near."""
+    following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank
+    from_m, vertex, lane = visits.from_m, visits.vertex, visits.lane
+    lane_lift, lane_door, vertex_door = facilities.lane_lift, facilities.lane_door, facilities.vertex_door
+    caller, calls, since_s, call_s = facilities.caller, facilities.calls, facilities.since_s, facilities.call_s
+    asked, door_s = facilities.asked, facilities.door_s
+    s_m, top, reach, asked_s = state.motion.s_m, kinematics.speed_mps, kinematics.reach_m, state.grants.asked_s
+    calls[:] = -1
+    asked[:] = False
+    for r in range(len(s_m)):
+        door = vertex_door[vertex[reached[r]]]
+        if door >= 0:
+            asked[door] = True
+        k = following[reached[r]]
+        while k >= 0:
+            may_pass = rank[k] <= rank[granted[r]]
+            ahead_s = (from_m[k] - s_m[r] - reach[r]) / top[r] - dt  # until it has to brake, or is let through
+            if not may_pass and ahead_s > facilities.longest_s:
+                break
+            door, lift = lane_door[lane[k]], lane_lift[lane[k]]
+            if door >= 0 and (may_pass or ahead_s <= door_s[door]):
+                asked[door] = True
+            if lift >= 0 and (may_pass or ahead_s <= call_s[lift]) and is_next(r, k, lift, needs, state.grants, facilities):
+                since = -1.0 if may_pass else asked_s[r]
+                if calls[lift] < 0 or since < since_s[lift]:
+                    caller[lift], calls[lift], since_s[lift] = r, k, since
+            k = following[k]
+
+
+@kernel(inline="always")
+def is_next(robot, visit, lift, needs, grants, facilities):
+    """Whether a robot may be the next in a lift."""
+    q = facilities.resource[lift]
+    found = True
+    for e in range(needs.first[visit], needs.first[visit + 1]):
+        if needs.resource[e] == q:
+            found = grants.turn[q] == needs.passage[e] if len(needs.passing) > 0 else grants.holder[q] < 0 or grants.holder[q] == robot
+    return found
+
+
+@kernel
+def run_lifts(now, visits, state, facilities):
+    """Where cabins are, and whether robots may enter them."""
+    mode, car, target, until_s, session = facilities.mode, facilities.car, facilities.target, facilities.until_s, facilities.session
+    ride_s, close_s, open_s, level = facilities.ride_s, facilities.close_s, facilities.open_s, facilities.level
+    holder, reached, vertex, mark_s = state.grants.holder, visits.reached, visits.vertex, state.waits.mark_s
+    for f in range(len(mode)):
+        r = holder[facilities.resource[f]]
+        if r >= 0 and facilities.vertex_lift[vertex[reached[r]]] == f:
+            mode[f], car[f], session[f] = TAKEN, level[vertex[reached[r]]], r
+            mark_s[r] = now  # a ride is progress
+        elif mode[f] == TAKEN:
+            mode[f], session[f] = OPEN, -1
+        if mode[f] == COMING and now >= until_s[f] - IN_TIME_S:
+            mode[f], car[f] = OPEN, target[f]
+        if (mode[f] == OPEN or mode[f] == CLOSED) and facilities.calls[f] >= 0:
+            wanted, session[f] = level[vertex[facilities.calls[f]]], facilities.caller[f]
+            if wanted != car[f]:
+                until_s[f] = now + ride_s[f, car[f], wanted] - (close_s[f, car[f]] if mode[f] == CLOSED else 0.0)
+                mode[f], target[f] = COMING, wanted
+            elif mode[f] == CLOSED:
+                mode[f], target[f], until_s[f] = COMING, wanted, now + open_s[f, wanted]
+    for g in range(len(facilities.gate_lane)):
+        f = facilities.gate_lift[g]
+        facilities.shut[facilities.gate_lane[g]] = mode[f] != OPEN or car[f] != facilities.gate_level[g]
+
+
+@kernel
+def run_doors(now, facilities):
+    """Whether robots may go through doors."""
+    mode, until_s, asked, door_s = facilities.door_mode, facilities.door_until_s, facilities.asked, facilities.door_s
+    for d in range(len(mode)):
+        if mode[d] == OPENING and now >= until_s[d] - IN_TIME_S:
+            mode[d] = STANDS_OPEN
+        elif mode[d] == CLOSING and now >= until_s[d] - IN_TIME_S:
+            mode[d] = SHUT
+        if mode[d] == SHUT and asked[d]:
+            mode[d], until_s[d] = OPENING, now + door_s[d]
+        elif mode[d] == CLOSING and asked[d]:  # it opens as far as it has closed
+            mode[d], until_s[d] = OPENING, now + door_s[d] - (until_s[d] - now)
+        elif mode[d] == STANDS_OPEN and not asked[d]:
+            mode[d], until_s[d] = CLOSING, now + door_s[d]
+    for i in range(len(facilities.through)):
+        facilities.shut[facilities.through[i]] = mode[facilities.through_door[i]] != STANDS_OPEN

@@ -1,0 +1,152 @@
+"""Lifts and doors of one execution: their arrays for the kernels, laid out from the options of a plan graph, and what they did.
+
+A lift is what rides and the vertices in its cabin say (`maps.lifts`), a door what the lanes through it say (`maps.doors`).
+"""
+
+import numpy as np
+
+from mrp_sumo.core.facilities import FacilityLog
+from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.drive import _facilities
+from mrp_sumo.drive.listeners import Moment
+from mrp_sumo.drive.state import Facilities
+from mrp_sumo.traffic.resources import Resources, cabin_group
+
+NOBODY = -1
+UNKNOWN = -9  # no state of anything
+
+
+def lift_names(graph: NavGraph) -> list[str]:
+    """Of the lifts that robots can ride."""
+    return sorted({str(graph.lane_options[k]["lift"]) for k in np.flatnonzero(graph.is_ride).tolist()})
+
+
+def door_names(graph: NavGraph) -> list[str]:
+    """Of the doors that open for robots."""
+    if graph.lane_options.count(NO_OPTIONS) == graph.num_lanes:  # the common case, quickly
+        return []
+    return sorted({str(options["door"]) for options in graph.lane_options if options.get("door")})
+
+
+def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
+    """The lifts and doors of a graph, closed; cabins are where robots or the map have them at first."""
+    lifts, doors = lift_names(graph), door_names(graph)
+    tail, head = graph.tail, graph.head
+    vertex_lift = _numbered([options.get("in_lift") for options in graph.vertex_options] if lifts else [], lifts, graph.num_vertices)
+    enters = (vertex_lift[head] >= 0) & (vertex_lift[tail] != vertex_lift[head]) & ~graph.is_ride
+    lane_lift = np.where(enters, vertex_lift[head], -1)
+    gates = np.flatnonzero(enters)
+    ride_s, close_s, open_s, car = _times(graph, lifts)
+    lane_door = _numbered([options.get("door") for options in graph.lane_options] if doors else [], doors, graph.num_lanes)
+    door_s = np.zeros(len(doors))
+    vertex_door = np.full(graph.num_vertices, -1)
+    for k in np.flatnonzero(lane_door >= 0).tolist():
+        door_s[lane_door[k]] = graph.lane_options[k]["door_s"]
+    for v, options in enumerate(graph.vertex_options if doors else ()):
+        if options.get("door"):
+            vertex_door[v] = doors.index(options["door"])
+    reach = np.where(np.isfinite(ride_s), ride_s, 0.0)
+    call_s = reach.max(axis=(1, 2), initial=0.0)
+    group = {name: len(resources.zone) + graph.num_vertices + g for g, name in enumerate(resources.group_name)}
+    through = np.flatnonzero(lane_door >= 0)
+    return Facilities(
+        any=bool(lifts or doors),
+        shut=np.zeros(graph.num_lanes, np.bool_),
+        level=np.array(graph.level),
+        resource=np.array([group[cabin_group(name)] for name in lifts], np.int64),
+        vertex_lift=vertex_lift,
+        lane_lift=lane_lift,
+        gate_lane=gates,
+        gate_lift=lane_lift[gates],
+        gate_level=np.array(graph.level[head[gates]]),
+        ride_s=ride_s,
+        close_s=close_s,
+        open_s=open_s,
+        call_s=call_s,
+        mode=np.full(len(lifts), _facilities.CLOSED),
+        car=car,
+        target=car.copy(),
+        until_s=np.zeros(len(lifts)),
+        session=np.full(len(lifts), NOBODY),
+        caller=np.full(len(lifts), NOBODY),
+        calls=np.full(len(lifts), -1),
+        since_s=np.zeros(len(lifts)),
+        lane_door=lane_door,
+        vertex_door=vertex_door,
+        through=through,
+        through_door=lane_door[through],
+        door_s=door_s,
+        door_mode=np.full(len(doors), _facilities.SHUT),
+        door_until_s=np.zeros(len(doors)),
+        asked=np.zeros(len(doors), np.bool_),
+        longest_s=float(max(call_s.max(initial=0.0), door_s.max(initial=0.0))),
+    )
+
+
+def _numbered(names: list[str | None], known: list[str], count: int) -> IntArray:
+    """[count] the place of each name among those that are known, -1 for none."""
+    number = {name: k for k, name in enumerate(known)}
+    return np.array([number.get(str(name), -1) for name in names], np.int64) if names else np.full(count, -1)
+
+
+def _times(graph: NavGraph, lifts: list[str]) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """[F, K, K] seconds from level to level, by other levels where there is no other way, inf where there is none; [F, K] until doors
+    are closed, and open; [F] the level where each cabin is at first.
+    """
+    num_levels = len(graph.level_names)
+    ride_s = np.full((len(lifts), num_levels, num_levels), np.inf)
+    close_s, open_s, car = np.zeros(ride_s.shape[:2]), np.zeros(ride_s.shape[:2]), np.zeros(len(lifts), np.int64)
+    for k in np.flatnonzero(graph.is_ride & (graph.level[graph.tail] != graph.level[graph.head])).tolist():
+        options, one, other = graph.lane_options[k], graph.level[graph.tail[k]], graph.level[graph.head[k]]
+        f = lifts.index(str(options["lift"]))
+        ride_s[f, one, other], close_s[f, one], open_s[f, other] = options["ride_s"], options["close_s"], options["open_s"]
+    for by in range(num_levels):
+        np.minimum(ride_s, ride_s[:, :, by, None] + ride_s[:, None, by, :], out=ride_s)
+    for f, name in enumerate(lifts):
+        stops = [v for v, options in enumerate(graph.vertex_options) if options.get("in_lift") == name]
+        first = [v for v in stops if graph.vertex_options[v].get("car_at_first")]
+        car[f] = graph.level[(first or stops)[0]]
+    return ride_s, close_s, open_s, car
+
+
+class FacilityRecorder:
+    """Keeps what lifts and doors do."""
+
+    def __init__(self, graph: NavGraph, facilities: Facilities) -> None:
+        self._names = tuple(lift_names(graph)), tuple(door_names(graph))
+        self._facilities = facilities
+        self._lifts: list[tuple[float, ...]] = []
+        self._doors: list[tuple[float, ...]] = []
+        self._lift_was = np.full((len(self._names[0]), 4), UNKNOWN)
+        self._door_was = np.full(len(self._names[1]), UNKNOWN)
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        now = self._facilities
+        lift = np.stack([now.mode, now.car, np.where(now.mode == _facilities.COMING, now.target, now.car), now.session], 1)
+        for f in np.flatnonzero((lift != self._lift_was).any(1)).tolist():
+            self._lifts.append((moment.now_s, f, *lift[f].tolist()))
+        for d in np.flatnonzero(now.door_mode != self._door_was).tolist():
+            self._doors.append((moment.now_s, d, int(now.door_mode[d])))
+        self._lift_was, self._door_was = lift, now.door_mode.copy()
+
+    def log(self) -> FacilityLog:
+        """All of it."""
+        lift, door = (np.array(rows).reshape(-1, n).T for rows, n in ((self._lifts, 6), (self._doors, 3)))
+
+        def whole(column: FloatArray) -> IntArray:
+            return frozen(column.astype(np.int64))
+
+        return FacilityLog(
+            lift_name=self._names[0],
+            lift_t_s=frozen(lift[0]),
+            lift=whole(lift[1]),
+            lift_state=whole(lift[2]),
+            lift_level=whole(lift[3]),
+            lift_target=whole(lift[4]),
+            lift_robot=whole(lift[5]),
+            door_name=self._names[1],
+            door_t_s=frozen(door[0]),
+            door=whole(door[1]),
+            door_state=whole(door[2]),
+        )
