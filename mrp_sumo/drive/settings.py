@@ -61,7 +61,7 @@ class ExecutionSettings:
     time_limit_s: float = 300.0  # simulated
     goal_tolerance_m: float = 0.0  # a robot that stands this near its goal when the run ends has reached it
     record_period_s: float = 0.1  # a whole number of steps
-    seed: int = 0
+    seed: int = 0  # of what chance decides while driving
     blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked
     on_deadlock: str = "report"  # 'stop': end the run; 'resolve': give way, drive around, plan anew from where robots are
     give_way: bool = True  # 'resolve' first asks a robot to step aside or back out, first come first served

@@ -8,19 +8,27 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.batch import BROKEN, GO_ON, Watcher, run_batch
 from mrp_sumo.experiments.suite import find_suite, read_suite
-from mrp_sumo.io.results import write_whole
+from mrp_sumo.io.results import load_results, write_whole
 
-SUITES = ("paper_table_1", "paper_table_2", "paper_table_3", "paper_table_4", "paper_figure_5")
+if TYPE_CHECKING:
+    import pandas
+
+SUITES = (
+    *("paper_table_1", "paper_table_2", "paper_table_3", "paper_table_4", "paper_figure_5"),
+    *("replicability_single", "replicability_five", "paper_no_yielding", "paper_slow_cbs", "paper_other_seeds"),
+)
 MRP_BENCH = {"office": "office", "warehouse": "warehouse", "airport": "airport_terminal"}  # our map -> their file
 UNITED = ("airport",)  # maps of which the paper unites the graphs of all fleets
+OWN_PATH = {"starts": ["mandrill"], "goals": ["sun_bear"]}  # 45 cells of 0.35 m on MRP-Bench's warehouse
 RESULTS = "results"  # folder of the batches
+NUM_HARD, NUM_EASY = 2, 1  # scenarios of each kind that are driven a hundred times
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,17 @@ class Made:
     num_broken: int  # that crashed or took too much
     seconds: float
     finished: bool
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Scenarios on the warehouse of the two kinds that the paper's replicability study has."""
+
+    robots: int
+    hard: tuple[int, ...]  # seeds of which no planner's plan survives undisturbed
+    easy: tuple[int, ...]  # that most survive, ECBS's and EECBS's plans among them
+    survivors: dict[int, int]  # how many planners' plans survive each
+    num_seeds: int  # looked at
 
 
 class _Counting:
@@ -93,7 +112,10 @@ def run_campaign(
     num_runs = num_broken = 0
     for name in suites:
         path = campaign.folder / "suites" / f"{name}.yaml"
-        write_whole(path, yaml.safe_dump(suite_of(name, campaign.num_seeds, maps), sort_keys=False, width=120).encode())
+        suite = suite_of(name, campaign.num_seeds, maps)
+        if name == "replicability_five":
+            suite = _of_kinds(suite, kinds_of(load_results(campaign.results("paper_table_3"))))
+        write_whole(path, yaml.safe_dump(suite, sort_keys=False, width=120).encode())
         batch = run_batch(read_suite(path), campaign.results(name), counting, workers=workers, stop=stop)
         num_runs += len(batch.runs)
         num_broken += sum(batch.counts()[status] for status in BROKEN)
@@ -138,7 +160,41 @@ def suite_of(name: str, num_seeds: int | None, maps: dict[str, str]) -> dict[str
         grid = {"map": [{"file": maps[key]} | ({"graph": "all"} if key in UNITED else {}) for key in names]} | {
             key: values for key, values in grid.items() if key != "map"
         }
-    if num_seeds is not None and "seed" in grid:
-        first, last = map(int, grid["seed"].split(".."))
-        grid = {**grid, "seed": f"{first}..{min(last, first + num_seeds - 1)}"}
+    if maps and name == "replicability_single":
+        suite = {**suite, "base": {**suite["base"], "robots": OWN_PATH}}
+    for key in ("seed", "execution.disturbances.seed"):
+        if num_seeds is not None and isinstance(grid.get(key), str):
+            first, last = map(int, grid[key].split(".."))
+            grid = {**grid, key: f"{first}..{min(last, first + num_seeds - 1)}"}
     return {"name": name, **suite, "grid_search": grid}
+
+
+def kinds_of(driven: "pandas.DataFrame") -> Kinds:
+    """The scenarios among the runs of Table III: with five robots, as in the paper, unless every scenario with five survives.
+
+    Parameters
+    ----------
+    driven
+        The runs, as `load_results` gives them.
+    """
+    there = driven["map"].str.contains("warehouse") & (driven["execution.policy"] == "open_loop")
+    runs = driven[there & driven["execution.recovery.replanner"].isna()]
+    for robots in sorted(runs["robots.count"].unique()):
+        of = runs[runs["robots.count"] == robots]
+        arrived = (
+            of.assign(arrived=of["all_goals_reached"].fillna(False)).pivot(index="seed", columns="planner", values="arrived").astype(int)
+        )
+        survivors = {int(seed): int(count) for seed, count in arrived.sum(axis=1).items()}
+        hard = tuple(seed for seed, count in survivors.items() if not count)
+        both = [int(seed) for seed in arrived.index[arrived[["ecbs", "eecbs"]].all(axis=1)]]
+        easy = tuple(sorted(both, key=lambda seed: (survivors[seed] == arrived.shape[1], -survivors[seed], seed)))
+        if hard:
+            break
+    return Kinds(int(robots), hard[:NUM_HARD], easy[:NUM_EASY], survivors, len(survivors))
+
+
+def _of_kinds(suite: dict[str, Any], kinds: Kinds) -> dict[str, Any]:
+    """The suite of the study with five robots, of these scenarios; the hard ones by EECBS, as in the paper."""
+    grid = {**suite["grid_search"], "robots.count": [kinds.robots], "seed": [*kinds.hard, *kinds.easy]}
+    exclude = [{"seed": list(kinds.hard), "planner": "ecbs"}] if kinds.hard else []
+    return {**suite, "grid_search": grid, "exclude": exclude}

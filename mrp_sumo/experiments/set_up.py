@@ -253,7 +253,7 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
             blocking_window_s=execution.blocking_window_s,
             goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
-            seed=file.scenario.seed,
+            seed=file.scenario.seed if execution.disturbances.seed is None else execution.disturbances.seed,
             on_deadlock=execution.on_deadlock,
             give_way=recovery.give_way,
             planner=resolved(file.scenario.planner.name, file.folder),
@@ -282,7 +282,7 @@ def _disturbances(choice: DisturbanceChoice) -> Disturbances:
     def parts(listed: Sequence[BreakdownChoice | ObstacleChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
         return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
 
-    scalars = choice.model_dump(exclude={"breakdowns", "obstacles", "closures"})
+    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures"})
     return Disturbances(**scalars, breakdowns=parts(choice.breakdowns, Breakdown), obstacles=parts(choice.obstacles, Obstacle))
 
 

@@ -1,7 +1,7 @@
 """Dotted keys of scenarios: setting one, and scenarios as rows of a table with one column per key.
 
 A key is dotted (`robots.count`), except where the short form of scenario files has a shorter word: `map`, `planner`,
-`discretisation`, `execution.policy` and `execution.dispatcher` are the file, the name, the kind and the names.
+`discretisation`, `execution.policy`, `execution.dispatcher` and `execution.disturbances` are the file, the name, the kind and the names.
 """
 
 import json
@@ -10,12 +10,13 @@ from typing import Any
 
 MAIN_KEYS = {  # what a short form stands for
     **{"map": "file", "planner": "name", "discretisation": "kind"},
-    **{"execution.policy": "name", "execution.dispatcher": "name"},
+    **{"execution.policy": "name", "execution.dispatcher": "name", "execution.disturbances": "name"},
 }
 OWNERS = {  # whose other choice drops the parameters
     **{"planner": "name", "assignment": "solver"},
     **{"execution.policy": "name", "execution.dispatcher": "name"},
 }
+WHOLE = (("map", "file"), ("execution.disturbances", "name"))  # keys whose choice drops the rest of their section
 SECTIONS = ("seed", "map", "discretisation", "robots", "assignment", "planner", "execution", "record")  # first parts of scenario columns
 
 
@@ -33,7 +34,7 @@ def short_key(key: str) -> str:
 def put(data: dict[str, Any], key: Sequence[str | int], value: Any, above: str = "") -> None:
     """Set a dotted key in `data`, whose inner mappings are shared and therefore copied.
 
-    Naming another map, planner, assigner or policy drops what belonged to the one before: level, graph, parameters.
+    Naming another map, planner, assigner, policy or set of disturbances drops what belonged to the one before: level, graph, parameters.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def put(data: dict[str, Any], key: Sequence[str | int], value: Any, above: str =
             value = {k: v for k, v in old.items() if not (k == "parameters" and OWNERS.get(section) in value)} | value
         data[first] = value
         return
-    inner: dict[str, Any] = dict(old) if isinstance(old, dict) and (section, key[1]) != ("map", "file") else {}
+    inner: dict[str, Any] = dict(old) if isinstance(old, dict) and (section, key[1]) not in WHOLE else {}
     if OWNERS.get(section) == key[1] and len(key) == 2:
         inner.pop("parameters", None)
     put(inner, key[1:], value, section)

@@ -209,9 +209,16 @@ class ClosureChoice(_Strict):
     duration_s: Positive | None = Field(None, description="For good by default.")
 
 
-class DisturbanceChoice(_Strict):
-    """What goes wrong, drawn with the scenario's seed. Nothing by default."""
+NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs/paper.md
+    "nav2_like": {"speed_noise": 0.053, "speed_noise_tau_s": 2.0},
+}
 
+
+class DisturbanceChoice(_Strict):
+    """What goes wrong, drawn with a seed. Nothing by default; the name of a set alone is short for it."""
+
+    name: str = Field("", description=f"A named set, whose values other keys change: {', '.join(NAMED_DISTURBANCES)}.")
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = Field(None, description="By default the scenario's.")
     speed_spread: float = Field(0.0, description="Standard deviation of the robots' factors on their speed.")
     speed_noise: float = Field(0.0, description="Standard deviation of what every robot loses of its speed now and then.")
     speed_noise_tau_s: float = 2.0
@@ -232,6 +239,15 @@ class DisturbanceChoice(_Strict):
     breakdowns: list[BreakdownChoice] = []
     obstacles: list[ObstacleChoice] = []
     closures: list[ClosureChoice] = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_a_set(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(name := data.get("name"), str) or not name:
+            return data
+        if name not in NAMED_DISTURBANCES:
+            raise ValueError(f"'{name}' is no named set of disturbances{nearest(name, NAMED_DISTURBANCES)}")
+        return {**NAMED_DISTURBANCES[name], **data}
 
 
 class RecoveryChoice(_Strict):
@@ -314,6 +330,11 @@ class ExecutionChoice(_Strict):
         (), description="Pairs of vertices: along the shortest way from the first to the second, lanes go in that direction only."
     )
     disturbances: DisturbanceChoice = DisturbanceChoice()
+
+    @field_validator("disturbances", mode="before", json_schema_input_type=str | DisturbanceChoice)
+    @classmethod
+    def _short_disturbances(cls, found: Any) -> Any:
+        return {"name": found} if isinstance(found, str) else found
 
     @field_validator("policy", mode="before", json_schema_input_type=str | PolicyChoice)
     @classmethod

@@ -3,7 +3,17 @@
 import pytest
 
 from mrp_sumo.errors import ScenarioError
-from mrp_sumo.io.scenario import RobotShape, Scenario, changed, read_scenario, robot_type, scenario_of
+from mrp_sumo.io.columns import put
+from mrp_sumo.io.scenario import (
+    NAMED_DISTURBANCES,
+    DisturbanceChoice,
+    RobotShape,
+    Scenario,
+    changed,
+    read_scenario,
+    robot_type,
+    scenario_of,
+)
 
 GOOD = """\
 map: office
@@ -145,3 +155,21 @@ def test_numbers_that_are_not_finite_are_refused_wherever_they_stand(tmp_path, v
         ["case.yaml:8", "execution.disturbances.speed_noise"],
         ["case.yaml:9", "execution.disturbances.obstacles[0].begin_s"],
     ]
+
+
+def test_name_of_a_set_stands_for_its_disturbances_which_other_keys_change(tmp_path):
+    text = "map: office\nrobots: 2\nexecution: {disturbances: %s}\n"
+    short = read_scenario(written(tmp_path, text % "nav2_like")).scenario.execution.disturbances
+    assert short.speed_noise == NAMED_DISTURBANCES["nav2_like"]["speed_noise"] > 0
+    assert short == DisturbanceChoice(**short.model_dump())  # as a run folder keeps it
+    more = read_scenario(written(tmp_path, text % "{name: nav2_like, speed_noise: 0.2, seed: 7}")).scenario.execution.disturbances
+    assert (more.speed_noise, more.seed) == (0.2, 7)
+    assert lines_for(tmp_path, text % "nav_like") == [
+        "case.yaml:3: execution.disturbances: 'nav_like' is no named set of disturbances (did you mean 'nav2_like'?)"
+    ]
+
+
+def test_another_set_of_disturbances_drops_the_values_of_the_one_before():
+    data = {"execution": {"disturbances": {"speed_noise": 0.0, "stops_per_s": 0.1}}}
+    put(data, ["execution", "disturbances"], "nav2_like")
+    assert data["execution"]["disturbances"] == {"name": "nav2_like"}

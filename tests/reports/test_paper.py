@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mrp_sumo.experiments.paper import kinds_of
 from mrp_sumo.experiments.statistics import Interval
 from mrp_sumo.reports.paper import beside
 from mrp_sumo.reports.paper.beside import Beside
@@ -93,3 +94,12 @@ def test_times_of_planners_that_solve_nothing_are_missing():
     mean, spread = beside.figure_5(found)
     assert mean.document["ours"] is None
     assert spread.document["low"] is None
+
+
+def test_scenarios_of_the_paper_s_kinds_are_looked_for_with_five_robots_first():
+    both = study({("astar", 5): 18, ("ecbs", 5): 19, ("eecbs", 5): 19, ("astar", 9): 0, ("ecbs", 9): 0, ("eecbs", 9): 0})
+    kinds = kinds_of(both.frame)
+    assert (kinds.robots, kinds.hard, kinds.easy) == (5, (19,), (18,))  # of seed 18 only A*'s plan fails
+    more = study({("astar", 5): 20, ("ecbs", 5): 20, ("eecbs", 5): 20, ("astar", 9): 3, ("ecbs", 9): 3, ("eecbs", 9): 3})
+    kinds = kinds_of(more.frame)
+    assert (kinds.robots, kinds.hard, kinds.easy) == (9, (3, 4), (0,))  # all with five survive; of nine none survives by chance

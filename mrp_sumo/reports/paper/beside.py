@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mrp_sumo.experiments.paper import Kinds
 from mrp_sumo.experiments.statistics import Interval, bootstrap_deviation, bootstrap_mean, holm, mcnemar, pairs, wilcoxon, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, numbers_of_paper, printed
 from mrp_sumo.reports.paper.tables import commonly_solved
@@ -29,8 +30,8 @@ class Beside:
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the paper's number lies in the interval of ours, as far as the digits go that it prints; None without one."""
-        if self.paper_value is None:
+        """Whether the paper's number lies in the interval of ours, as far as the digits go that it prints; None without both."""
+        if self.paper_value is None or (math.isnan(self.ours.low) and math.isfinite(self.ours.value)):
             return None
         half = 0.5 * 10.0 ** -_decimals(self.paper_value)
         return bool(self.ours.low - half <= self.paper_value <= self.ours.high + half)
@@ -156,6 +157,41 @@ def figure_5(study: Study) -> list[Beside]:
         spread = printed("figure_5", "standard_deviation_s", planner)
         found.append(Beside(labels, "standard_deviation_s", bootstrap_deviation(time_s), spread))
     return found
+
+
+def replicability(single: Study, five: Study | None, kinds: Kinds) -> list[Beside]:
+    """The paper's three studies of a hundred runs each: one robot, and scenarios of its two kinds."""
+    found = _repeated(single.frame, {"study": "one_robot", "robots": 1}, "one_robot")
+    if five is None:
+        return found
+    for study, seeds in (("hard", kinds.hard), ("easy", kinds.easy)):
+        for seed in seeds:
+            of = five.frame[five.frame["seed"] == seed]
+            for planner in _planners(of):
+                labels = {"study": study, "robots": kinds.robots, "seed": seed, "planner": planner, "survivors": kinds.survivors[seed]}
+                found += _repeated(of[of["planner"] == planner], labels, study)
+    return found
+
+
+def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Beside]:
+    """Success, mean, fastest and spread of the runs of one plan."""
+    arrived = arrivals(runs)
+    time_s, planning_s = numbers(runs[arrived], "execution_time_s"), numbers(runs, "planning_time_s")
+    fastest = float(time_s.min()) if len(time_s) else math.nan
+    theirs = numbers_of_paper()["replicability"][study]
+    return [
+        Beside(labels, quantity, ours, theirs.get(quantity))
+        for quantity, ours in (
+            ("success_percent", _percent(wilson(int(arrived.sum()), len(runs)))),
+            ("mean_s", bootstrap_mean(time_s)),
+            ("standard_deviation_s", bootstrap_deviation(time_s)),
+            ("fastest_s", Interval(fastest, math.nan, math.nan, len(time_s))),
+            (
+                "median_planning_s",
+                Interval(float(np.median(planning_s)) if len(planning_s) else math.nan, math.nan, math.nan, len(planning_s)),
+            ),
+        )
+    ]
 
 
 def order(executed: Study, costs: Study) -> list[Ordered]:

@@ -14,13 +14,14 @@ from typing import Any
 
 from mrp_sumo import __version__
 from mrp_sumo.experiments.identity import code_version, library_versions
-from mrp_sumo.experiments.paper import Campaign, Made
-from mrp_sumo.io.results import write_whole
+from mrp_sumo.experiments.paper import SUITES, Campaign, Kinds, Made, kinds_of
+from mrp_sumo.io.results import PLAN, write_whole
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.page import Section, Tile, page
 from mrp_sumo.reports.paper import beside
 from mrp_sumo.reports.paper import tables as plain_tables
 from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, Beside, Ordered
+from mrp_sumo.reports.paper.causes import causes
 from mrp_sumo.reports.paper.charts import arrivals_chart, execution_violins, figure_5
 from mrp_sumo.reports.paper.printed import numbers_of_paper
 from mrp_sumo.reports.report import write_part
@@ -59,17 +60,16 @@ def compare_with_paper(campaign: Campaign) -> Comparison:
     MrpSumoError
         When runs are missing or cannot be read.
     """
-    maps, plans, driven, costs, times = (
-        read_study(campaign.results(name))
-        for name in ("paper_table_1", "paper_table_2", "paper_table_3", "paper_table_4", "paper_figure_5")
-    )
+    studies = {name: read_study(campaign.results(name)) for name in SUITES if (campaign.results(name) / PLAN).exists()}
+    maps, plans, driven, costs, times, single = (studies[name] for name in SUITES[:6])
+    kinds = kinds_of(driven.frame)
     found = Comparison(
         beside.table_1(maps),
         beside.table_2(plans),
         beside.table_3(driven),
         beside.table_4(costs),
         beside.figure_5(times),
-        [],
+        beside.replicability(single, studies.get("replicability_five"), kinds),
         beside.order(driven, costs),
         [],
     )
@@ -81,6 +81,8 @@ def compare_with_paper(campaign: Campaign) -> Comparison:
         Section("execution", "Table III: execution", parts=[*arrivals_charts(found.table_3), _table_3(found.table_3)]),
         Section("times", "Figure 5: planning time", parts=[*figure_5(times), _figure_5(found.figure_5)]),
         Section("cost", "Table IV: makespan and cost", parts=[_table_4(found.table_4)]),
+        Section("replicability", "Replicability", _kinds_in_words(kinds), [_replicability(found.replicability)]),
+        Section("causes", "Why numbers differ", parts=[causes(studies, found.table_3, found.table_2)]),
         Section("order", "The order of the planners", parts=[_order(found.order)]),
         Section("blocked", "Execution and blocked time", parts=[*(execution_violins(yielding) if yielding else [])]),
     ]
@@ -289,6 +291,40 @@ def _figure_5(rows: Sequence[Beside]) -> Table:
         lines,
         f"17 scenarios with 5 robots and 17 with 9, limit 600 s. The paper draws its times; in its text it says: {words}.",
         labels=2,
+    )
+
+
+def _replicability(rows: Sequence[Beside]) -> Table:
+    lines: list[list[Cell]] = []
+    for row in rows:
+        if row.quantity != "success_percent":
+            continue
+        at = row.labels
+        mean, spread, fastest = (_find(rows, quantity, **at) for quantity in ("mean_s", "standard_deviation_s", "fastest_s"))
+        assert mean and spread and fastest
+        name = "one robot, 45 cells of 0.35 m" if at["study"] == "one_robot" else f"{at['study']}: {at['robots']} robots, seed {at['seed']}"
+        times = [_range(mean), fastest.ours.value, fastest.paper_value, _range(spread), spread.paper_value]
+        lines.append([name, _name(at.get("planner", "eecbs")), row.ours.count, _range(row), row.paper_value, *times])
+    head = ("study", "planner", "runs", "arrived %", "paper %", "mean s", "fastest s", "paper s", "deviation s", "paper's deviation s")
+    return Table(
+        "replicability",
+        "A hundred runs each, disturbed (nav2_like)",
+        head,
+        lines,
+        "nav2_like is chosen so that one robot's times spread as in the paper, and used as it is in the others. "
+        "Hard: a scenario that no planner's plan survives undisturbed; easy: one that most, or all, survive. Times: of runs that arrive.",
+        labels=2,
+        digits=dict.fromkeys(("arrived %", "paper %", "paper s"), 0) | dict.fromkeys(("mean s", "fastest s"), 1) | {"deviation s": 2},
+    )
+
+
+def _kinds_in_words(kinds: Kinds) -> str:
+    """How many scenarios there are of the paper's kinds."""
+    counts = list(kinds.survivors.values())
+    none, every = counts.count(0), counts.count(max(counts, default=0))
+    return (
+        f"Of {kinds.num_seeds} scenarios with {kinds.robots} robots on the warehouse, undisturbed, {none} survive with no planner's plan, "
+        f"{every} with all, {len(counts) - none - every} with some."
     )
 
 
