@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-LOCKS = ("build", "run", "test")
+LOCKS = ("build", "docs", "run", "test")
 
 
 def plain(name):
@@ -34,7 +34,9 @@ def test_every_locked_version_is_that_of_the_constraints_and_has_hashes():
 
 def test_every_dependency_is_locked():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extra = [need for needs in project["optional-dependencies"].values() for need in needs]
-    for needs, name in ((project["dependencies"], "run"), (project["dependencies"] + extra, "test")):
+    extras = dict(project["optional-dependencies"])
+    docs = project["dependencies"] + extras.pop("docs")
+    test = project["dependencies"] + [need for needs in extras.values() for need in needs]
+    for needs, name in ((project["dependencies"], "run"), (docs, "docs"), (test, "test")):
         wanted = {plain(re.match(r"[\w.-]+", need)[0]) for need in needs}
         assert wanted <= set(locked(name)), f"requirements/{name}.txt lacks {wanted - set(locked(name))}: run tools/lock.sh"

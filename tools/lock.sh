@@ -7,10 +7,11 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 lock() {
   local to=requirements/$1.txt
   shift
-  .venv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --constraints constraints.txt --no-header \
+  .venv/bin/uv pip compile --quiet --universal --python-version "${python:-3.11}" --generate-hashes --constraints constraints.txt --no-header \
     --no-emit-index-url --no-emit-find-links --no-annotate --output-file "$to" "$@"
   chmod 644 "$to"
 }
 lock build requirements/build.in
 lock run pyproject.toml
 lock test pyproject.toml --extra test --extra cluster --extra video
+python=3.11.5 lock docs pyproject.toml --extra docs  # pymdown-extensions needs it

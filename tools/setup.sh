@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Make .venv with the locked versions; does nothing when it is up to date.
-#   tools/setup.sh [test]
+#   tools/setup.sh [test|docs]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 extra=${1:+[$1]}
-# the test extra holds all that a plain installation has
-for have in "" "[test]"; do
+# the extras hold all that a plain installation has
+for have in "" "[test]" "[docs]"; do
   stamp=.venv/installed$have
   if [ -e "$stamp" ] && { [ -z "$extra" ] || [ "$have" = "$extra" ]; } && cat pyproject.toml requirements/*.txt | cmp -s - "$stamp"; then
     exit 0
@@ -31,6 +31,6 @@ with_pip --require-hashes --requirement requirements/build.txt
 with_uv "${locked[@]}" || with_pip "${locked[@]}"
 with_uv "${project[@]}" || with_pip "${project[@]}"
 # compile ahead what the bundled scenarios use; for the tests, which run in several processes, everything
-[ -n "$extra" ] && planners=() || planners=(execution cbs)
+[ "$extra" = "[test]" ] && planners=() || planners=(execution cbs)
 .venv/bin/mrp-sumo warmup --quiet ${planners[@]+"${planners[@]}"}
 cat pyproject.toml requirements/*.txt > ".venv/installed$extra"
