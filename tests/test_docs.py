@@ -71,6 +71,8 @@ def test_links_lead_to_files_and_headings(path):
     for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", text):
         name, _, heading = target.partition("#")
         file = (path.parent / name).resolve() if name else path
+        if file.suffix == ".ipynb":  # made of a script when the site is built
+            file = file.with_suffix(".py")
         if not file.exists():
             wrong.append(target)
         elif heading:
