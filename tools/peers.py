@@ -1,0 +1,156 @@
+#!/usr/bin/env python3
+"""Our planners beside the programs of others, which whoever runs this has built; writes docs/peers.md.
+
+    tools/peers.py INSTANCES [--lacam3 FILE] [--libmrp DIR] [--eecbs FILE] [--cbsh2-rtc FILE] [--mapf-lns2 FILE] [--peer 'NAME=COMMAND'] ...
+
+Nothing is downloaded; a program that is not given is left out. INSTANCES holds MovingAI files as for `tools/bench_planners.py`, whose
+measurement this is: same instances, same machine, same run, every planner asked an instance before the next one, CPU time of the whole
+process, every plan read from the program's file and judged by our referee. What was measured or published elsewhere stands in
+columns of its own (`tools/peers_earlier.yaml`). Of docs/peers.md the part between `<!-- measured -->` and `<!-- end -->` is written anew.
+
+Programs with other formats (pibt2, EPIBT, CCBS) can take part by a small program of yours that translates: --peer
+'pibt2=./translate.py {map} {scen} {agents} {out}', places as in `mrp_sumo.planning.external`.
+"""
+
+import argparse
+import math
+import sys
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import yaml
+from bench_planners import BENCHMARK, PAPER, Row, made, measure
+
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.planning.protocol import Planner
+from mrp_sumo.planning.registry import planner
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "peers.md"
+EARLIER = Path(__file__).with_name("peers_earlier.yaml")
+LISTED = "-m {map} -a {scen} -k {agents} -t {time_limit} -o {out}.csv --outputPaths={out}"  # EECBS, CBSH2-RTC and MAPF-LNS2
+LIBMRP = {  # program of its build folder -> (name, command)
+    "cbs": ("CBS, libMultiRobotPlanning", "-i {yaml} -o {out}"),
+    "ecbs": ("ECBS 1.2, libMultiRobotPlanning", "-i {yaml} -o {out} -w 1.2"),
+    "cbs_ta": ("CBS-TA, libMultiRobotPlanning", "-i {yaml_free} -o {out}"),
+    "ecbs_ta": ("ECBS-TA 1.2, libMultiRobotPlanning", "-i {yaml_free} -o {out} -w 1.2"),
+}
+PROGRAMS = {  # option -> (name, command)
+    "lacam3": ("lacam3", "-m {map} -i {scen} -N {agents} -t {time_limit} -s {seed} -o {out}"),
+    "eecbs": ("EECBS 1.2", f"{LISTED} --suboptimality=1.2"),
+    "cbsh2_rtc": ("CBSH2-RTC", LISTED),
+    "mapf_lns2": ("MAPF-LNS2", LISTED),
+}
+OURS = ("cbs", "ecbs", "eecbs", "lacam", "lns2")
+COLUMNS = ("planner", "solved", "CPU ms, median", "longest", "cost, common", "earlier: solved", "own ms, median", "longest", "cost")
+
+
+def main() -> int:
+    """Measure, then write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("instances", type=Path)
+    for option in PROGRAMS:
+        parser.add_argument(f"--{option.replace('_', '-')}", type=Path, metavar="FILE", help="its program")
+    parser.add_argument("--libmrp", type=Path, metavar="DIR", help="build folder of libMultiRobotPlanning")
+    parser.add_argument("--peer", action="append", default=[], metavar="NAME=COMMAND", help="any other program; may be repeated")
+    only = "only maps and sizes, written like 'warehouse_0.4 9', that contain this text; may be repeated"
+    parser.add_argument("--only", action="append", default=[], metavar="TEXT", help=only)
+    parser.add_argument("--time-limit", type=float, default=60.0, metavar="S")
+    parser.add_argument("--count", type=int, default=1000, metavar="N", help="instances a row at most")
+    parser.add_argument("--print", action="store_true", help="print the tables, leave the page as it is")
+    options = parser.parse_args()
+    try:
+        asked = {name: made(name) for name in OURS} | peers(options)
+        text = "".join(
+            block(f"{name} {robots}", measure(asked, options.instances, name, robots, options.time_limit, options.count))
+            for name, sizes in (PAPER | BENCHMARK).items()
+            for robots in sizes
+            if not options.only or any(text in f"{name} {robots}" for text in options.only)
+        )
+    except MrpSumoError as error:
+        print(error, file=sys.stderr)
+        return 2
+    there = ", ".join(name for name in asked if name not in OURS) or "none was given"
+    head = f"Measured on {date.today().isoformat()}, limit {options.time_limit:g} s. Programs of others: {there}.\n"
+    if options.print:
+        print(head + text)
+    else:
+        write(head + text)
+    return 0
+
+
+def peers(options: argparse.Namespace) -> dict[str, Planner]:
+    """The programs that were given, by name.
+
+    Raises
+    ------
+    MrpSumoError
+        For a file that is not there.
+    """
+    commands = {}
+    for option, (name, arguments) in PROGRAMS.items():
+        if (path := getattr(options, option)) is not None:
+            commands[name] = f"{_program(path)} {arguments}"
+    for program, (name, arguments) in LIBMRP.items() if options.libmrp else ():
+        if (options.libmrp / program).is_file():
+            commands[name] = f"{_program(options.libmrp / program)} {arguments}"
+    for text in options.peer:
+        name, equals, command = text.partition("=")
+        if not equals:
+            raise MrpSumoError(f"--peer {text}: expected NAME=COMMAND")
+        commands[name] = command
+    return {name: planner("external", {"command": command}) for name, command in commands.items()}
+
+
+def _program(path: Path) -> Path:
+    if not path.is_file():
+        raise MrpSumoError(f"{path}: no such program")
+    return path.resolve()
+
+
+def block(size: str, rows: list[Row]) -> str:
+    """The table of a map and number of robots; nothing without instances."""
+    earlier: dict[str, Any] = yaml.safe_load(EARLIER.read_text(encoding="utf-8")).get(size, {})
+    if not rows:
+        return ""
+    lines = [
+        f"\n### {size.rpartition(' ')[0]}, {size.rpartition(' ')[2]} robots\n",
+        _line(COLUMNS),
+        _line(["---", *["---:"] * (len(COLUMNS) - 1)]),
+    ]
+    for row in rows:
+        mine = [f"{row.solved} of {row.instances - row.refused}", _ms(row.cpu_median_s), _ms(row.cpu_max_s), _number(row.cost)]
+        lines.append(_line([f"`{row.planner}`" if row.planner in OURS else row.planner, *mine, *_before(earlier.pop(row.planner, None))]))
+    lines += [_line([name, *["–"] * 4, *_before(found)]) for name, found in earlier.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _before(found: list[Any] | None) -> list[str]:
+    if found is None:
+        return ["–"] * 4
+    solved, of, median_s, longest_s, cost = found
+    return [f"{solved} of {of}", _ms(median_s), _ms(longest_s), _number(cost)]
+
+
+def _line(cells: Any) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _ms(seconds: float | None) -> str:
+    return _number(None if seconds is None else 1e3 * seconds)
+
+
+def _number(value: float | None) -> str:
+    if value is None or math.isnan(value):
+        return "–"
+    return f"{value:.0f}" if value >= 1000 else f"{value:.1f}"
+
+
+def write(text: str) -> None:
+    """Put the tables into the page."""
+    begin, middle, rest = PAGE.read_text(encoding="utf-8").partition("<!-- measured -->\n")
+    PAGE.write_text(f"{begin}{middle}\n{text}\n<!-- end -->{rest.partition('<!-- end -->')[2]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
