@@ -158,9 +158,8 @@ def try_case(case: Case, folder: Path, kind: str) -> Trial:
     except Exception as error:
         return Trial(kind, "traceback", (f"{shown}: {type(error).__name__}: {error}",), command)
     try:
-        faults = [
-            f"{shown}: {name} is not written" for name in ("result.json", "plan.json", "trajectory.parquet") if not (out / name).is_file()
-        ]
+        wanted = ["result.json"] if result.status.startswith("planning_") else ["result.json", "plan.json", "trajectory.parquet"]
+        faults = [f"{shown}: {name} is not written" for name in wanted if not (out / name).is_file()]
         if (out / "plan.json").is_file():
             load_run(out)
             write_replay(out)
