@@ -130,6 +130,7 @@ def build_world(
         two_way=two_way,
         guided=False,
         guide=np.zeros((1, 1), np.int32),
+        way=np.zeros((0, 1), np.int32),
         following=following,
         rotations=rotations and clashes.rotations,
         near=clashes.any,

@@ -33,7 +33,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         See `search_start`.
     """
     start = search_start(
-        problem, time_limit_s, CHANCE, flow=lacam.flow, following=lacam.following, rotations=lacam.rotations, packed=packed
+        problem, time_limit_s, CHANCE, ways=lacam.ways, flow=lacam.flow, following=lacam.following, rotations=lacam.rotations, packed=packed
     )
     if isinstance(start, PlanResult):
         return start

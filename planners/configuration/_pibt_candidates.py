@@ -7,7 +7,7 @@ somebody waits until nobody is near, robots go last.
 
 from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN, extend, read_code
-from planners.configuration._pibt_instance import nearer, prefers
+from planners.configuration._pibt_instance import is_on_way, nearer, prefers
 from planners.configuration._pibt_swap import swap_partner
 
 IN_THE_WAY = 1e12  # beyond any other key
@@ -30,6 +30,8 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
         key = rng.random() + (world.guide[i, u] if world.guided else 64.0 * nearer(world, i, u, v))
         if hindrance and num > 2:
             key += _num_hindered(world, scratch, i, u)
+        if is_on_way(world, i, v, u):
+            key -= 32.0
         if world.near and scratch.wished[u] >= 0 and scratch.wished[u] != i:
             key += IN_THE_WAY
         p = k

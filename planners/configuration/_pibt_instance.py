@@ -26,6 +26,7 @@ class PibtInstance(NamedTuple):
     two_way: bool  # every lane has its opposite: robots can swap in corridors
     guided: bool  # robots go by `guide`, not by steps
     guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
+    way: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [1, 1] where there are none
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
     near: bool  # there are clashes
@@ -65,3 +66,13 @@ def prefers(world, robot, u, v):
     if world.guided:
         return world.guide[robot, u] < world.guide[robot, v]
     return nearer(world, robot, u, v) < 0
+
+
+@kernel
+def is_on_way(world, robot, v, u):
+    """Whether the robot's way leads from v to u."""
+    if len(world.way) != len(world.goal) or world.packed:
+        return False
+    start = world.way[robot, 0]
+    step = np.int64(world.table[robot, start]) - np.int64(world.table[robot, v])
+    return 0 <= step < world.way.shape[1] - 1 and world.way[robot, step] == v and world.way[robot, step + 1] == u

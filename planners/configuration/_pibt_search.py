@@ -27,7 +27,9 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
     packed
         See `search_start`.
     """
-    start = search_start(problem, time_limit_s, CHANCE, flow=pibt.flow, following=pibt.following, rotations=pibt.rotations, packed=packed)
+    start = search_start(
+        problem, time_limit_s, CHANCE, ways=pibt.ways, flow=pibt.flow, following=pibt.following, rotations=pibt.rotations, packed=packed
+    )
     if isinstance(start, PlanResult):
         return start
     steps, rng, num_robots = start.steps, start.rng, problem.num_robots

@@ -19,7 +19,9 @@ from mrp_sumo.errors import PlanError
 class Lacam:
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
-    Where tables allow, robots are guided by the traffic flow at first, see `_flow`, and the first solution is polished by
+    Robots are guided by ways of their own where lanes are little used, see `_ways`, and elsewhere, where tables allow, by the traffic
+    flow at first, see `_flow`.
+    Where tables allow, the first solution is polished by
     large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
     the neighbourhoods.
     """
@@ -33,7 +35,8 @@ class Lacam:
     rotations: bool = True  # rings of robots may move at once
     num_tries: int = 1  # configurations generated each time, of which the best is kept
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic; 0 for none
+    ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
+    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
     polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
@@ -42,7 +45,7 @@ class Lacam:
         for key in ("num_tries", "neighbourhood", "memory_mb"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
-        for key in ("flow", "polish"):
+        for key in ("ways", "flow", "polish"):
             if getattr(self, key) < 0:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
 
@@ -50,7 +53,8 @@ class Lacam:
         """Compile or load the kernels."""
         from planners._world import small_problem
 
-        replace(self, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
+        replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
+        replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
         self._plan(small_problem(), math.inf, True)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:

@@ -11,7 +11,7 @@ may push each other about for ever: the planner gives up at a step limit, and tr
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -118,18 +118,19 @@ class Pibt:
     max_steps: int = 0  # give up an attempt after so many steps; 0: 20 x the longest path + 10 x robots, 1,000 to 20,000
     num_attempts: int = 10
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic; 0 for none
+    ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
+    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
 
     def __post_init__(self) -> None:
-        if self.max_steps < 0 or self.num_attempts < 1 or self.flow < 0:
-            raise PlanError("pibt: expected max_steps and flow of 0 or more and num_attempts of 1 or more")
+        if self.max_steps < 0 or self.num_attempts < 1 or self.ways < 0 or self.flow < 0:
+            raise PlanError("pibt: expected max_steps, ways and flow of 0 or more and num_attempts of 1 or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
         from planners._world import small_problem
 
-        for packed in (False, True):
-            self._plan(small_problem(), np.inf, packed)
+        for ways, packed in ((1, False), (0, False), (0, True)):
+            replace(self, ways=ways, flow=1)._plan(small_problem(), np.inf, packed)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, GAVE_UP when all attempts ran into the step limit, TIMED_OUT; INFEASIBLE only for goals out of reach."""

@@ -1,0 +1,120 @@
+"""What guides robots beside their distances: ways of their own where lanes are little used, the traffic flow where they are much used."""
+
+from time import perf_counter
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.problem import Problem
+from planners.configuration import _flow, _ways
+from planners.configuration._flow import Flow
+from planners.configuration._ways import Ways
+
+BUSY = 2.25  # moves along shortest ways for each lane, from which on there is no way past the others, and flow guides better than ways
+MOST_MOVES = 10_000_000  # of all ways together; more take too much memory
+GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long
+LONGEST_WAY = 4096  # lanes of a way that count in the flow
+AT_ONCE = 64  # robots between looks at the clock
+
+
+def are_thin(problem: Problem, steps: IntArray) -> bool:
+    """Whether robots that are `steps` [R] from their goals use lanes so little that each can have a way of its own."""
+    return bool(steps.sum() < min(BUSY * problem.graph.num_lanes, MOST_MOVES))
+
+
+def own_ways(
+    problem: Problem, rounds: int, table: np.ndarray, steps: IntArray, deadline_s: float, rng: np.random.Generator
+) -> np.ndarray | None:
+    """[R, N + 1] int32 a shortest way for each robot that meets few others, see `_ways`; None when the deadline passes.
+
+    Parameters
+    ----------
+    problem
+        With an assignment.
+    rounds
+        Of giving all robots ways, 1 or more.
+    table, steps
+        [R, V] steps to each robot's goal, and [R] from its start.
+    deadline_s
+        On the clock of `perf_counter`.
+    rng
+        Chance: the order of robots, and among equally good ways.
+    """
+    graph, num_robots = problem.graph, problem.num_robots
+    start, goal = np.array(problem.start), np.array(problem.target)
+    held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
+    slots = 1 << (2 * held).bit_length()
+    ways = Ways(
+        first=graph.first,
+        head=graph.head,
+        reverse=graph.reverse,
+        table=table,
+        way=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
+        key=np.full(slots, _ways.FREE, np.int64),
+        num=np.zeros(slots, np.int32),
+        held_from=np.full(graph.num_vertices, _ways.NEVER, np.int32),
+        stamp=np.full(graph.num_vertices, -1, np.int64),
+        met=np.empty(graph.num_vertices, np.int32),
+        before=np.empty(graph.num_vertices, np.int32),
+        bucket=np.empty(_ways.MOST_MET + 1, np.int64),
+        entry_vertex=np.empty(graph.num_lanes + 1, np.int32),
+        entry_met=np.empty(graph.num_lanes + 1, np.int32),
+        entry_next=np.empty(graph.num_lanes + 1, np.int64),
+    )
+    for n in range(rounds):
+        order = rng.permutation(num_robots)
+        for a in range(0, num_robots, AT_ONCE):
+            if perf_counter() > deadline_s:
+                return None
+            _ways.give_ways(ways, start, goal, order, a, min(a + AT_ONCE, num_robots), n * num_robots, rng)
+    return ways.way
+
+
+def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:
+    """[R, V] int32 what is left to each goal, see `_flow`; None when it would be too large, or the deadline passes.
+
+    Parameters
+    ----------
+    problem
+        With an assignment.
+    rounds
+        Of giving all robots ways, 1 or more.
+    deadline_s
+        On the clock of `perf_counter`.
+    rng
+        Chance: the order of robots.
+    """
+    graph, num_robots = problem.graph, problem.num_robots
+    start, goal = np.array(problem.start), np.array(problem.target)
+    num_lanes, num_vertices = graph.num_lanes, graph.num_vertices
+    if num_robots * num_vertices > GUIDE_CELLS:
+        return None
+    flow = Flow(
+        first=graph.first,
+        head=graph.head,
+        reverse=graph.reverse,
+        first_in=np.concatenate(([0], np.cumsum(np.bincount(graph.head, minlength=num_vertices)))),
+        entering=np.argsort(graph.head, kind="stable"),
+        tail=graph.tail,
+        cost=np.full(num_lanes, _flow.STEP, np.int64),
+        num=np.zeros(num_lanes, np.int64),
+        way=np.empty((num_robots, min(num_vertices, LONGEST_WAY)), np.int32),
+        length=np.zeros(num_robots, np.int64),
+        bucket=np.empty(_flow.MOST + 1, np.int64),
+        entry_vertex=np.empty(num_lanes + 1, np.int64),
+        entry_next=np.empty(num_lanes + 1, np.int64),
+        left=np.empty(num_vertices, np.int32),
+    )
+    at_once = max(1, 200_000 // num_vertices)
+    for _ in range(rounds):
+        order = rng.permutation(num_robots)
+        for a in range(0, num_robots, at_once):
+            if perf_counter() > deadline_s:
+                return None
+            _flow.give_ways(flow, start, goal, order, a, min(a + at_once, num_robots))
+    guide = np.empty((num_robots, num_vertices), np.int32)
+    for a in range(0, num_robots, at_once):
+        if perf_counter() > deadline_s:
+            return None
+        _flow.write_guide(flow, goal, guide, a, min(a + at_once, num_robots))
+    return guide

@@ -1,0 +1,142 @@
+"""Kernels that give robots shortest ways on which they meet few others.
+
+After the space utilisation of Okumura, "Engineering LaCAM*", AAMAS 2024 (section 4): one robot after another is given a shortest way that
+meets as few of the others' as can be, and again when all have one. What differs: a robot is `k` steps along a shortest way where `k` steps
+fewer are left, so that a vertex has one step at which a way may pass it, and the search needs no time; and robots that have been pushed off
+their ways, or are late on them, find themselves again by the same count.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+
+FREE = np.int64(-1)
+MOST_MET = 63  # beyond, ways are equally bad
+NEVER = 1 << 30
+
+
+class Ways(NamedTuple):
+    """The ways of R robots of at most N steps between V vertices, and what they hold at which step."""
+
+    first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
+    head: np.ndarray  # [L] int64
+    reverse: np.ndarray  # [L] int64
+    table: np.ndarray  # [R, V] steps to each robot's goal
+    way: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
+    key: np.ndarray  # [H] int64 what is held, by step: vertices, then lanes; FREE: nothing. A hash table that is never half full
+    num: np.ndarray  # [H] int32 by how many
+    held_from: np.ndarray  # [V] int32 the step at which the robot arrives that stays there
+    stamp: np.ndarray  # [V] int64 search in which the rest was last written
+    met: np.ndarray  # [V] int32 others met on the best way to a vertex
+    before: np.ndarray  # [V] int32 the vertex before it
+    bucket: np.ndarray  # [MOST_MET + 1] int64 entries by others met
+    entry_vertex: np.ndarray  # [L + 1] int32
+    entry_met: np.ndarray  # [L + 1] int32
+    entry_next: np.ndarray  # [L + 1] int64
+
+
+@kernel
+def give_ways(ways, start, goal, order, begin, end, search, rng):
+    """Give robots order[begin:end] ways in the place of those they have; `search` is a number that grows from call to call."""
+    for k in range(begin, end):
+        robot = order[k]
+        if ways.way[robot, 0] >= 0:
+            _hold(ways, robot, goal[robot], -1)
+        _find(ways, robot, start[robot], goal[robot], search + k, rng)
+        _hold(ways, robot, goal[robot], 1)
+
+
+@kernel
+def _find(ways, robot, start, goal, search, rng):
+    """Write the shortest way that meets the fewest others, the deepest vertex first among equals."""
+    first, head, reverse, table, bucket = ways.first, ways.head, ways.reverse, ways.table[robot], ways.bucket
+    steps = np.int64(table[start])
+    bucket[:] = -1
+    bucket[0] = 0
+    ways.entry_vertex[0], ways.entry_met[0], ways.entry_next[0] = start, 0, -1
+    ways.stamp[start], ways.met[start], ways.before[start] = search, 0, -1
+    num, level = 1, 0
+    while True:
+        while bucket[level] < 0:
+            level += 1
+        entry = bucket[level]
+        bucket[level] = ways.entry_next[entry]
+        v, met = np.int64(ways.entry_vertex[entry]), ways.entry_met[entry]
+        if met > ways.met[v]:
+            continue
+        if v == goal:
+            break
+        left = np.int64(table[v])
+        step = steps - left + 1
+        a, num_lanes = first[v], first[v + 1] - first[v]
+        turn = np.int64(rng.random() * num_lanes)
+        for n in range(num_lanes):
+            lane = a + (n + turn) % num_lanes
+            u = head[lane]
+            if table[u] != left - 1:
+                continue
+            others = met + _held(ways, u, step) + (1 if ways.held_from[u] <= step else 0)
+            back = reverse[lane]
+            if back >= 0:
+                others += _held(ways, len(first) - 1 + back, step)
+            if ways.stamp[u] == search and ways.met[u] <= others:
+                continue
+            ways.stamp[u], ways.met[u], ways.before[u] = search, others, v
+            ways.entry_vertex[num], ways.entry_met[num] = u, others
+            k = min(others, MOST_MET)
+            ways.entry_next[num] = bucket[k]
+            bucket[k] = num
+            level = min(level, k)
+            num += 1
+    at = np.int64(goal)
+    for back in range(steps + 1):
+        ways.way[robot, steps - back] = at
+        at = np.int64(ways.before[at])
+
+
+@kernel
+def _hold(ways, robot, goal, change):
+    """Enter the robot's way among what is held, or take it out."""
+    way, first, head = ways.way[robot], ways.first, ways.head
+    steps = np.int64(ways.table[robot, way[0]])
+    for step in range(steps + 1):
+        v = np.int64(way[step])
+        ways.num[_slot(ways, v, step)] += change
+        if step > 0:
+            u = np.int64(way[step - 1])
+            for lane in range(first[u], first[u + 1]):
+                if head[lane] == v:
+                    ways.num[_slot(ways, len(first) - 1 + lane, step)] += change
+                    break
+    ways.held_from[goal] = steps if change > 0 else NEVER
+
+
+@kernel
+def _begin(wanted, mask):
+    """Where to look first, by Fibonacci hashing; 30 bits of the key, so that nothing overflows."""
+    return ((((wanted ^ (wanted >> 30)) & 0x3FFFFFFF) * np.int64(0x9E3779B1)) >> 16) & mask
+
+
+@kernel
+def _held(ways, place, step):
+    """How many hold a vertex, or a lane beyond those, at a step."""
+    wanted, mask = np.int64(place) * ways.way.shape[1] + step, len(ways.key) - 1
+    slot = _begin(wanted, mask)
+    while ways.key[slot] != FREE:
+        if ways.key[slot] == wanted:
+            return np.int64(ways.num[slot])
+        slot = (slot + 1) & mask
+    return np.int64(0)
+
+
+@kernel
+def _slot(ways, place, step):
+    """Where that is counted."""
+    wanted, mask = np.int64(place) * ways.way.shape[1] + step, len(ways.key) - 1
+    slot = _begin(wanted, mask)
+    while ways.key[slot] != FREE and ways.key[slot] != wanted:
+        slot = (slot + 1) & mask
+    ways.key[slot] = wanted
+    return slot

@@ -1,0 +1,77 @@
+"""Shortest ways that meet few others, and who is guided by them."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from worlds import on_a_circle, problem_on, random_grid
+
+from mrp_sumo.core.plan import paths_of_plan
+from mrp_sumo.traffic.referee import judge
+from planners._world import small_problem, steps_table
+from planners.configuration._guides import are_thin, own_ways
+from planners.configuration._search_start import search_start
+from planners.configuration.lacam import Lacam
+from planners.configuration.pibt import Pibt
+
+pytestmark = pytest.mark.kernel
+
+
+def ways_of(problem, rounds=2):
+    table = steps_table(problem, np.inf)
+    steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
+    return own_ways(problem, rounds, table, steps, np.inf, np.random.default_rng(1)), table, steps
+
+
+def meetings(ways, steps):
+    """Pairs and steps at which two are at one vertex, or change places, while both are on their ways."""
+    count = 0
+    for i in range(len(ways)):
+        for j in range(i):
+            both = min(steps[i], steps[j])
+            a, b = ways[i, : both + 1], ways[j, : both + 1]
+            count += int((a == b).sum()) + int(((a[1:] == b[:-1]) & (a[:-1] == b[1:])).sum())
+    return count
+
+
+def test_ways_are_shortest_ways_along_lanes():
+    problem = random_grid(9, 8, 3)
+    ways, table, steps = ways_of(problem)
+    for robot, way in enumerate(ways.tolist()):
+        way = way[: steps[robot] + 1]
+        assert (way[0], way[-1]) == (problem.start[robot], problem.target[robot])
+        assert [int(table[robot, v]) for v in way] == list(range(int(steps[robot]), -1, -1))
+        assert all(problem.graph.lane_between(u, v) >= 0 for u, v in pairwise(way))
+
+
+def test_ways_meet_fewer_than_ways_by_chance():
+    ours = chance = 0
+    for seed in range(5):
+        problem = random_grid(12, 20, seed, 0.1)
+        ways, _, steps = ways_of(problem)
+        alone, *_ = ways_of(problem, rounds=1)
+        ours += meetings(ways, steps)
+        blind = np.stack([ways_of(problem_on(problem.graph, [s], [g]))[0][0].tolist() + [-1] * (alone.shape[1] - 1 - steps[r])
+                          for r, (s, g) in enumerate(zip(problem.start.tolist(), problem.target.tolist()))])  # fmt: skip
+        chance += meetings(blind, steps)
+    assert ours < chance / 3
+
+
+def test_two_that_change_places_on_a_ring_go_the_same_way_round():
+    ring = on_a_circle([lane for i in range(10) for lane in ((i, (i + 1) % 10), ((i + 1) % 10, i))], 10)
+    ways, *_ = ways_of(problem_on(ring, [0, 5], [5, 0]))
+    assert (ways[0, 1] - ways[0, 0]) % 10 == (ways[1, 1] - ways[1, 0]) % 10
+    for planner in (Pibt(), Lacam(polish=0)):
+        planner.prepare()
+        result = planner.plan(problem_on(ring, [0, 5], [5, 0]), 10.0)
+        assert judge(problem_on(ring, [0, 5], [5, 0]), result.plan).valid
+        assert [len(path) - 1 for path in paths_of_plan(result.plan, 1.0)] == [5, 5]
+
+
+def test_crowds_are_guided_by_the_flow():
+    ring = on_a_circle([lane for i in range(10) for lane in ((i, (i + 1) % 10), ((i + 1) % 10, i))], 10)
+    crowd = problem_on(ring, list(range(10)), [(i + 5) % 10 for i in range(10)])  # 50 moves for 20 lanes
+    assert not are_thin(crowd, np.full(10, 5))
+    opening = search_start(crowd, np.inf, 0, ways=2, flow=1, following=False, rotations=True, packed=False)
+    assert not len(opening.world.way) and opening.guided.guided
+    assert are_thin(small_problem(), np.array([2, 2]))  # so that both are compiled ahead
