@@ -18,8 +18,12 @@ AT_ONCE = 64  # robots between looks at the clock
 
 
 def are_thin(problem: Problem, steps: IntArray) -> bool:
-    """Whether robots that are `steps` [R] from their goals use lanes so little that each can have a way of its own."""
-    return bool(steps.sum() < min(BUSY * problem.graph.num_lanes, MOST_MOVES))
+    """Whether robots that are `steps` [R] from their goals use lanes so little that each can have a way of its own.
+
+    Not where they take more than every second vertex.
+    """
+    graph = problem.graph
+    return bool(2 * problem.num_robots <= graph.num_vertices and steps.sum() < min(BUSY * graph.num_lanes, MOST_MOVES))
 
 
 def own_ways(

@@ -36,7 +36,7 @@ class SearchStart:
     def num_guided(self) -> int:
         """Steps after which the guide has done its work: the longest way.
 
-        It keeps robots from each other on their long ways, and would keep the last ones from their goals.
+        It keeps robots from each other on their long ways, and could keep the last ones from their goals.
         """
         return int(self.steps.max())
 
@@ -85,7 +85,7 @@ def search_start(
     if not packed and problem.num_robots > 1:
         if ways and are_thin(problem, steps):
             way = own_ways(problem, ways, world.table, steps, deadline_s, rng)
-            world = guided = world if way is None else world._replace(way=way)
+            guided = world if way is None else world._replace(way=way)
         elif flow:
             guide = flow_guide(problem, flow, deadline_s, rng)
             guided = world if guide is None else world._replace(guided=True, guide=guide)
