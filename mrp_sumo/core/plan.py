@@ -32,8 +32,8 @@ class Plan:
     """Timed visits of R robots in CSR form; robot r's are `first[r]:first[r + 1]`.
 
     A robot stands on `vertex[k]` from `arrive_s[k]` to `depart_s[k]`, then drives to the next visit's
-    vertex. It starts at time 0 and stays at its last visit for ever (`depart_s` inf). A plan that was made in steps of one
-    length and then given the times of real motion has the steps beside them.
+    vertex. It starts at time 0 and stays at its last visit for ever (`depart_s` inf), where it may have to turn first. A plan that
+    was made in steps of one length and then given the times of real motion has the steps beside them.
     """
 
     first: IntArray  # [R + 1]
@@ -41,6 +41,7 @@ class Plan:
     arrive_s: FloatArray  # [N]
     depart_s: FloatArray  # [N]
     in_steps: "Plan | None" = None  # the same visits at the times that the planner gave them, where these are others
+    turned_s: FloatArray | None = None  # [R] when each robot faces as it is to stay; None: all stay as they come
 
     @property
     def num_robots(self) -> int:
@@ -57,8 +58,8 @@ class Plan:
 
     @property
     def end_s(self) -> FloatArray:
-        """[R] when each robot arrives at its last vertex to stay."""
-        return self.arrive_s[self.first[1:] - 1]
+        """[R] when each robot stands at its last vertex as it is to stay."""
+        return self.arrive_s[self.first[1:] - 1] if self.turned_s is None else self.turned_s
 
     @property
     def last_vertex(self) -> IntArray:

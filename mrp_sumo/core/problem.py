@@ -1,7 +1,7 @@
 """A planning problem: who stands where and who has to go where, on which graph.
 
-Refuses starts and goals off the graph, two robots on one start, and one goal assigned twice. Goals that are
-the same vertex are a problem without a solution, and that is for planners to say.
+Refuses starts and goals off the graph, two robots on one start, one goal assigned twice, and headings that are not one for each.
+Goals that are the same vertex are a problem without a solution, and that is for planners to say.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.task import Stop, Task
 from mrp_sumo.errors import PlanError
 
@@ -27,6 +27,8 @@ class Problem:
     seed: int = 0
     drivable: bool = False  # whether robots will keep the plan's order: no rotations, and nobody too close (`traffic.clashes`)
     window_steps: int = 0  # how long robots have to keep clear of each other, for planners that support 'window'; 0: to the end
+    start_heading_rad: FloatArray | None = None  # [R] NaN: that of the robot's first lane; None: for all of them
+    goal_heading_rad: FloatArray | None = None  # [G] of the robot that stays there, NaN: any; None: at all of them
     effort: int = 0  # labels after which planners that support 'effort' stop, on every machine alike; 0: only when time is up
 
     def __post_init__(self) -> None:
@@ -45,6 +47,9 @@ class Problem:
         given = self.goal_of[self.goal_of >= 0]
         if (given >= len(self.goal)).any() or len(np.unique(given)) != len(given):
             raise PlanError("two robots are assigned the same goal, or a goal that does not exist")
+        for what, heading, at in (("start", self.start_heading_rad, self.start), ("goal", self.goal_heading_rad, self.goal)):
+            if heading is not None and (len(heading) != len(at) or np.isinf(heading).any()):
+                raise PlanError(f"{what}_heading_rad: expected {len(at)} angles, NaN where any will do")
         if not (np.isfinite(self.step_s) and self.step_s > 0):
             raise PlanError(f"step_s is {self.step_s}, expected a number of seconds above 0")
 
@@ -62,6 +67,18 @@ class Problem:
         if not len(self.goal):
             return self.start
         return np.where(self.goal_of >= 0, self.goal[np.maximum(self.goal_of, 0)], self.start)
+
+    @property
+    def heading_at_start(self) -> FloatArray:
+        """[R] rad, NaN where a robot faces the way that it goes."""
+        return np.full(self.num_robots, np.nan) if self.start_heading_rad is None else self.start_heading_rad
+
+    @property
+    def heading_at_target(self) -> FloatArray:
+        """[R] rad, NaN where a robot stays as it comes."""
+        if self.goal_heading_rad is None or not len(self.goal):
+            return np.full(self.num_robots, np.nan)
+        return np.where(self.goal_of >= 0, self.goal_heading_rad[np.maximum(self.goal_of, 0)], np.nan)
 
     @property
     def tasks(self) -> tuple[Task, ...]:

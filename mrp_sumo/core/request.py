@@ -49,7 +49,7 @@ def one_stop_each(request: Request) -> None:
 
 
 def one_shot(request: Request) -> Problem:
-    """The request as a classical problem: a start and a goal for each of its robots, on the lanes that are open.
+    """The request as a classical problem: a start and a goal for each of its robots, in any heading, on the lanes that are open.
 
     Raises
     ------
@@ -64,4 +64,6 @@ def one_shot(request: Request) -> Problem:
         start=frozen(request.start),
         goal=frozen(request.stop),
         goal_of=frozen(np.arange(len(request.robot))),
+        start_heading_rad=None,
+        goal_heading_rad=None,
     )

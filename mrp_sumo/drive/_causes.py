@@ -9,3 +9,4 @@ WAITED, STOOD_BLOCKED, ARRIVED_AT_GOAL, SET_OUT = range(4)
 
 ARRIVED_M = 0.002  # a robot this close to a vertex has arrived there: it stops MARGIN_M before
 MARGIN_M = 0.001  # a robot is stopped this far before the end of what it may drive
+TURNED_RAD = 1e-9  # a robot that has to turn by no more need not turn

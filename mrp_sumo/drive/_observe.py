@@ -22,6 +22,7 @@ from mrp_sumo.drive._causes import (
     SET_OUT,
     STOOD_BLOCKED,
     TURN,
+    TURNED_RAD,
     WAITED,
     YIELDING,
 )
@@ -33,7 +34,7 @@ AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 @kernel
 def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
     """Book the step that ended at `now`; robots have driven `s_m` [R] in all. Returns the number of entries in the log."""
-    move(dt, s_m, kinematics, visits, state.motion)
+    move(dt, s_m, kinematics, visits, state.facing_rad, state.motion)
     book(dt, visits, state)
     count = watch_progress(now, dt, s_m, rules, visits, state.grants, state.waits, log, 0)
     count = watch_waits(now, dt, rules, state.grants, state.waits, log, count)
@@ -44,15 +45,15 @@ def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
 
 
 @kernel
-def move(dt, s_m, kinematics, visits, motion):
-    """Speeds, and turns in place towards the lane that comes next."""
+def move(dt, s_m, kinematics, visits, facing, motion):
+    """Speeds, and turns in place towards the lane that comes next, or at the end of its way as the robot is to stay."""
     was, moved, speed, yaw, turning = motion.s_m, motion.moved_m, motion.speed_mps, motion.yaw_rad, motion.turning
     reached, following, last, heading, turn_rate = visits.reached, visits.next, visits.last, visits.heading_rad, kinematics.turn_rate_rad_s
     for r in range(len(s_m)):
         moved[r] = s_m[r] - was[r]
         speed[r] = moved[r] / dt
         ahead = following[reached[r]]
-        target = heading[ahead if ahead >= 0 else last[r]]
+        target = heading[ahead] if ahead >= 0 else heading[last[r]] if np.isnan(facing[r]) else facing[r]
         away = (target - yaw[r] + np.pi) % (2 * np.pi) - np.pi
         turning[r] = abs(away) > 1e-12
         if turning[r]:
@@ -68,10 +69,12 @@ def book(dt, visits, state):
     """What each robot's step was spent on."""
     moved, turning, cause, commanded = state.motion.moved_m, state.motion.turning, state.grants.cause, state.grants.command_mps
     stuck, category, booked, gives_way = state.waits.stuck, state.waits.category, state.waits.booked_s, state.yielding.gives_way
-    home, reached, following, waiting = state.home, visits.reached, visits.next, state.waits.waiting
+    home, reached, following, waiting, facing = state.home, visits.reached, visits.next, state.waits.waiting, state.facing_rad
     for r in range(len(moved)):
         waiting[r] = False
-        if following[reached[r]] < 0:
+        if following[reached[r]] < 0 and turning[r] and not np.isnan(facing[r]):
+            kind = TURN
+        elif following[reached[r]] < 0:
             kind = AT_GOAL if home[r] else DISTURBANCE if cause[r] == DISTURBED else BLOCKED
         elif moved[r] > AT_REST_M:
             kind = MOVING
@@ -135,10 +138,10 @@ def watch_waits(now, dt, rules, grants, waits, log, count):
 
 @kernel
 def arrive(now, dt, s_m, visits, state, log, count):
-    """Departures, arrivals, and who has come to stand where its tasks end."""
+    """Departures, arrivals, and who has come to stand where its tasks end, as it is to stay there."""
     was, moved, turned_back, claims = state.motion.s_m, state.motion.moved_m, state.grants.turned_back, state.grants.claims
     reached, following, last, at, lane, arrived = visits.reached, visits.next, visits.last, visits.at_m, visits.lane, visits.arrived_s
-    goal, home = state.waits.goal_s, state.home
+    goal, home, facing, yaw = state.waits.goal_s, state.home, state.facing_rad, state.motion.yaw_rad
     for r in range(len(s_m)):
         if moved[r] > 0.0 and was[r] == 0.0:
             count = note(log, count, SET_OUT, r, FREE, visits.first[r], -1, now - dt, now - dt)
@@ -152,10 +155,16 @@ def arrive(now, dt, s_m, visits, state, log, count):
                 turned_back[r] = False
             reached[r] = k
             k = following[k]
-        if goal[r] != goal[r] and home[r] and k < 0:
-            goal[r] = arrived[last[r]]
+        if goal[r] != goal[r] and home[r] and k < 0 and is_turned(yaw[r], facing[r]):
+            goal[r] = now if state.motion.turning[r] and not np.isnan(facing[r]) else arrived[last[r]]
             count = note(log, count, ARRIVED_AT_GOAL, r, FREE, last[r], -1, goal[r], goal[r])
     return count
+
+
+@kernel(inline="always")
+def is_turned(yaw, facing):
+    """Whether a robot faces as it is to stay; NaN: any will do."""
+    return np.isnan(facing) or abs((facing - yaw + np.pi) % (2 * np.pi) - np.pi) <= TURNED_RAD
 
 
 @kernel

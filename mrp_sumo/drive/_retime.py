@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.drive._causes import FACILITY, PLANNED
 from mrp_sumo.drive._controller import command, grant
 from mrp_sumo.drive._facilities import run_facilities
-from mrp_sumo.drive._observe import arrive, move, release
+from mrp_sumo.drive._observe import arrive, is_turned, move, release
 from mrp_sumo.search._bodies import lane_limits, move_bodies
 from mrp_sumo.search._kernel import kernel
 
@@ -14,7 +14,8 @@ AT_VERTEX_M = 1e-6  # beyond it by more, a robot has left a vertex
 
 @kernel
 def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, needs, state, conditions, log, news, left_s):
-    """Drive until everybody has made its last visit. Writes `visits.arrived_s` and the departures `left_s` [N].
+    """Drive until everybody has made its last visit, and stands there as it is to. Writes `visits.arrived_s`, the departures `left_s`
+    [N], and `state.waits.goal_s`.
 
     Parameters
     ----------
@@ -36,6 +37,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
     """
     # arrays are taken out of their tuples once: numba counts references each time
     motion, grants, facilities = state.motion, state.grants, conditions.facilities
+    facing, yaw = state.facing_rad, motion.yaw_rad
     reached, following = visits.reached, visits.next
     commanded, cause, turning, speed = grants.command_mps, grants.cause, motion.turning, motion.speed_mps
     num_robots = len(accel)
@@ -49,7 +51,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         now = step * dt
         if step > 0:
             was_mps[:] = speed
-            move(dt, s_m, kinematics, visits, motion)
+            move(dt, s_m, kinematics, visits, facing, motion)
             depart(now - dt, motion.s_m, motion.moved_m, was_mps, visits, left_s)
             before[:] = reached
             arrive(now, dt, s_m, visits, state, log, 0)
@@ -63,7 +65,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         command(now, dt, kinematics, rules, visits, state, conditions, news.changed)
         finished, stuck = True, True
         for r in range(num_robots):
-            if following[reached[r]] >= 0:
+            if following[reached[r]] >= 0 or not is_turned(yaw[r], facing[r]):
                 finished = False
                 if commanded[r] > 0.0 or turning[r] or cause[r] == PLANNED or cause[r] == FACILITY or speed[r] > 0.0:
                     stuck = False

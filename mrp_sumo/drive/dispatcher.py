@@ -51,7 +51,7 @@ class OneShot:
     def finished(self, now_s: float, around: Surroundings) -> bool:
         """See Dispatcher."""
         visits = around.ledger.visits
-        return bool((visits.reached == visits.last).all() and around.state.home.all())
+        return bool((visits.reached == visits.last).all() and around.state.home.all() and around.ledger.turned.all())
 
     def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""

@@ -20,7 +20,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.core.visits import Visits
-from mrp_sumo.drive._causes import DISTURBED
+from mrp_sumo.drive._causes import DISTURBED, TURNED_RAD
 from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
 from mrp_sumo.drive.policy import DecidingPolicy, Policy
@@ -96,12 +96,14 @@ class Ledger:
         self._passing: IntArray = frozen(np.zeros(0, np.int64))
         start = np.arange(num_robots)
         self._of_robot: dict[str, NDArray[Any]] = {name: start.copy() for name in ("first", "last", "reached", "granted")}
-        laid_out = motion_plan(graph, resources, _at_starts(problem.start), Departure.at_rest(num_robots), np.zeros(0, np.int64))
+        self._goal, self._facing_rad = problem.target, problem.heading_at_target
+        at_rest = Departure.at_rest(problem.heading_at_start)
+        laid_out = motion_plan(graph, resources, _at_starts(problem.start), at_rest, np.zeros(0, np.int64))
         self._write(laid_out, np.ones(num_robots, np.bool_))
         self._columns["robot"][:num_robots] = start
         self._columns["arrived_s"][:num_robots] = 0.0
         self.state = state_at_rest(num_robots, laid_out.needs.num_resources, graph.num_lanes, start)
-        self.state.motion.yaw_rad[:] = np.nan  # robots face the way that they are sent first
+        self.state.motion.yaw_rad[:] = problem.heading_at_start  # others face the way that they are sent first
         for r in range(num_robots):
             self._hold(r, r)
         self._show()
@@ -134,6 +136,12 @@ class Ledger:
         needs = self._needs_of(self.ids(robot, since))[1]
         resource: IntArray = self._need_columns["resource"][needs]
         return resource
+
+    @property
+    def turned(self) -> BoolArray:
+        """[R] whether each robot faces as it is to stay at the end of its way; so does who may stay as it comes."""
+        away = (self.state.facing_rad - self.state.motion.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+        return ~(np.abs(away) > TURNED_RAD)
 
     @property
     def joint(self) -> IntArray:
@@ -243,7 +251,7 @@ class Ledger:
         self.lift()
         since, count = self._columns["rank"][joint], np.diff(plan.first) - 1
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
-        self._face(robots, laid_out.heading_rad[plan.first[:-1]])
+        self._face(robots, laid_out.heading_rad[plan.first[:-1]], np.diff(plan.first) > 1)
         self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
         self._take_over_joints(laid_out, ids, [way.back for way in ways])
         for r, visits in new.items():
@@ -254,8 +262,9 @@ class Ledger:
         for r, vertex in replan.ends.items():
             self.end_of_tasks[r] = vertex
         self.state.home[:] = self._columns["vertex"][self._of_robot["last"]] == self.end_of_tasks
+        self.state.facing_rad[:] = np.where(self.state.home & (self.end_of_tasks == self._goal), self._facing_rad, np.nan)
         goal_s = self.state.waits.goal_s
-        stays = self.state.home & (self._of_robot["last"] == self._of_robot["reached"])
+        stays = self.state.home & (self._of_robot["last"] == self._of_robot["reached"]) & self.turned
         goal_s[robots] = np.where(stays[robots], np.where(np.isfinite(goal_s[robots]), goal_s[robots], now_s), np.nan)
         for r in sorted(replan.left_alone):
             self.state.yielding.pause[r] = self._columns["rank"][self._of_robot["granted"][r]]
@@ -486,10 +495,11 @@ class Ledger:
             back_m=np.where(back, motion.s_m[robots] - columns["at_m"][joint], 0.0),
         )
 
-    def _face(self, robots: IntArray, heading_rad: FloatArray) -> None:
-        """Robots that have not been sent anywhere before face the way that they go; those that go nowhere yet, east."""
+    def _face(self, robots: IntArray, heading_rad: FloatArray, goes: BoolArray) -> None:
+        """Robots whose headings are not known face the way that they go [K]; those that go nowhere, as they are to stay, or east."""
         yaw_rad = self.state.motion.yaw_rad
         new = np.isnan(yaw_rad[robots])
+        heading_rad = np.where(goes | np.isnan(self._facing_rad[robots]), heading_rad, self._facing_rad[robots])
         yaw_rad[robots[new]] = heading_rad[new]
         yaw_rad[np.isnan(yaw_rad)] = 0.0
         self._columns["heading_rad"][self._of_robot["first"][robots[new]]] = heading_rad[new]

@@ -27,9 +27,10 @@ class Departure:
     back_m: FloatArray  # [K] and how far
 
     @staticmethod
-    def at_rest(num_robots: int) -> "Departure":
+    def at_rest(heading_rad: FloatArray) -> "Departure":
         """Robots that have not driven yet."""
-        return Departure(np.zeros(num_robots), np.full(num_robots, np.nan), np.full(num_robots, -1), np.zeros(num_robots))
+        num_robots = len(heading_rad)
+        return Departure(np.zeros(num_robots), heading_rad, np.full(num_robots, -1), np.zeros(num_robots))
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,8 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     Returns
     -------
     plan
-        The same visits. A robot arrives at `arrive_s`, and sets out at `depart_s`; both are equal where it drives through.
+        The same visits. A robot arrives at `arrive_s`, and sets out at `depart_s`; both are equal where it drives through. The first
+        turn, from a start's heading, is before the first departure, the last, to a goal's, before `turned_s`.
 
     Raises
     ------
@@ -79,4 +80,5 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     ids = np.concatenate([ledger.all_ids(r) for r in range(plan.num_robots)])
     depart_s = left_s[ids]
     depart_s[plan.first[1:] - 1] = np.inf
-    return Plan(plan.first, plan.vertex, frozen(ledger.column("arrived_s")[ids]), frozen(depart_s), in_steps)
+    turned_s = None if problem.goal_heading_rad is None else frozen(ledger.state.waits.goal_s)
+    return Plan(plan.first, plan.vertex, frozen(ledger.column("arrived_s")[ids]), frozen(depart_s), in_steps, turned_s)

@@ -88,6 +88,7 @@ class State(NamedTuple):
     waits: Waits
     yielding: Yielding
     home: BoolArray  # [R] whether the robot's way ends where its tasks do. Written by the ledger
+    facing_rad: FloatArray  # [R] how the robot is to stay at the end of its way, NaN: as it comes. Written by the ledger
 
 
 class Kinematics(NamedTuple):
@@ -222,6 +223,7 @@ def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: In
         ),
         yielding=Yielding(index(NEVER), index(-1), flags()),
         home=flags(),
+        facing_rad=of(np.nan),
     )
 
 

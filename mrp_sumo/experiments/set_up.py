@@ -14,17 +14,19 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
-from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, Options, PlanGraph, with_lanes
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
+from mrp_sumo.drive.motion_plan import TURNS_RAD
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings, Planning
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.errands import unreachable
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.formats.lorr import read_map
+from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
 from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
@@ -87,6 +89,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
     graph = maps.graph(map_, scenario.discretisation)
     _require_fit(file, map_.nav, graph, model)
+    _require_brakes(file, graph, model)
     graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, model))
     graph = _with_mutex_groups(file, map_.nav, graph)
     step_s = scenario.planner.step_s or planned_step_s(graph, fleet_of(model, 1), scenario.execution.step_length_s)
@@ -111,8 +114,11 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             goal_of=np.full(len(start), -1) if scenario.tasks is None else np.arange(len(start)),
             step_s=step_s,
             seed=scenario.seed,
+            start_heading_rad=_headings(scenario.robots.start_heading_deg, len(start)),
+            goal_heading_rad=_headings(scenario.robots.goal_heading_deg, len(goal)),
         ),
     )
+    _require_headings(file, problem)
     if scenario.robots.starts is not None and scenario.tasks is None:
         _require_reachable(file, problem)
     if scenario.tasks is not None:
@@ -378,6 +384,26 @@ def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: Rob
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
 
 
+def _require_brakes(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
+    """Robots may brake over several lanes, which they then hold; over more than the whole map none would ever come to its speed."""
+    top = min(model.max_speed_mps, float(graph.speed_mps.max(initial=0.0)))
+    across_m = float(np.hypot(*np.ptp(graph.xy, axis=0))) if graph.num_lanes else np.inf
+    braking_m = top**2 / (2 * model.decel_mps2)
+    if braking_m <= across_m:
+        return
+    raise ScenarioError(
+        f"{file.at('robots', 'type')}: '{model.name}' cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
+        f"{braking_m:.4g} m, and '{graph.name}' is {across_m:.4g} m across (decel_mps2: {_rounded(top**2 / (2 * across_m), math.ceil)} or "
+        f"max_speed_mps: {_rounded(math.sqrt(2 * across_m * model.decel_mps2), math.floor)} would do)"
+    )
+
+
+def _rounded(value: float, towards: Callable[[float], int]) -> str:
+    """Two digits, rounded up or down."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{towards(value / unit) * unit:.6g}"
+
+
 def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
     """What helps against lanes shorter than two robots' centres are apart."""
     millimetres = math.ceil(1000 * needed_m - 1e-6) / 1000
@@ -447,6 +473,34 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: f
         return _drawn(file, graph, separation_m)
     start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]
+
+
+def _headings(degrees: float | list[float | None] | None, count: int) -> FloatArray | None:
+    """[N] in radians, NaN where none is given; None where none are."""
+    if degrees is None:
+        return None
+    each = degrees[:count] if isinstance(degrees, list) else [degrees] * count
+    return frozen(np.radians(np.array([np.nan if heading is None else heading for heading in each], np.float64)))
+
+
+def _require_headings(file: ScenarioFile, problem: Problem) -> None:
+    """Robots stay at a goal along one of its lanes, as they came or turned round; a heading between these is a mistake."""
+    graph, wanted, degrees = problem.graph, problem.goal_heading_rad, file.scenario.robots.goal_heading_deg
+    if wanted is None:
+        return
+    along = graph.xy[graph.head] - graph.xy[graph.tail]
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    for goal in np.flatnonzero(~np.isnan(wanted)).tolist():
+        v = problem.goal[goal]
+        there = heading[(graph.head == v) | (graph.tail == v)]
+        if (np.abs((there - wanted[goal] + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any():
+            continue
+        place: Place = ("robots", "goal_heading_deg", goal) if isinstance(degrees, list) else ("robots", "goal_heading_deg")
+        fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(there), 1) % 360))
+        raise ScenarioError(
+            f"{file.at(*place)}: found {np.degrees(wanted[goal]):g}, but no lane leads to '{graph.label(int(v))}' or away from it in that "
+            f"heading, expected one of {fitting}"
+        )
 
 
 def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: list[str]) -> IntArray:

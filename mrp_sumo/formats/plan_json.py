@@ -2,8 +2,9 @@
 
 `{"schema_version", "step_s", "units", "robots": [{"name", "start", "goal", "visits": [{"vertex", "name",
 "x", "y", "arrive_s", "depart_s"}]}]}`; `depart_s` is null at the end, where the robot stays. Visits of a plan that was made in
-steps and then retimed have `arrive_step` and `depart_step` too. Refuses files of another schema, and plans whose robots are
-not the fleet's.
+steps and then retimed have `arrive_step` and `depart_step` too. Where starts or goals have headings, robots have `start_heading_rad` or
+`goal_heading_rad`, null where any will do, and in plans with the times of the last turns `turned_s`. Refuses files of another
+schema, and plans whose robots are not the fleet's.
 """
 
 import json
@@ -49,6 +50,7 @@ def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = Tr
             "name": problem.fleet.robot_name[r],
             "start": graph.label(int(problem.start[r])),
             "goal": graph.label(int(problem.target[r])) if has_goals else None,
+            **_headings(problem, plan, r),
             "visits": [
                 {
                     "vertex": v,
@@ -65,6 +67,18 @@ def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = Tr
         lines.append(json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False))
     head = json.dumps({"schema_version": SCHEMA_VERSION, "step_s": problem.step_s, "units": "m, s"}, allow_nan=False)
     path.write_text(head[:-1] + ', "robots": [\n' + ",\n".join(lines) + "\n]}\n", encoding="utf-8")
+
+
+def _headings(problem: Problem, plan: Plan, robot: int) -> dict[str, float | None]:
+    """What a robot's headings are, if any have one."""
+    found = {}
+    if problem.start_heading_rad is not None:
+        found["start_heading_rad"] = float(problem.heading_at_start[robot])
+    if problem.goal_heading_rad is not None:
+        found["goal_heading_rad"] = float(problem.heading_at_target[robot])
+    if plan.turned_s is not None:
+        found["turned_s"] = float(plan.turned_s[robot])
+    return {key: None if np.isnan(value) else value for key, value in found.items()}
 
 
 def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
@@ -92,6 +106,9 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     for k, robot in enumerate(robots):
         if not isinstance(robot, dict) or not isinstance(robot.get("name"), str) or not isinstance(robot.get("visits"), list):
             raise PlanError(f"{path}: damaged: robots[{k}] has no name or no visits")
+        turned_s = robot.get("turned_s", 0.0)
+        if isinstance(turned_s, bool) or not isinstance(turned_s, int | float) or not abs(turned_s) < FARTHEST:
+            raise PlanError(f"{path}: damaged: robots[{k}].turned_s is {turned_s!r:.40}, expected a time in s")
         if fault := fault_of(robot["name"]):
             raise PlanError(f"{path}: robots[{k}].name: {fault}")
         for i, visit in enumerate(robot["visits"]):
@@ -116,7 +133,10 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     in_steps = None
     if visits and all(STEPS[0] in visit for visit in visits):
         in_steps = Plan(first, vertex, times(STEPS[0], step_s), times(STEPS[1], step_s))
-    return Plan(first, vertex, times("arrive_s"), times("depart_s"), in_steps)
+    turned_s = None
+    if robots and all("turned_s" in robot for robot in robots):
+        turned_s = frozen(np.array([robot["turned_s"] for robot in robots], np.float64))
+    return Plan(first, vertex, times("arrive_s"), times("depart_s"), in_steps, turned_s)
 
 
 def _fault(visit: Any) -> str:

@@ -40,6 +40,7 @@ from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
 Positive = Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)]
 OfRobot = Annotated[float, Field(ge=1e-4, le=1e3, allow_inf_nan=False)]  # sizes and speeds, generously
 OfBattery = Annotated[float, Field(ge=1e-5, le=1e5, allow_inf_nan=False)]  # and of what it weighs
+Heading = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
 GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
 
@@ -138,6 +139,24 @@ class Robots(_Strict):
     )
     starts: list[str] | None = Field(None, description="Names of vertices, one a robot; an unnamed vertex is v<index>.")
     goals: list[str] | None = Field(None, description="Names of vertices.")
+    start_heading_deg: Heading | list[Heading | None] | None = Field(
+        None,
+        description="Headings at the starts, counter-clockwise from x: one for all, or one a start, null for that of the robot's first "
+        "lane. By default all robots face the way that they go.",
+    )
+    goal_heading_deg: Heading | list[Heading | None] | None = Field(
+        None,
+        description="Headings to which robots turn at the goals, of lanes that lead to the goal or away from it: one for all, or one a "
+        "goal, null for any. By default all robots stay as they come.",
+    )
+
+    @field_validator("start_heading_deg", "goal_heading_deg", mode="before")
+    @classmethod
+    def _one_or_each(cls, found: Any) -> Any:
+        for heading in found if isinstance(found, list | tuple) else [found]:
+            if heading is not None and (type(heading) not in (int, float) or not -360 <= heading <= 360):
+                raise ValueError(f"found {heading!r:.40}, expected degrees from -360 to 360, or a list of them, null where any will do")
+        return found
 
     @model_validator(mode="after")
     def _enough(self) -> "Robots":
@@ -147,6 +166,13 @@ class Robots(_Strict):
             raise ValueError("give count, or starts and goals")
         if self.starts is not None and self.count is not None and self.count > len(self.starts):
             raise ValueError(f"count is {self.count}, but there are {len(self.starts)} starts")
+        for key, headings, places in (
+            ("start", self.start_heading_deg, self.starts),
+            ("goal", self.goal_heading_deg, self.goals),
+        ):
+            expected = self.count if places is None else len(places)
+            if isinstance(headings, list) and len(headings) != expected:
+                raise ValueError(f"{key}_heading_deg has {len(headings)} headings, but there are {expected} {key}s")
         return self
 
 
@@ -389,6 +415,8 @@ class Scenario(_Strict):
     def _goals_or_tasks(self) -> "Scenario":
         if self.tasks is not None and self.robots.goals != self.robots.starts:
             raise ValueError("robots: goals and tasks exclude each other")
+        if self.tasks is not None and self.robots.goal_heading_deg is not None:
+            raise ValueError("robots: goal_heading_deg and tasks exclude each other")
         return self
 
     @model_validator(mode="before")

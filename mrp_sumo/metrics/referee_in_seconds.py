@@ -1,9 +1,10 @@
 """Judges plans in seconds: can robots be at their visits at these times, and do their bodies keep apart? Knows no planner and no executor.
 
-*Times.* A robot stands at a visit from its arrival to its departure, and at least as long as it has to turn there; where both are one
-and it need not turn, it drives through. In between, its speed is from 0 to the lower of its own top speed and the lane's limit, and
-changes at most at its rates. Speeds at visits are intervals, carried on from visit to visit and back. What robots do in steps of dt is
-within half a step of such a motion at the start of a run, and they have arrived 2 mm before a vertex: so much is granted.
+*Times.* A robot stands at a visit from its arrival to its departure, and at least as long as it has to turn there: from the heading of
+its start, towards its next lane, to the heading of its goal. Where both are one and it need not turn, it drives through. In between, its
+speed is from 0 to the lower of its own top speed and the lane's limit, and changes at most at its rates. Speeds at visits are intervals,
+carried on from visit to visit and back. What robots do in steps of dt is within half a step of such a motion at the start of a run, and
+they have arrived 2 mm before a vertex: so much is granted.
 
 *Bodies.* The times of two visits do not say how a robot drives from one to the other. It is taken to be as far along as it can be at
 every moment: it hurries, and waits short of the next vertex where it has time. That is what the executor does with what it holds.
@@ -125,8 +126,9 @@ def judge_in_seconds(problem: Problem, plan: Plan, step_length_s: float = 0.1) -
     pieces = _pieces(problem, plan, runs, cells)
     found = _too_close(plan, pieces, apart - CLOSE_M, kind, cells)
     found += _in_groups(problem, plan, runs, pieces, step_length_s)
-    faults = tuple(_fault(problem, plan, k, int(runs.verdict[k])) for k in np.flatnonzero(runs.verdict).tolist())
-    return Drivability(faults, tuple(sorted(found, key=lambda m: (m.t_s, m.robot, m.other))))
+    faults = [_fault(problem, plan, k, int(runs.verdict[k])) for k in np.flatnonzero(runs.verdict).tolist()]
+    faults += _last_turns(problem, plan)
+    return Drivability(tuple(faults), tuple(sorted(found, key=lambda m: (m.t_s, m.robot, m.other))))
 
 
 def prepare() -> None:
@@ -154,6 +156,7 @@ def _runs(problem: Problem, plan: Plan, step_length_s: float) -> _Runs:
     """Lanes, turns and stays, and what motions the times of visits leave."""
     graph, fleet, robot, num_visits = problem.graph, problem.fleet, plan.robot, plan.num_visits
     lane, heading = _lanes(graph, plan)
+    heading[plan.first[:-1]] = problem.heading_at_start
     turn_s = _turns_s(plan, heading, fleet.turn_rate_rad_s)
     leave_s = np.maximum(plan.depart_s, plan.arrive_s + turn_s)
     stands = (plan.depart_s > plan.arrive_s + LEAST_S) | (turn_s > 0)
@@ -183,13 +186,42 @@ def _lanes(graph: NavGraph, plan: Plan) -> tuple[IntArray, FloatArray]:
 
 
 def _turns_s(plan: Plan, heading: FloatArray, turn_rate_rad_s: FloatArray) -> FloatArray:
-    """[N] how long a robot turns at each visit before it drives on. It begins with the heading of its first lane."""
+    """[N] how long a robot turns at each visit before it drives on. Where its heading is NaN it need not turn."""
     bend = np.append(heading[1:] - heading[:-1], np.nan)
     bend = np.abs((bend + np.pi) % (2 * np.pi) - np.pi)
     bend[np.isnan(bend) | (bend <= TURNS_RAD)] = 0.0
     bend[plan.first[1:] - 1] = 0.0
     turns: FloatArray = bend / turn_rate_rad_s[plan.robot]
     return turns
+
+
+def _last_turns(problem: Problem, plan: Plan) -> list[str]:
+    """What is wrong with the turns in place at goals that have headings.
+
+    Robots may arrive while they still turn through a lesser bend, so that the heading of either of the last two lanes will do.
+    """
+    if problem.goal_heading_rad is None:
+        return []
+    wanted = {v: a for v, a in zip(problem.goal.tolist(), problem.goal_heading_rad.tolist()) if not np.isnan(a)}
+    heading, faults = _lanes(problem.graph, plan)[1], []
+    heading[plan.first[:-1]] = problem.heading_at_start
+    for r, (begin, end, vertex) in enumerate(zip(plan.first[:-1].tolist(), plan.first[1:].tolist(), plan.last_vertex.tolist())):
+        if vertex not in wanted:
+            continue
+        before = heading[max(begin, end - 2) : end]
+        driven_through = len(before) < 2 or abs(_wrapped(before[1] - before[0])) <= TURNS_RAD
+        left = np.abs(_wrapped(wanted[vertex] - (before if driven_through else before[-1:])))
+        need_s = float(np.nanmin(np.append(left, np.inf))) / float(problem.fleet.turn_rate_rad_s[r])
+        found_s = float(plan.end_s[r] - plan.arrive_s[end - 1])
+        if need_s < np.inf and found_s < need_s - LEAST_S:
+            name, label, there_s = problem.fleet.robot_name[r], problem.graph.label(vertex), float(plan.arrive_s[end - 1])
+            faults.append(f"{name} arrives at '{label}' at {there_s:.2f} s and cannot have turned there by {plan.end_s[r]:.2f} s")
+    return faults
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    wrapped: FloatArray = (angle + np.pi) % (2 * np.pi) - np.pi
+    return wrapped
 
 
 def _apart(fleet: Fleet) -> tuple[FloatArray, IntArray]:

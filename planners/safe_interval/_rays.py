@@ -23,6 +23,13 @@ def steps_of_turn(angle_rad, turn_rad):
 
 
 @kernel(allocates=False)
+def steps_of_last_turn(angle_rad, turn_rad):
+    """The same at a goal, where a robot turns to the very heading."""
+    angle = abs((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    return turn_steps(angle, turn_rad, 1.0) if angle > 0.0 else 0
+
+
+@kernel(allocates=False)
 def steps_of_turns(first, head, heading_rad, turn_first, turn_rad, out):
     """Of turns from each lane to each that leaves its head."""
     for lane in range(len(head)):

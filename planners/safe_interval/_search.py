@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._rays import steps_of_turn
+from planners.safe_interval._rays import steps_of_last_turn, steps_of_turn
 from planners.safe_interval._table import FOREVER, first_after, next_begin
 
 GUARD = 2  # steps before which what is needed is taken
@@ -23,6 +23,7 @@ NEVER = 1 << 22  # steps no plan takes
 ROUNDED = 2  # steps by which two runs may differ from what they take without steps
 AT_ONCE = 40  # runs that are worse by so many steps are looked at together
 FOUND, NO_WAY, FULL, ENOUGH = 0, 1, 2, 3
+EXPAND, TURN = -1, -2
 MOST_GAPS = 64
 MOST_PENDING = 1024
 
@@ -37,7 +38,7 @@ class Scratch(NamedTuple):
     ray: np.ndarray  # [N] the first lane of the run that led here, and its number of lanes
     lanes: np.ndarray  # [N]
     left: np.ndarray  # [N] step at which it set out
-    entry: np.ndarray  # [E, 5] state, ray (-1: the state itself), lanes (0: any), from which bound on, from which step on
+    entry: np.ndarray  # [E, 5] state, ray (EXPAND: the state, TURN: its last turn), lanes (0: any), from which bound on, from which step on
     heap: np.ndarray  # [E]
     key: np.ndarray  # [H] of each state
     place: np.ndarray  # [H] its number
@@ -47,7 +48,7 @@ class Scratch(NamedTuple):
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
     seen: np.ndarray  # [L, 3] of the last state at the end of each lane: search, step, end of the safe interval
-    work: np.ndarray  # [4] states and entries so far, over all searches; from which step on the goal is free for ever; `latest` of `find`
+    work: np.ndarray  # [5] states and entries so far, over all searches; of `find` when the goal is free for ever, `latest`, last turn
 
 
 def new_scratch(states: int, num_lanes: int) -> Scratch:
@@ -66,7 +67,7 @@ def new_scratch(states: int, num_lanes: int) -> Scratch:
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
         seen=np.zeros((num_lanes, 3), np.int64),
-        work=np.zeros(4, np.int64),
+        work=np.zeros(5, np.int64),
     )
 
 
@@ -85,7 +86,7 @@ def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, stack, he
     count = 0
     for k in range(moves.first_in[goal], moves.first_in[goal + 1]):
         lane = moves.lane_in[k]
-        at_rest[lane] = steps_of_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
+        at_rest[lane] = steps_of_last_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
         push(heap, count, (np.int64(at_rest[lane]) << 32) | lane)
         count += 1
     while count:
@@ -270,13 +271,15 @@ def latest_start(moves, table, scratch, state, ray, lanes):
 
 
 @kernel(allocates=False)
-def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest, weight, scratch):
+def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing, most, latest, weight, scratch):
     """The earliest way to a goal, to stay, for a robot that stands at its start from step 0 on.
 
     Parameters
     ----------
     start_heading
         NaN where the robot is turned as it sets out.
+    goal_heading
+        To which it turns at its goal, NaN where it stays as it comes.
     at_rest, facing
         See `steps_left`.
     most
@@ -289,7 +292,7 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
     Returns
     -------
     code, state
-        FOUND and the last state, NO_WAY, FULL, or ENOUGH.
+        FOUND and the last state, NO_WAY, FULL, or ENOUGH. The steps of the last turn are in `scratch.work[4]`.
     """
     scratch.searches[0] += 1
     until = safe_until(moves, table, start, 0)
@@ -303,13 +306,17 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
     scratch.work[3] = min(latest, NEVER - 1)
     if scratch.work[2] > scratch.work[3]:
         return NO_WAY, 0
+    scratch.work[4] = 0
     if start == goal and until >= FOREVER:
-        return FOUND, 0
-    states, entries, count = 1, 0, 0
+        scratch.work[4] = steps_of_last_turn(goal_heading - start_heading, moves.turn_rad)
+        if scratch.work[4] == 0:
+            return FOUND, 0
     scratch.entry[0, 0] = 0
-    scratch.entry[0, 1] = -1
+    scratch.entry[0, 1] = EXPAND
     push(scratch.heap, 0, LAST_ENTRY)
-    entries = count = 1
+    states = entries = count = 1
+    if scratch.work[4]:
+        entries, count = push_last_turn(scratch, 0, 0, scratch.work[4], weight, entries, count)
     mask = len(scratch.key) - 1
     now = scratch.searches[0]
     looked = 0
@@ -323,16 +330,26 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
         if looked > most:
             scratch.work[1] += looked
             return ENOUGH, 0
-        if ray < 0:
+        if ray == TURN:
+            scratch.work[0] += states
+            scratch.work[1] += looked
+            scratch.work[4] = scratch.entry[e, 4]
+            return FOUND, state
+        if ray == EXPAND:
             if lane >= 0:
                 v = moves.head[lane]
                 h = key_place(scratch, state_key(lane, scratch.until[state]), now, mask)
                 if scratch.place[h] != state:
                     continue  # reached earlier meanwhile
                 if v == goal and scratch.until[state] >= FOREVER:
-                    scratch.work[0] += states
-                    scratch.work[1] += looked
-                    return FOUND, state
+                    last_turn = steps_of_last_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
+                    if last_turn <= at_rest[lane]:
+                        scratch.work[0] += states
+                        scratch.work[1] += looked
+                        scratch.work[4] = last_turn
+                        return FOUND, state
+                    # it would be sooner to come again by another lane, if nobody is in the way
+                    entries, count = push_last_turn(scratch, state, arrived, last_turn, weight, entries, count)
             else:
                 v = start
             for out in range(moves.first[v], moves.first[v + 1]):
@@ -368,6 +385,18 @@ def find(moves, table, start, start_heading, goal, at_rest, facing, most, latest
 def priority(spent, left, weight, floor):
     """What a state is expanded by: when the robot can be at its goal, which is not before that is free; then what is left."""
     return (np.int64(min(max(spent + np.int64(weight * left), floor), NEVER)) << 16) | np.int64(min(left, 0xFFFF))
+
+
+@kernel(inline="always", allocates=False)
+def push_last_turn(scratch, state, arrived, turn, weight, entries, count):
+    """Add an entry for a robot that stays at its goal and turns there, if that is of use and there is room."""
+    if arrived + turn > scratch.work[3] or entries >= len(scratch.entry):
+        return entries, count
+    scratch.entry[entries, 0] = state
+    scratch.entry[entries, 1] = TURN
+    scratch.entry[entries, 4] = turn
+    push(scratch.heap, count, (priority(arrived, turn, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
+    return entries + 1, count + 1
 
 
 @kernel(inline="always", allocates=False)
@@ -527,7 +556,7 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
                 scratch.lanes[states] = lanes
                 scratch.left[states] = at
                 scratch.entry[entries, 0] = states
-                scratch.entry[entries, 1] = -1
+                scratch.entry[entries, 1] = EXPAND
                 push(scratch.heap, count, (priority(there, at_rest[lane], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
                 scratch.seen[lane, 0] = now
                 scratch.seen[lane, 1] = there

@@ -1,17 +1,17 @@
 """Who drives when: the ways of robots found one by one, each around those that are there, taken out again, and made a Plan."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.resources import Resources, resources_of
 from planners.safe_interval import _search, _table
 from planners.safe_interval._moves import Moves, moves_of
-from planners.safe_interval._rays import ARRIVED_M
+from planners.safe_interval._rays import ARRIVED_M, steps_of_last_turn, steps_of_turn
 
 WHOLE = 1 << 40  # more entries than any search has
 
@@ -24,7 +24,7 @@ class Way:
     resource: IntArray  # [H]
     begin: IntArray  # [H] steps, half-open
     end: IntArray  # [H]
-    steps: int  # until it stands at its goal
+    steps: int  # until it stands at its goal, turned as it is to stay there
 
 
 class Timetable:
@@ -44,6 +44,7 @@ class Timetable:
         self.alone = np.zeros(num_robots, np.int64)  # [R] steps without others, FAR: no way
         self.way: list[Way | None] = [None] * num_robots
         self._start, self._goal = problem.start.tolist(), problem.target.tolist()
+        self._start_rad, self._goal_rad = problem.heading_at_start.tolist(), problem.heading_at_target.tolist()
         self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
         self.scratch = _search.new_scratch(1 << 14, num_lanes)
         self.work = 0  # entries that searches have looked at
@@ -76,10 +77,16 @@ class Timetable:
         """Find out how far it is to a robot's goal from everywhere, without others."""
         moves, start, goal = self.moves[self.kind[robot]], self._start[robot], self._goal[robot]
         room = self.at_rest[robot], self.facing[robot], self._lanes, self._stack
-        while not _search.steps_left(moves, goal, np.nan, *room, self._heap):
+        while not _search.steps_left(moves, goal, self._goal_rad[robot], *room, self._heap):
             self._heap = np.zeros(2 * len(self._heap), np.int64)
-        ahead = self.facing[robot, moves.first[start] : moves.first[start + 1]]
-        self.alone[robot] = 0 if start == goal else ahead.min(initial=_search.FAR)
+        ahead, at_start = self.facing[robot], self._start_rad[robot]
+        steps = [
+            int(ahead[lane]) + steps_of_turn(moves.heading_rad[lane] - at_start, moves.turn_rad)
+            for lane in range(moves.first[start], moves.first[start + 1])
+        ]
+        if start == goal:
+            steps.append(steps_of_last_turn(self._goal_rad[robot] - at_start, moves.turn_rad))
+        self.alone[robot] = min(steps, default=_search.FAR)
 
     def search(self, robot: int, most: int = WHOLE, latest: int = _table.FOREVER, weight: float = 1.0) -> Way | None:
         """The earliest way of a robot that is not in the table; None where there is none, or it takes too long to find."""
@@ -139,13 +146,14 @@ class Timetable:
     def _search(
         self, table: _table.Table, robot: int, most: int, latest: int, weight: float, begin: tuple[int, float, int] | None = None
     ) -> Way | None:
-        """From a vertex, a heading and a step on; by default from the robot's start at step 0, facing where it goes."""
-        moves, goal = self.moves[self.kind[robot]], self._goal[robot]
-        start, heading, since = begin or (self._start[robot], np.nan, 0)
+        """From a vertex, a heading and a step on; by default from the robot's start at step 0."""
+        moves, goal, goal_rad = self.moves[self.kind[robot]], self._goal[robot], self._goal_rad[robot]
+        start, heading, since = begin or (self._start[robot], self._start_rad[robot], 0)
         while True:
             before = int(self.scratch.work[1])
             code, state = _search.find(
-                moves, table, start, heading, goal, self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch
+                *(moves, table, start, heading, goal, goal_rad),
+                *(self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch),
             )
             self.work += int(self.scratch.work[1]) - before
             if code != _search.FULL:
@@ -174,7 +182,8 @@ class Timetable:
                 break
             room *= 2
         begin = np.maximum(begin[:held], since)
-        return Way(runs, resource[:held].copy(), begin, end[:held].copy(), int(self.scratch.arrived[state]) + since)
+        steps = int(self.scratch.arrived[state]) + int(self.scratch.work[4]) + since
+        return Way(runs, resource[:held].copy(), begin, end[:held].copy(), steps)
 
     def hinders(self, robot: int, way: Way) -> IntArray:
         """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
@@ -237,7 +246,12 @@ class Timetable:
         for robot, way in enumerate(self.way):
             assert way is not None
             visits.append(self._visits(robot, way))
-        return plan_of_visits(visits)
+        plan = plan_of_visits(visits)
+        if self.problem.goal_heading_rad is None:
+            return plan
+        turned_s = np.round(self.steps * self.dt, 9)
+        need_not_turn = turned_s - plan.end_s < self.dt - 1e-9  # arrivals are within their steps
+        return replace(plan, turned_s=frozen(np.where(need_not_turn, plan.end_s, turned_s)))
 
     def _visits(self, robot: int, way: Way) -> tuple[IntArray, FloatArray, FloatArray]:
         """Vertices with the times at which a robot arrives and sets out."""

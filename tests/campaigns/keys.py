@@ -42,6 +42,8 @@ NAMED: dict[str, list[Any]] = {
     "robots.type.source": ["a data sheet"],
     "robots.starts": [["crossing_1_1", "crossing_4_3"]],
     "robots.goals": [["crossing_4_3", "crossing_1_1"]],
+    "robots.start_heading_deg": [90, [-45.5, None]],
+    "robots.goal_heading_deg": [[None, None], [90, None]],
     "assignment.solver": list(assigner_names()),
     "assignment.parameters": [{}],
     "planner.name": [name for name in planner_names() if name not in ("external", "plan_file")],

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from worlds import BURGER, CART, cross, graph_of, least_distance_m, line, problem_of, random_grid, square_grid
 
+from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.plan import Plan, paths_of_plan
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
@@ -168,3 +169,21 @@ def test_robots_that_brake_for_seconds_stop_where_they_are_planned_to():
     planned = retime(problem, stays, timed)
     assert planned.depart_s[5] == pytest.approx(stays.depart_s[5], abs=STEP_S) and planned.depart_s[5] > planned.arrive_s[5]
     assert np.abs(simulate(problem, planned, timed, None).arrived_s - planned.arrive_s).max() <= STEP_S + 1e-6
+
+
+@pytest.mark.parametrize("engine", ["sumo", "kinematic"])
+def test_a_robot_that_faces_the_wrong_way_starts_half_a_turn_later_and_turns_before_it_has_arrived(tmp_path, engine):
+    robot = replace(CART, turn_rate_rad_s=np.pi / 4)
+    problem, plan = problem_of(line(4, 1.0), [[0, 1, 2]], robot)
+    how = ExecutionSettings(engine=engine, time_limit_s=60.0)
+    network = build_network(problem.graph, tmp_path / "world.net.xml")
+    alone = simulate(problem, retime(problem, plan, how), how, network)
+    problem = replace(problem, start_heading_rad=np.array([np.pi]), goal_heading_rad=np.array([-np.pi / 2]))
+    planned = retime(problem, plan, how)
+    run = simulate(problem, planned, how, network)
+    assert planned.depart_s[0] == pytest.approx(4.0)
+    assert run.arrived_s[1:] == pytest.approx(alone.arrived_s[1:] + 4.0) and planned.arrive_s == pytest.approx(run.arrived_s)
+    came = np.ceil(run.arrived_s[2] / STEP_S) * STEP_S
+    assert run.goal_s[0] == pytest.approx(came + 2.0) and planned.end_s == pytest.approx(run.goal_s)
+    assert run.yaw_rad[[0, -1], 0] % (2 * np.pi) == pytest.approx([np.pi, 1.5 * np.pi])
+    assert run.booked_s[0, BOOKINGS.index("turning")] == pytest.approx(6.0)

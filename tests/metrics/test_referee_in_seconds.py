@@ -88,6 +88,23 @@ def test_turning_takes_its_time():
     assert judged(corner, [(0, 0.0, 0.0), (1, lane_s, lane_s), (2, turned + lane_s, np.inf)])[0].drivable
 
 
+@pytest.mark.parametrize("turns", ["at the start", "at the goal"])
+def test_turns_from_and_to_headings_take_their_time(turns):
+    way = run([0, 1, 2], [1.0, 1.0], begin=np.pi)
+    problem = Problem(line(3, 1.0), fleet_of(CART, 1), np.array([0]), np.array([2]), np.arange(1), 1.0)
+    problem = replace(problem, start_heading_rad=np.array([np.pi]), goal_heading_rad=np.array([np.pi / 2]))
+    arrive_s = way[-1][1]
+    plan = replace(plan_of(way), turned_s=np.array([arrive_s + np.pi / 2]))
+    assert judge_in_seconds(problem, plan, 0.01).drivable
+    if turns == "at the start":
+        plan = replace(plan_of([(v, max(0.0, a - 0.2), d - 0.2) for v, a, d in way]), turned_s=plan.turned_s)
+        assert judge_in_seconds(problem, plan, 0.01).faults[0].startswith("robot_0 leaves 'v0' at 2.94 s and cannot be at 'v1' as early")
+        return
+    for turned_s in (None, np.array([arrive_s + 1.4])):
+        (fault,) = judge_in_seconds(problem, replace(plan, turned_s=turned_s), 0.01).faults
+        assert fault.startswith(f"robot_0 arrives at 'v2' at {arrive_s:.2f} s and cannot have turned there by")
+
+
 def test_lane_with_a_limit_takes_longer():
     nav = nav_graph(name="slow", xy=[(0, 0), (4, 0)], lanes=[(0, 1), (1, 0)], speed_mps=[0.5, 0.5])
     graph = plan_graph(nav, kind="roadmap", cell_m=4.0)

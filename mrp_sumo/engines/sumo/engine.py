@@ -105,10 +105,11 @@ class SumoEngine:
         heading = graph.heading_rad
         for robot, begin in enumerate(visits.first.tolist()):
             vertex = int(visits.vertex[begin])
+            onward = visits.heading_rad[begin if visits.next[begin] < 0 else visits.next[begin]]
             incoming = by_head[into[vertex] : into[vertex + 1]]
             ahead, stops = self._ahead(robot, begin, visits)
             if len(incoming):
-                away = np.abs((heading[incoming] - visits.heading_rad[begin] + np.pi) % (2 * np.pi) - np.pi)
+                away = np.abs((heading[incoming] - onward + np.pi) % (2 * np.pi) - np.pi)
                 lane = int(incoming[np.argmin(np.round(away, 6))])
                 if not ahead:  # it stays: the route leads on to anywhere
                     ahead = self._exit(lane)

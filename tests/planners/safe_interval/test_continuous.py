@@ -17,6 +17,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.metrics.audit import audit
+from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.search._motion import stepped_run, turn_steps
 from mrp_sumo.traffic.resources import resources_of
@@ -30,6 +31,10 @@ LIMITS = {"burger": (0.22, 2.5, 2.5, 2.84), "slow to brake": (2.0, 0.5, 0.5, 1.5
 
 def problem_of(graph, start, goal, robot=BURGER):
     return Problem(graph, fleet_of(robot, len(start)), np.array(start), np.array(goal), np.arange(len(start)), 3.0)
+
+
+def wrapped(angle):
+    return abs((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def planned(problem, name="continuous", **parameters):
@@ -55,18 +60,20 @@ def test_runs_take_the_steps_that_robots_take(limits, cell_m):
             assert step_of_run(moves, lane, lanes, at_m) == np.searchsorted(s[:num], at_m + 0.001 - 1e-9) + 1
 
 
+@pytest.mark.parametrize("goal_heading", [np.nan, 2.0])
 @pytest.mark.parametrize("limits", LIMITS.values(), ids=LIMITS)
-def test_steps_left_are_the_least_over_all_sequences_of_runs_and_turns(limits):
+def test_steps_left_are_the_least_over_all_sequences_of_runs_and_turns(limits, goal_heading):
     graph = square_grid(4, 1.0)
     moves = moves_of(graph, resources_of(graph, 0.5), limits, 0.1)
     at_rest, facing, lanes_best = (np.zeros(graph.num_lanes, np.int64) for _ in range(3))
     stack = np.zeros(graph.num_lanes + 1, np.int64)
-    assert steps_left(moves, 5, np.nan, at_rest, facing, lanes_best, stack, np.zeros(4000, np.int64))
-    expected = np.where(graph.head == 5, 0, FAR)
+    assert steps_left(moves, 5, goal_heading, at_rest, facing, lanes_best, stack, np.zeros(4000, np.int64))
+    left = [0 if np.isnan(goal_heading) else turn_steps(wrapped(goal_heading - a), limits[3], 0.1) for a in moves.heading_rad]
+    expected = np.where(graph.head == 5, left, FAR)
     for _ in range(40):  # Bellman's equations, over and over
         for lane in range(graph.num_lanes):
             for ray in range(graph.first[graph.head[lane]], graph.first[graph.head[lane] + 1]):
-                bend = abs((moves.heading_rad[ray] - moves.heading_rad[lane] + np.pi) % (2 * np.pi) - np.pi)
+                bend = wrapped(moves.heading_rad[ray] - moves.heading_rad[lane])
                 turn, at = turn_steps(bend, limits[3], 0.1) if bend > 0.2 else 0, ray
                 for lanes in range(moves.length[ray]):
                     steps = turn + moves.time[moves.run_first[moves.course[ray]] + lanes] + expected[at]
@@ -82,6 +89,36 @@ def test_robot_waits_until_the_crossing_is_free_and_then_drives_through():
     assert (waits[moved_on] == 0).all()  # nobody stops on the way: the second one sets out later
     assert plan.depart_s[plan.first[:-1]].min() == 0
     assert plan.depart_s[plan.first[:-1]].max() > 0
+
+
+@pytest.mark.parametrize("name", ["continuous", "pbs", "ccbs"])
+def test_plans_keep_the_headings_of_starts_and_goals(name):
+    rng = np.random.default_rng(5)
+    for seed in range(4):
+        problem = problem_of(square_grid(4, 1.0), rng.permutation(16)[:3], rng.permutation(16)[:3], CART)
+        start, goal = rng.choice([np.nan, 0.0, np.pi / 2, np.pi, -np.pi / 2], (2, 3))
+        problem = replace(problem, start_heading_rad=start, goal_heading_rad=goal, seed=seed)
+        plan = planned(problem, name)
+        timed = ExecutionSettings(policy="adg_timed", engine="kinematic")
+        run = simulate(problem, replace(plan, in_steps=None), timed, None)
+        assert np.abs(run.arrived_s - plan.arrive_s).max() <= 0.1 + 1e-9
+        assert run.goal_s == pytest.approx(plan.end_s, abs=0.001)
+        assert wrapped(run.yaw_rad[-1] - goal)[~np.isnan(goal)] == pytest.approx(0.0)
+        assert judge_in_seconds(problem, plan).drivable
+
+
+def test_a_slow_turner_rather_drives_round_a_loop_than_turn_at_its_goal_unless_somebody_stands_there():
+    bends = 0.15 - np.arange(1, 19) / 18 * (np.pi + 0.3)  # gentle enough to be driven through, out along 20 m and back
+    arc = np.cumsum(np.column_stack([np.cos(bends), np.sin(bends)]), axis=0)
+    arc = np.vstack([[0, 0], arc[:-1]]) * 2 * 20 * np.sin(0.15) / np.hypot(*arc[-1]) + 20 * np.array([np.cos(0.15), np.sin(0.15)])
+    loop = [1, *range(2, 2 + len(arc)), 1]
+    graph = graph_of([(-4, 0), (0, 0), *arc.tolist()], [], 0.4, [(0, 1), *pairwise(loop)])
+    robot = replace(BURGER, max_speed_mps=2.0, turn_rate_rad_s=0.02)
+    there_s = planned(problem_of(graph, [0], [1], robot)).end_s[0]
+    heading = np.array([np.pi - 0.15, np.nan])
+    alone, beside = (replace(problem_of(graph, at, [1, 9][: len(at)], robot), goal_heading_rad=heading[: len(at)]) for at in ([0], [0, 9]))
+    assert there_s + 20.0 < planned(alone).end_s[0] < there_s + 40.0
+    assert planned(beside).end_s[0] == pytest.approx(there_s + (np.pi - 0.15) / 0.02, abs=0.2)
 
 
 def test_robot_steps_aside_into_the_bay():
