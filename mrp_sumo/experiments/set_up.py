@@ -488,11 +488,9 @@ def _require_headings(file: ScenarioFile, problem: Problem) -> None:
     graph, wanted, degrees = problem.graph, problem.goal_heading_rad, file.scenario.robots.goal_heading_deg
     if wanted is None:
         return
-    along = graph.xy[graph.head] - graph.xy[graph.tail]
-    heading = np.arctan2(along[:, 1], along[:, 0])
     for goal in np.flatnonzero(~np.isnan(wanted)).tolist():
         v = problem.goal[goal]
-        there = heading[(graph.head == v) | (graph.tail == v)]
+        there = graph.heading_rad[(graph.head == v) | (graph.tail == v)]
         if (np.abs((there - wanted[goal] + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any():
             continue
         place: Place = ("robots", "goal_heading_deg", goal) if isinstance(degrees, list) else ("robots", "goal_heading_deg")
