@@ -1,6 +1,7 @@
 """Mutated plans in seconds, judged by the referee in seconds, and by linear programs with sampled footprints.
 
-A plan of a planner of ours, retimed, is mutated: stays get longer or shorter, single visits earlier or later, runs slower or faster.
+A plan of a planner of ours, retimed, is mutated: stays get longer or shorter, single visits earlier or later, runs slower or faster,
+turns at goals shorter.
 Whether a robot can drive its runs is a linear program: speeds on a fine grid of time, bounded in value and change, such that every
 lane is as long as it is, but for the least error that does. The motion that is farthest along in sum is a second program, and is
 sampled: circles, and rectangles with shapely, another author's geometry. No motion is the farthest along at every moment (who hurries
@@ -10,6 +11,7 @@ Verdicts within a small band around a bound are left alone: there the two differ
 
 import json
 import random
+from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -41,6 +43,8 @@ TYPES = (
     RobotType("quick", 0.2, 0.2, 2.0, 2.0, 2.5, 3.0, 0.05),
 )
 
+LESSER_RAD = 0.2  # bends that are driven through
+
 Visits = list[tuple[int, float, float]]  # vertex, arrival and departure in s
 
 
@@ -54,24 +58,29 @@ class RefereeInSeconds:
 
     def trial(self, number: int, folder: Path) -> Trial:
         chance = random.Random(f"{self._seed} {number}")
-        problem, given = world(chance.randrange(WORLDS))
+        problem, given, last_turn_s = world(chance.randrange(WORLDS))
         ways = [list(way) for way in given]
         for _ in range(chance.choice((0, 1, 1, 2, 3, 4))):
             chance.choice(MUTATIONS)(ways, chance)
+        turn_s = [each * chance.choice((1.0, 1.0, 1.0, 0.0, chance.uniform(0.7, 1.2))) for each in last_turn_s]
         plan = plan_of(ways)
+        plan = replace(plan, turned_s=plan.end_s + turn_s)
         verdict = judge_in_seconds(problem, plan, STEP_S)
         motions = [motion(problem, robot, tuple(way)) for robot, way in enumerate(ways)]
-        faults = [*wrong_times(problem, verdict.faults, motions), *wrong_distances(problem, verdict.meetings, motions, ways)]
+        of_turns = [fault for fault in verdict.faults if "turned there" in fault]
+        of_times = tuple(fault for fault in verdict.faults if fault not in of_turns)
+        faults = [*wrong_times(problem, of_times, motions), *wrong_distances(problem, verdict.meetings, motions, ways)]
+        faults += wrong_last_turns(problem, of_turns, ways, turn_s)
         if faults:
-            (folder / "plan.json").write_text(json.dumps(ways, indent=1))
+            (folder / "plan.json").write_text(json.dumps([ways, turn_s], indent=1))
         ended = "impossible times" if verdict.faults else "too close" if verdict.meetings else "drivable"
         command = f"python tools/campaign.py referee_in_seconds --seed {self._seed}  # trial {number}; plan.json has the visits"
         return Trial(problem.graph.name, ended, tuple(faults), command)
 
 
 @cache
-def world(which: int) -> tuple[Problem, tuple[tuple[tuple[int, float, float], ...], ...]]:
-    """A small grid with obstacles and a retimed plan; the next one where there is none."""
+def world(which: int) -> tuple[Problem, tuple[tuple[tuple[int, float, float], ...], ...], tuple[float, ...]]:
+    """A small grid with obstacles, the visits of a retimed plan, and how long its last turns take; the next one where there is none."""
     rng = np.random.default_rng([which, 83])
     robot = TYPES[int(rng.integers(len(TYPES)))]
     free = rng.random((int(rng.integers(3, 7)), int(rng.integers(3, 7)))) < 0.9
@@ -82,6 +91,9 @@ def world(which: int) -> tuple[Problem, tuple[tuple[tuple[int, float, float], ..
     num = min(int(rng.integers(2, 9)), len(served))
     start, goal = rng.permutation(served)[:num], rng.permutation(served)[:num]
     problem = Problem(graph, fleet_of(robot, num), start, goal, np.arange(num), 3.0, seed=which)
+    if which % 2:
+        headings = np.random.default_rng([which, 84]).choice([np.nan, 0.0, np.pi / 2, np.pi, -np.pi / 2, 0.7], (2, num))
+        problem = replace(problem, start_heading_rad=headings[0], goal_heading_rad=headings[1])
     plan = planner(str(rng.choice(["prioritised", "lacam"])), {}).plan(problem, 2.0).plan
     try:
         if plan is None:
@@ -90,7 +102,8 @@ def world(which: int) -> tuple[Problem, tuple[tuple[tuple[int, float, float], ..
     except PlanError:
         return world(which + WORLDS)
     columns = list(zip(plan.vertex.tolist(), plan.arrive_s.tolist(), plan.depart_s.tolist()))
-    return problem, tuple(tuple(columns[a:b]) for a, b in pairwise(plan.first.tolist()))
+    last_turn_s = plan.end_s - plan.arrive_s[plan.first[1:] - 1]
+    return problem, tuple(tuple(columns[a:b]) for a, b in pairwise(plan.first.tolist())), tuple(last_turn_s.tolist())
 
 
 def plan_of(ways: list[Visits]) -> Plan:
@@ -161,14 +174,14 @@ def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ..
     top, accel, decel = (float(x[robot]) for x in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2))
     xy = graph.xy[[v for v, _, _ in way]]
     along = np.diff(xy, axis=0)
-    heading = np.arctan2(along[:, 1], along[:, 0])
-    bend = [0.0, *np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi).tolist(), 0.0]
-    turn_s = [b / float(fleet.turn_rate_rad_s[robot]) if b > 0.2 else 0.0 for b in bend]
+    heading = headings_of(problem, robot, xy)  # before each visit, and after the first of them on the next lane
+    bend = [*np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi).tolist(), 0.0]
+    turn_s = [b / float(fleet.turn_rate_rad_s[robot]) if b > LESSER_RAD else 0.0 for b in bend]
     leave = [max(d, a + t) for (_, a, d), t in zip(way, turn_s)]
     stops = [k for k, ((_, a, d), t) in enumerate(zip(way, turn_s)) if k == 0 or d > a + 1e-6 or t > 0]
     slack = ARRIVES_M + (min(accel * STEP_S, top) + min(decel * STEP_S, top)) * STEP_S / 8
     at_rest = decel * STEP_S + np.sqrt(2 * decel * ARRIVES_M)
-    times, places, yaws = [0.0], [xy[0]], [heading[0] if len(heading) else 0.0]
+    times, places, yaws = [0.0], [xy[0]], [heading[0]]
     worst = 0.0
     for a, b in pairwise(stops):
         begin = leave[a] - STEP_S / 2
@@ -181,13 +194,13 @@ def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ..
             break
         turned = np.linspace(way[a][1], way[a][1] + turn_s[a], 12) if turn_s[a] else []
         for share, moment in enumerate(turned):
-            swing = (heading[a] - heading[a - 1] + np.pi) % (2 * np.pi) - np.pi
-            times, places, yaws = [*times, float(moment)], [*places, xy[a]], [*yaws, heading[a - 1] + swing * share / 11]
+            swing = (heading[a + 1] - heading[a] + np.pi) % (2 * np.pi) - np.pi
+            times, places, yaws = [*times, float(moment)], [*places, xy[a]], [*yaws, heading[a] + swing * share / 11]
         lane = np.minimum(np.searchsorted(np.cumsum(lengths), s, side="right"), len(lengths) - 1)
         on = s - np.append(0.0, np.cumsum(lengths))[lane]
         times += (begin + t).tolist()
         places += list(xy[a + lane] + (on / lengths[lane])[:, None] * along[a + lane])
-        yaws += heading[a + lane].tolist()
+        yaws += heading[a + 1 + lane].tolist()
     return Motion(worst, slack, np.array(times), np.array(places), np.array(yaws))
 
 
@@ -245,6 +258,31 @@ def run(
     driven = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2 * h))
     at = weight @ v  # stretched so that every visit is where it shall be
     return error, t, np.interp(driven, at, np.append(0.0, np.cumsum(lengths)))
+
+
+def headings_of(problem: Problem, robot: int, xy: np.ndarray) -> np.ndarray:
+    """[N] in which a robot comes to each visit: to the first as its start says, or as it goes on."""
+    along = np.diff(xy, axis=0)
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    at_start = float(problem.heading_at_start[robot])
+    if np.isnan(at_start):
+        at_start = float(heading[0]) if len(heading) else 0.0
+    return np.append(at_start, heading)
+
+
+def wrong_last_turns(problem: Problem, faults: list[str], ways: list[Visits], turn_s: list[float]) -> list[str]:
+    found = []
+    for robot, (name, way) in enumerate(zip(problem.fleet.robot_name, ways)):
+        wanted, heading = float(problem.heading_at_target[robot]), headings_of(problem, robot, problem.graph.xy[[v for v, _, _ in way]])
+        if np.isnan(wanted) or (len(way) == 1 and np.isnan(problem.heading_at_start[robot])):
+            need_s = 0.0
+        else:
+            came = heading[-2:] if len(way) > 1 and abs(np.angle(np.exp(1j * np.diff(heading[-2:])))).max() <= LESSER_RAD else heading[-1:]
+            need_s = float(np.abs(np.angle(np.exp(1j * (wanted - came)))).min()) / float(problem.fleet.turn_rate_rad_s[robot])
+        said = any(fault.startswith(f"{name} ") for fault in faults)
+        if abs(turn_s[robot] - need_s) > 0.01 and said != (turn_s[robot] < need_s):
+            found.append(f"{name} turns at its goal in {turn_s[robot]:.3f} s and needs {need_s:.3f} s, and the referee says {faults}")
+    return found
 
 
 def wrong_times(problem: Problem, faults: tuple[str, ...], motions: list[Motion]) -> list[str]:

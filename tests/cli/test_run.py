@@ -137,6 +137,24 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ("map: {file: office, graph: 4}\nrobots: {count: 3}", "office.building.yaml has no lane in graph 4"),
         ("map: {file: office, level: L7}\nrobots: {count: 3}", "has no level 'L7'"),
         ("map: office\nrobots: {count: 3}\ndiscretisation: {cell_m: 0.2}", "'turtlebot3' does not fit"),
+        (
+            "map: office\nrobots: {count: 3, start_heading_deg: [90, north, 0]}",
+            "case.yaml:2: robots.start_heading_deg: found 'north', expected degrees from -360 to 360, or a list of them",
+        ),
+        (
+            "map: office\nrobots: {count: 3, goal_heading_deg: [90]}",
+            "case.yaml:2: robots: goal_heading_deg has 1 headings, but there are 3 goals",
+        ),
+        (
+            "map: office\nrobots: {starts: [lobby], goals: [reception], goal_heading_deg: 45}",
+            "robots.goal_heading_deg: found 45, but no lane leads to 'reception' or away from it in that heading, expected one of 90, 270",
+        ),
+        (
+            "map: office\nrobots: {count: 3, type: {length_m: 0.1, width_m: 0.1, max_speed_mps: 2, accel_mps2: 1, decel_mps2: 0.01, "
+            "turn_rate_rad_s: 1}}",
+            "robots.type: 'custom' cannot stop: from 2 m/s at 0.01 m/s2 it takes 200 m, and 'office' is",
+        ),
+        ("map: office\nrobots: {count: 3, type: forklift}\ndiscretisation: roadmap", "lane 'lobby' - "),
         ("map: office\nrobots: {count: 3, type: turtlebot}", "robots.type: 'turtlebot' is neither a robot type nor a file"),
         (
             "map: office\nrobots: {count: 3}\nrecord: {robots: [robot_3]}",
@@ -260,3 +278,28 @@ def test_a_plan_for_something_else_is_one_line(office, tmp_path, capsys, argumen
     said = capsys.readouterr().err
     assert (code, said.count("\n"), (tmp_path / "run").exists()) == (2, 1, False)
     assert line in said
+
+
+def test_headings_of_starts_and_goals_are_planned_driven_and_kept_in_the_plan(tmp_path, capsys):
+    scenario = tmp_path / "facing.yaml"
+    scenario.write_text(
+        "map: office\nrobots: {starts: [lobby, reception], goals: [reception, lobby], start_heading_deg: [180, null], "
+        "goal_heading_deg: 90}\n"
+        "planner: {name: lacam}\nassignment: {mode: fixed}\nexecution: {engine: kinematic}\nrecord: {bag: false}\n"
+    )
+    code, result = run(tmp_path / "out", str(scenario))
+    metrics = result["metrics"]
+    assert code == 0 and metrics["driven_flowtime_s"] == pytest.approx(metrics["flowtime_s"])
+    path = tmp_path / "out" / "plan.json"
+    plan = json.loads(path.read_text())
+    assert [robot["start_heading_rad"] for robot in plan["robots"]] == [pytest.approx(3.14159265), None]
+    assert sum(robot["turned_s"] for robot in plan["robots"]) == pytest.approx(metrics["flowtime_s"])
+    verdicts = []
+    for shorter_s in (0.0, 0.3):
+        for robot in plan["robots"]:
+            robot["turned_s"] -= shorter_s
+        path.write_text(json.dumps(plan))
+        main(["validate", str(path), "--scenario", str(scenario)])
+        verdicts.append(capsys.readouterr().out)
+    assert "\ndrivable: " in verdicts[0]
+    assert "cannot have turned there by" in verdicts[1]
