@@ -116,6 +116,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             seed=scenario.seed,
             start_heading_rad=_headings(scenario.robots.start_heading_deg, len(start)),
             goal_heading_rad=_headings(scenario.robots.goal_heading_deg, len(goal)),
+            effort=scenario.planner.budget or 0,
         ),
     )
     _require_headings(file, problem)
@@ -273,9 +274,12 @@ def _settings(file: ScenarioFile) -> ExecutionSettings:
 
 
 def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
-    """The planner; a window is refused where it plans to the end."""
+    """The planner; a window is refused where it plans to the end, a budget where it does not count what it does."""
     scenario, place = file.scenario, ("execution", "planning", "window_s")
     chosen: Planner = _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters)
+    if scenario.planner.budget and "effort" not in getattr(chosen, "supports", ()):
+        expected = "expected one that does (cbs, continuous, ecbs, eecbs, lacam, lns2, pbs, pibt, prioritised), or no budget"
+        raise ScenarioError(f"{file.at('planner', 'budget')}: planner '{scenario.planner.name}' does not count its labels, {expected}")
     if scenario.tasks and scenario.execution.planning.window_s and "window" not in getattr(chosen, "supports", ()):
         expected = "expected one that does (lacam, lns2, pibt, prioritised), or 0"
         raise ScenarioError(f"{file.at(*place)}: planner '{scenario.planner.name}' does not plan in windows, {expected}")

@@ -21,7 +21,7 @@ import numpy as np
 from mrp_sumo import __version__
 from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
@@ -40,6 +40,7 @@ SCHEMA_VERSION = 1
 RESULT = "result.json"
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
 LISTED_CONFLICTS = 20
+FIRST_LOOK = 0.5  # of its time limit: before, no planner does anything that depends on the clock
 
 WriteBag = Callable[[Path, RunRecord, Recording], object]  # folder, run, what the scenario says of it
 
@@ -165,7 +166,7 @@ def result_document(
             "versions": versions(),
             "metrics": metrics,
             "audit": audit,
-            "plan": _answers(problem, result, verdict),
+            "plan": _answers(problem, result, verdict) | {"clock_limited": _clock_limited(scenario, result)},
             "robots": _robots(problem, execution, has_goals=scenario.tasks is None),
             "findings": list(execution.findings) if execution else [],
         }
@@ -264,6 +265,13 @@ def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> d
         "faults": list(verdict.faults) if verdict else [],
         "conflicts": [conflict(c) for c in verdict.conflicts[:LISTED_CONFLICTS]] if verdict else [],
     }
+
+
+def _clock_limited(scenario: Scenario, result: PlanResult) -> bool:
+    """Whether the wall-clock limit may have shaped the answer, so that another machine or load need not give it again."""
+    if scenario.planner.budget:
+        return result.planning_time_s >= scenario.planner.time_limit_s
+    return result.status is Status.TIMED_OUT or result.planning_time_s >= FIRST_LOOK * scenario.planner.time_limit_s
 
 
 def _robots(problem: Problem, execution: Execution | None, has_goals: bool) -> list[dict[str, Any]]:

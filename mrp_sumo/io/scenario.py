@@ -200,6 +200,11 @@ class PlannerChoice(_Strict):
 
     name: str = Field("cbs", description="Of a registered planner, or FILE.py:CLASS, the file relative to the scenario.")
     time_limit_s: Positive = 60.0
+    budget: Annotated[int, Field(ge=1, le=10**12)] | None = Field(
+        None,
+        description="Labels that the search may make, beside the time limit: what ends it at the same place on every machine, under any "
+        "load. With tasks, see execution.planning.effort.",
+    )
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the planner.")
     step_s: Positive | None = Field(
         None, description="Planned time for a lane; by default its length at full speed plus a quarter turn, rounded up to the step length."

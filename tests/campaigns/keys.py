@@ -48,6 +48,7 @@ NAMED: dict[str, list[Any]] = {
     "assignment.parameters": [{}],
     "planner.name": [name for name in planner_names() if name not in ("external", "plan_file")],
     "planner.parameters": [{}],
+    "planner.budget": [100_000],
     "execution.policy.name": list(policies()),
     "execution.dispatcher.name": ["", "one_shot"],
     "execution.dispatcher.parameters": [{}],

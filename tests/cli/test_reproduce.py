@@ -36,6 +36,23 @@ def test_what_differs_is_named(finished, tmp_path, capsys):
     assert "made with numpy 1.0, here is " in said.err
 
 
+def test_plan_that_the_clock_may_have_shaped_is_marked_and_one_that_a_budget_ended_is_not(tmp_path, capsys):
+    run = ["run", "office_5", "--set", "planner.name=lns2", "--set", "planner.parameters.anytime=true", "--set", "record.bag=false"]
+    run += ["--set", "execution.engine=kinematic", "--set", "execution.time_limit_s=1"]
+    for name, key in (("clock", "planner.time_limit_s=0.05"), ("budget", "planner.budget=20000")):
+        main([*run, "--set", key, "--out", str(tmp_path / name)])
+    marks = {name: json.loads((tmp_path / name / "result.json").read_text())["plan"]["clock_limited"] for name in ("clock", "budget")}
+    assert marks == {"clock": True, "budget": False}
+    capsys.readouterr()
+    assert main(["reproduce", str(tmp_path / "budget")]) == 0
+
+
+def test_budget_is_refused_for_a_planner_that_does_not_count(tmp_path, capsys):
+    assert main(["run", "office_5", "--set", "planner.name=cbs_ta", "--set", "planner.budget=100", "--out", str(tmp_path / "run")]) == 2
+    assert "planner.budget" in (said := capsys.readouterr().err)
+    assert "'cbs_ta' does not count its labels, expected one that does (cbs, " in said
+
+
 def test_a_batch_is_the_same_again(tmp_path, capsys):
     suite = tmp_path / "two.yaml"
     suite.write_text("name: two\nbase: office_5\nuntil: plan\ngrid_search: {seed: 3000..3001}\n")
