@@ -5,6 +5,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NavGraph, PlanGraph
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     import pandas
 
     from mrp_sumo.io.outline import Outline
-    from mrp_sumo.io.trajectory import Trajectory
+    from mrp_sumo.io.trajectory import Levels, Trajectory
     from mrp_sumo.maps.costmap import Costmap
 
 
@@ -70,7 +72,7 @@ class RunResult:
     @property
     def record(self) -> RunRecord:
         """Everything logs are made of. Raises MrpSumoError when nothing was driven."""
-        return record_of(self.setup.scenario, self.solution.problem, self.plan, self._driven, self.nav, self.costmap)
+        return record_of(self.setup.scenario, self.solution.problem, self.plan, self._driven, self.nav, self.costmap, self.levels)
 
     @property
     def samples(self) -> "Trajectory":
@@ -92,7 +94,7 @@ class RunResult:
         """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
         from mrp_sumo.io.trajectory import trajectory_frame, trajectory_table
 
-        return trajectory_frame(trajectory_table(self._driven, self.fleet.robot_name))
+        return trajectory_frame(trajectory_table(self._driven, self.fleet.robot_name, self.levels))
 
     @property
     def events(self) -> "pandas.DataFrame":
@@ -116,6 +118,16 @@ class RunResult:
         if self.execution is None:
             raise MrpSumoError(f"{self.source}: the run was not executed ({self.status}), so it has no trajectory")
         return self.execution
+
+    @property
+    def levels(self) -> "Levels | None":
+        """Those of the graph, where robots change them."""
+        from mrp_sumo.io.trajectory import Levels
+
+        if self.execution is None or self.execution.level is None:
+            return None
+        names, shift_m = self.graph.level_names, self.setup.map.level_shift_m
+        return Levels(names, np.array([shift_m.get(name, (0.0, 0.0)) for name in names]))
 
     @cached_property
     def costmap(self) -> "Costmap | None":
@@ -177,5 +189,6 @@ class RunResult:
             nav=self.setup.map.nav,
             costmap=self.costmap,
             outline=self.outline,
+            levels=self.levels,
             write_bag=write_recorded_bag,
         )

@@ -15,6 +15,7 @@ from mrp_sumo.core.problem import Problem
 
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario import Scenario
+    from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
 MOVING, WAITING, BLOCKED, AT_GOAL = range(4)
@@ -36,11 +37,18 @@ class RunRecord:
     execution: Execution
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
     costmap: "Costmap | None" = None  # walls
+    levels: "Levels | None" = None  # where robots change them
     constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names, that metrics were computed with
 
 
 def record_of(
-    scenario: "Scenario", problem: Problem, plan: Plan | None, execution: Execution, nav: NavGraph | None, costmap: "Costmap | None"
+    scenario: "Scenario",
+    problem: Problem,
+    plan: Plan | None,
+    execution: Execution,
+    nav: NavGraph | None,
+    costmap: "Costmap | None",
+    levels: "Levels | None" = None,
 ) -> RunRecord:
     """The record of a run that has just ended."""
     return RunRecord(
@@ -53,6 +61,7 @@ def record_of(
         execution=execution,
         nav=nav,
         costmap=costmap,
+        levels=levels,
         constants=constants_of(scenario.model_dump(mode="json")),
     )
 

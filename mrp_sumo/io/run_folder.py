@@ -34,6 +34,7 @@ from mrp_sumo.io.scenario import Recording, Scenario
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
 if TYPE_CHECKING:
+    from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
 SCHEMA_VERSION = 1
@@ -83,6 +84,7 @@ def write_run(
     nav: NavGraph | None,
     costmap: "Costmap | None",
     outline: Outline | None = None,
+    levels: "Levels | None" = None,
     write_bag: "WriteBag | None" = None,
 ) -> dict[str, Any]:
     """Write the run folder.
@@ -101,6 +103,8 @@ def write_run(
         The SUMO network, copied.
     nav, costmap, outline
         The map as drawn, and its walls as sensors see them and as drawn.
+    levels
+        Where robots change them.
     write_bag
         Writes the bag where the scenario asks for one.
 
@@ -130,7 +134,7 @@ def write_run(
         if result.plan is not None:
             write_plan(new / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
         if execution is not None:
-            _write_logs(new, scenario, problem, result, execution, nav, costmap, write_bag)
+            _write_logs(new, scenario, problem, result, execution, nav, costmap, levels, write_bag)
         document["files"] = files_in(new)
         (new / RESULT).write_text(laid_out(document) + "\n", encoding="utf-8")
         put_in_place(new, out)
@@ -219,19 +223,21 @@ def _write_logs(
     execution: Execution,
     nav: NavGraph | None,
     costmap: "Costmap | None",
+    levels: "Levels | None",
     write_bag: "WriteBag | None",
 ) -> None:
     """Trajectory, visits, events and bag."""
     from mrp_sumo.io.battery_table import write_batteries
+    from mrp_sumo.io.facilities import write_facilities
     from mrp_sumo.io.replans import write_replans
     from mrp_sumo.io.tasks_table import write_stops, write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
     from mrp_sumo.io.visits import write_visits
 
     about = {"scenario": scenario.name, "seed": scenario.seed, "versions": versions()}
-    write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about)
+    write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about, levels)
     if execution.believed is not None:
-        write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about)
+        write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about, levels)
     if result.plan is not None:
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
     if execution.replies:
@@ -242,9 +248,11 @@ def _write_logs(
         write_stops(folder / "stops.parquet", execution.stops, execution.tasks, problem.fleet.robot_name, problem.graph.label)
     if execution.batteries is not None:
         write_batteries(folder / "battery.parquet", execution.batteries, problem.fleet.robot_name)
+    if execution.facilities is not None:
+        write_facilities(folder, execution.facilities, problem.fleet.robot_name, problem.graph.level_names)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
-        record = record_of(scenario, problem, result.plan, execution, nav, costmap)
+        record = record_of(scenario, problem, result.plan, execution, nav, costmap, levels)
         write_bag(folder / "bag", record, scenario.record)
 
 

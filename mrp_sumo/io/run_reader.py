@@ -12,6 +12,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome, PlannerCalls, Reply
+from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
@@ -161,6 +162,8 @@ class RunFolder:
             cpu_time_s=metrics["cpu_time_s"] or 0.0,
             events=events_of_documents(documents, self.fleet, self.graph),
             findings=tuple(self.result["findings"]),
+            level=None if samples.level is None else frozen(samples.level),
+            facilities=self._facilities(),
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
             replies=self._replies(),
             tasks=self._tasks(),
@@ -183,6 +186,7 @@ class RunFolder:
                 execution=self.execution,
                 nav=self.nav,
                 costmap=self.costmap,
+                levels=self.samples.levels,
                 constants=constants_of(self.result["scenario"]),
             )
         except DAMAGE as error:
@@ -242,6 +246,12 @@ class RunFolder:
         from mrp_sumo.io.battery_table import read_batteries
 
         return read_batteries(self.folder / "battery.parquet", self.fleet.num_robots)
+
+    def _facilities(self) -> FacilityLog | None:
+        from mrp_sumo.io.facilities import DOORS, LIFTS, read_facilities
+
+        there = [self._has(name) for name in (LIFTS, DOORS)]
+        return read_facilities(self.folder, self.fleet.robot_name, self.graph.level_names) if any(there) else None
 
     def _calls(self) -> PlannerCalls | None:
         metrics = self.metrics

@@ -2,7 +2,7 @@
 
 MRP-Bench's recipe frees one line of cells a lane and widens it so that two robots can pass. Its counts are
 those of the paper to the cell, so its oddities are kept: coordinates are single precision, and the last two
-widening passes look at the wrong row and column. Refuses several levels at once and grids too large to use.
+widening passes look at the wrong row and column. Several levels have a grid each. Refuses grids too large to use.
 """
 
 from collections.abc import Sequence
@@ -32,12 +32,55 @@ def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
     Raises
     ------
     MapError
-        For several levels, and cells that are too small.
+        For cells that are too small.
     """
     if isinstance(nav, PlanGraph):
         return nav
+    levels = np.unique(nav.level)
+    if len(levels) > 1:
+        return _grids(nav, cell_m, levels)
     free, cell, origin = paper_cells(nav, cell_m)
     return grid_graph(free, cell_m, origin, name=nav.name, source=nav.source, level_names=_one_level(nav), stations=cell, nav=nav)
+
+
+def _grids(nav: NavGraph, cell_m: float, levels: IntArray) -> PlanGraph:
+    """A grid a level, joined by rides between the cells of the stops of lifts."""
+    station, first = np.zeros(nav.num_vertices, np.int64), 0
+    parts: list[PlanGraph] = []
+    for k in levels.tolist():
+        mine = np.flatnonzero(nav.level == k)
+        lanes = np.flatnonzero((nav.level[nav.tail] == k) & (nav.level[nav.head] == k))
+        number = np.cumsum(nav.level == k) - 1
+        alone = nav_graph(
+            name=nav.name,
+            xy=nav.xy[mine],
+            lanes=np.stack([number[nav.tail[lanes]], number[nav.head[lanes]]], 1),
+            level_names=(nav.level_names[k],),
+            vertex_name=[nav.vertex_name[v] for v in mine.tolist()],
+            vertex_options=[nav.vertex_options[v] for v in mine.tolist()],
+            source=nav.source,
+        )
+        part = paper_grid(alone, cell_m)
+        station[mine] = first + part.vertex_of_station
+        first += part.num_vertices
+        parts.append(part)
+    begin = np.cumsum([0, *(part.num_vertices for part in parts)])
+    rides = np.flatnonzero(nav.is_ride)
+    cells = [np.stack([part.tail, part.head], 1) + at for part, at in zip(parts, begin.tolist())]
+    num_lanes = sum(map(len, cells))
+    graph = nav_graph(
+        name=nav.name,
+        xy=np.concatenate([part.xy for part in parts]),
+        lanes=np.concatenate([*cells, np.stack([station[nav.tail[rides]], station[nav.head[rides]]], 1)]),
+        level_names=nav.level_names,
+        level=np.repeat(levels, np.diff(begin)),
+        vertex_name=[name for part in parts for name in part.vertex_name],
+        vertex_options=[options for part in parts for options in part.vertex_options],
+        length_m=np.concatenate([np.full(num_lanes, float(cell_m)), nav.length_m[rides]]),
+        lane_options=[*([NO_OPTIONS] * num_lanes), *(nav.lane_options[k] for k in rides.tolist())],
+        source=nav.source,
+    )
+    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=station)
 
 
 def paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, FloatArray]:

@@ -21,6 +21,7 @@ LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
 MOST_PLACES = 2000  # along either side of the floor
+FAR_M = 1e6  # between levels
 LOOK_M = 1.0  # how far walls are looked for at first
 KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
     "speed": "num_speed_violations",
@@ -65,7 +66,7 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
     """
     if execution.level is not None:
         execution, level = _on_floors(execution, execution.level), None
-    overlaps, clearance = _closeness(execution, fleet, level)
+    overlaps, clearance = _closeness(_apart(execution), fleet, level)
     walls_found = _at_walls(execution, fleet, walls)
     counts, violations = _motion(execution, fleet)
     elsewhere, apart_m = _elsewhere(execution, fleet)
@@ -111,6 +112,11 @@ def _on_floors(execution: Execution, level: IntArray) -> Execution:
     return replace(execution, x_m=np.where(leaves, np.nan, execution.x_m), y_m=np.where(leaves, np.nan, execution.y_m))
 
 
+def _apart(execution: Execution) -> Execution:
+    """The execution with levels so far apart that robots on two of them are never the nearest."""
+    return execution if execution.level is None else replace(execution, x_m=execution.x_m + FAR_M * execution.level)
+
+
 def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
     """The first overlap of every pair, by time, and the least clearance."""
     x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
@@ -119,7 +125,7 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
     floor = np.zeros(x.shape[1], np.int64) if level is None else level.astype(np.int64)
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
     best, where, hits = _audit.closeness(x, y, yaw, floor, np.hypot(half_length, half_width), half_length, half_width)
-    if not np.isfinite(best):
+    if not np.isfinite(best) or best > FAR_M / 2:
         return [], None
 
     def time(k: float, share: float) -> float:
@@ -130,7 +136,8 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
     overlaps = []
     for t_s, a, b in found:
         (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
-        place = {"x_m": float(xs[a] + xs[b]) / 2, "y_m": float(ys[a] + ys[b]) / 2}
+        x_m = float(xs[a] + xs[b]) / 2
+        place = {"x_m": x_m if execution.level is None else x_m - FAR_M * round(x_m / FAR_M), "y_m": float(ys[a] + ys[b]) / 2}
         overlaps.append({"robots": [fleet.robot_name[a], fleet.robot_name[b]], "t_s": t_s, **place})
     robots = [fleet.robot_name[int(r)] for r in where[2:]]
     return overlaps, {"m": float(best), "robots": robots, "t_s": time(where[0], where[1])}

@@ -3,7 +3,7 @@
 Documentation, reports, comparisons and batches read this table; a metric's unit, sense and formula stand nowhere else.
 """
 
-from mrp_sumo.metrics import fleet_use, motion, mrp_bench, planning, safety, service, tasks
+from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, planning, safety, service, tasks
 from mrp_sumo.metrics.metric import YES_NO, Metric
 
 METRICS: tuple[Metric, ...] = (
@@ -92,6 +92,10 @@ METRICS: tuple[Metric, ...] = (
     fleet_use.battery_level_min,
     fleet_use.robots_battery_critical,
     fleet_use.robots_battery_empty,
+    facilities.lift_rides,
+    facilities.lift_wait_s,
+    facilities.lift_utilisation_max,
+    facilities.door_openings,
 )
 BY_NAME = {metric.name: metric for metric in METRICS}
 MACHINE_DEPENDENT = tuple(metric.name for metric in METRICS if metric.of_machine)

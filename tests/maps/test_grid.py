@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from golden import INSTANCES, MRP_BENCH
 
+from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.facts import facts
@@ -63,9 +64,18 @@ def test_a_straight_lane_is_two_cells_wide():
     assert [grid.vertex_name[v] for v in grid.vertex_of_station] == ["south", "north"]
 
 
-def test_grids_of_several_levels_and_of_too_small_cells_are_refused():
-    two = nav_graph(name="tower", xy=[[0, 0], [1, 0]], lanes=[[0, 1]], level_names=["L1", "L2"], level=[0, 1])
-    with pytest.raises(MapError, match="a grid holds one level, but graph 'tower' is on L1, L2"):
-        paper_grid(two)
+def test_levels_have_a_grid_each_joined_by_lifts():
+    xy, lanes = [[0, 0], [0, 2], [50, 2], [50, 0]], [[0, 1], [1, 0], [1, 2], [2, 1], [2, 3], [3, 2]]
+    options = [{"lift": "goods"} if {a, b} == {1, 2} else {} for a, b in lanes]
+    levels = {"level_names": ["L1", "L2"], "level": [0, 0, 1, 1]}
+    tower = nav_graph(name="tower", xy=xy, lanes=lanes, length_m=[2, 2, 8, 8, 2, 2], lane_options=options, **levels)
+    grid = paper_grid(tower, 0.4)
+    assert np.bincount(grid.level).tolist() == [6, 6]  # as each level alone
+    (up, down), stop = np.flatnonzero(grid.is_ride), grid.vertex_of_station
+    assert [(grid.tail[k], grid.head[k]) for k in (up, down)] == [(stop[1], stop[2]), (stop[2], stop[1])]
+    assert len(np.unique(strong_components(grid.num_vertices, grid.tail, grid.head))) == 1
+
+
+def test_grids_of_too_small_cells_are_refused():
     with pytest.raises(MapError, match="cell length is 0 m"):
         paper_grid(nav_graph(name="line", xy=[[0, 0], [1, 0]], lanes=[[0, 1]]), 0.0)

@@ -1,0 +1,73 @@
+"""What lifts and doors did, as Parquet, a row for each change.
+
+`lifts.parquet`: `t_s`, `lift`, `state` (closed, coming, open, taken), `level` of the car, `target` level, `robot` for which it comes
+or that is in it ('' for none, '(people)' for people). `doors.parquet`: `t_s`, `door`, `state` (closed, opening, open, closing). The names
+of all lifts and doors stand in the files' metadata.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES, PEOPLE, FacilityLog
+from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.io.arrow import dictionary, numbers
+
+KEY = b"mrp_sumo"
+LIFTS, DOORS = "lifts.parquet", "doors.parquet"
+WHO_ELSE = {-1: "", PEOPLE: "(people)"}
+
+
+def write_facilities(folder: Path, log: FacilityLog, robot_name: Sequence[str], level_name: Sequence[str]) -> None:
+    """Write a table of lifts, where there are any, and one of doors."""
+    who = [WHO_ELSE.get(r) or (robot_name[r] if r >= 0 else "") for r in log.lift_robot.tolist()]
+    lifts = {
+        "t_s": numbers(log.lift_t_s),
+        "lift": dictionary([log.lift_name[f] for f in log.lift.tolist()]),
+        "state": dictionary([LIFT_STATES[k] for k in log.lift_state.tolist()]),
+        "level": dictionary([level_name[k] for k in log.lift_level.tolist()]),
+        "target": dictionary([level_name[k] for k in log.lift_target.tolist()]),
+        "robot": dictionary(who),
+    }
+    doors = {
+        "t_s": numbers(log.door_t_s),
+        "door": dictionary([log.door_name[d] for d in log.door.tolist()]),
+        "state": dictionary([DOOR_STATES[k] for k in log.door_state.tolist()]),
+    }
+    for name, columns, known in ((LIFTS, lifts, log.lift_name), (DOORS, doors, log.door_name)):
+        if known:
+            pq.write_table(pa.table(columns).replace_schema_metadata({KEY: json.dumps(list(known))}), folder / name, compression="zstd")
+
+
+def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequence[str]) -> FacilityLog | None:
+    """The log as it was written; None where there are neither lifts nor doors."""
+    lifts, doors = (pq.read_table(path) if (path := folder / name).is_file() else None for name in (LIFTS, DOORS))
+    if lifts is None and doors is None:
+        return None
+    robots = {name: r for r, name in enumerate(robot_name)} | {text: r for r, text in WHO_ELSE.items()}
+    levels = {name: k for k, name in enumerate(level_name)}
+    lift_name, door_name = (tuple(json.loads(table.schema.metadata[KEY])) if table else () for table in (lifts, doors))
+
+    def column(table: pa.Table | None, name: str, number: dict[str, int]) -> IntArray:
+        return frozen(np.array([number[text] for text in table[name].to_pylist()] if table else [], np.int64))
+
+    def numbered(names: Sequence[str]) -> dict[str, int]:
+        return {name: k for k, name in enumerate(names)}
+
+    return FacilityLog(
+        lift_name=lift_name,
+        lift_t_s=frozen(lifts["t_s"].to_numpy() if lifts else np.zeros(0)),
+        lift=column(lifts, "lift", numbered(lift_name)),
+        lift_state=column(lifts, "state", numbered(LIFT_STATES)),
+        lift_level=column(lifts, "level", levels),
+        lift_target=column(lifts, "target", levels),
+        lift_robot=column(lifts, "robot", robots),
+        door_name=door_name,
+        door_t_s=frozen(doors["t_s"].to_numpy() if doors else np.zeros(0)),
+        door=column(doors, "door", numbered(door_name)),
+        door_state=column(doors, "state", numbered(DOOR_STATES)),
+    )
