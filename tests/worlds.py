@@ -189,7 +189,7 @@ def run_of_four(out, network, *, executed=True, **changes):
         "costmap": record.costmap,
         "write_bag": write_recorded_bag,
     }
-    return write_run(out, **{**given, **changes})
+    return write_run(out, **{"zones": None, **given, **changes})
 
 
 def record_of_two(names=("a", "b"), num_samples=41):

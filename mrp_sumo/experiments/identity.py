@@ -37,7 +37,6 @@ _FILES = (
     "experiments/set_up.py",
     "experiments/worker.py",
     "sizing/observe.py",
-    "sizing/places.py",
 )
 _LIBRARIES = ("libsumo", "ortools")  # whose versions may change results
 

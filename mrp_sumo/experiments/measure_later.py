@@ -14,6 +14,7 @@ from mrp_sumo.io.results import drop_tables, read_plan, read_record, record_path
 from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
 from mrp_sumo.metrics.evaluate import Metrics, evaluate
 from mrp_sumo.metrics.metric import Metric
+from mrp_sumo.metrics.zones import occupancy
 from mrp_sumo.traffic.referee import judge
 
 
@@ -61,6 +62,7 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         assignment_time_s=recorded["assignment_time_s"],
         tolerance_m=scenario["execution"]["goal_tolerance_m"],
         time_limit_s=recorded.get("execution_time_limit_s") or scenario["execution"]["time_limit_s"] or 0.0,
+        zones=occupancy(execution, run.graph, run.nav) if execution and execution.tasks and run.nav else None,
         metrics=metrics,
     )
 

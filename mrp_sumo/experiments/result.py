@@ -11,6 +11,7 @@ from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NavGraph, PlanGraph
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import SetUp
@@ -38,6 +39,7 @@ class RunResult:
     audit: dict[str, Any] | None
     metrics: dict[str, Any]  # JSON values by name
     details: str = ""  # the traceback of a plug-in that failed
+    zones: ZoneLog | None = None  # how occupied they were, of a run with tasks
     metric_faults: tuple[str, ...] = ()  # a line for each of the user's metrics that failed; in `note`, too
 
     @property
@@ -185,6 +187,7 @@ class RunResult:
         write_run(
             out,
             **self._told,
+            zones=self.zones,
             network=maps.network(self.solution.problem.graph),
             nav=self.setup.map.nav,
             costmap=self.costmap,

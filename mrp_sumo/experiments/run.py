@@ -160,6 +160,7 @@ def finish(
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
     from mrp_sumo.metrics.tasks import overload
+    from mrp_sumo.metrics.zones import occupancy
 
     report = progress or silent
     execution, note, details, broken = None, solution.result.message or solution.note, solution.result.details, ""
@@ -185,6 +186,7 @@ def finish(
     note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat, idle)))
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
+    zones = occupancy(execution, problem.graph, setup.map.nav) if execution and execution.tasks and len(execution.t_s) else None
     metrics = evaluate(
         solution.problem,
         solution.result,
@@ -194,12 +196,13 @@ def finish(
         assignment_time_s=solution.assignment_time_s,
         time_limit_s=setup.settings.time_limit_s,
         tolerance_m=choice.goal_tolerance_m,
+        zones=zones,
         metrics=(*METRICS, *own),
     )
     if faults:
         note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
-    return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, tuple(map(str, faults)))
+    return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, tuple(map(str, faults)))
 
 
 def _unanswered(execution: Execution) -> str:

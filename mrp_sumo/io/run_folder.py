@@ -23,6 +23,7 @@ from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.formats.plan_json import write_plan
@@ -80,6 +81,7 @@ def write_run(
     execution: Execution | None,
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
+    zones: ZoneLog | None,
     network: Path,
     nav: NavGraph | None,
     costmap: "Costmap | None",
@@ -99,6 +101,8 @@ def write_run(
         As it was run, overrides applied.
     problem, result, verdict, execution, metrics, audit
         Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag.
+    zones
+        How occupied they were, where that is known.
     network
         The SUMO network, copied.
     nav, costmap, outline
@@ -122,6 +126,8 @@ def write_run(
     out = out.resolve()
     new = out.parent / f".{out.name}.new-{os.getpid()}"
     _clear_leftovers(out)
+    from mrp_sumo.io.zones_table import write_zones
+
     try:
         new.mkdir(parents=True)
         document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
@@ -135,6 +141,8 @@ def write_run(
             write_plan(new / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
         if execution is not None:
             _write_logs(new, scenario, problem, result, execution, nav, costmap, levels, write_bag)
+        if zones is not None:
+            write_zones(new, zones)
         document["files"] = files_in(new)
         (new / RESULT).write_text(laid_out(document) + "\n", encoding="utf-8")
         put_in_place(new, out)

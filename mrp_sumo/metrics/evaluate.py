@@ -6,6 +6,7 @@ from typing import Any
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.metrics import mrp_bench
 from mrp_sumo.metrics.metric import Evidence, Metric
 from mrp_sumo.metrics.registry import METRICS
@@ -33,6 +34,7 @@ def evaluate(
     cell_m: float | None = None,
     tolerance_m: float = mrp_bench.TOLERANCE_M,
     time_limit_s: float = mrp_bench.RECORDING_TIMEOUT_S,
+    zones: ZoneLog | None = None,
     metrics: Sequence[Metric] = METRICS,
 ) -> Metrics:
     """The metrics of a run by name. A value that does not exist (no plan, not executed, one robot alone) is None.
@@ -57,6 +59,8 @@ def evaluate(
         How near its goal a robot has reached it: MRP-Bench's location tolerance.
     time_limit_s
         MRP-Bench's recording timeout.
+    zones
+        How occupied zones were, of a run with tasks.
     metrics
         Which; all of the registry by default.
     """
@@ -70,5 +74,6 @@ def evaluate(
         cell_m=problem.graph.cell_m if cell_m is None else cell_m,
         tolerance_m=tolerance_m,
         time_limit_s=time_limit_s,
+        zones=zones,
     )
     return {metric.name: metric(evidence) for metric in metrics}

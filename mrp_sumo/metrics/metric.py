@@ -11,6 +11,7 @@ import numpy as np
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.traffic.referee import Verdict
 
 YES_NO = "yes/no"  # the unit of what is true or false
@@ -42,6 +43,7 @@ class Evidence:
     cell_m: float  # MRP-Bench's cellSize
     tolerance_m: float  # execution.goal_tolerance_m
     time_limit_s: float  # of the execution, simulated
+    zones: ZoneLog | None = None  # how occupied they were, of runs with tasks
     _found: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
 
     @property

@@ -3,7 +3,7 @@
 Documentation, reports, comparisons and batches read this table; a metric's unit, sense and formula stand nowhere else.
 """
 
-from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, planning, safety, service, tasks
+from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, planning, safety, service, tasks, zones
 from mrp_sumo.metrics.metric import YES_NO, Metric
 
 METRICS: tuple[Metric, ...] = (
@@ -96,6 +96,9 @@ METRICS: tuple[Metric, ...] = (
     facilities.lift_wait_s,
     facilities.lift_utilisation_max,
     facilities.door_openings,
+    zones.zone_occupancy_max,
+    zones.zone_robots_mean_max,
+    zones.zone_robots_max,
 )
 BY_NAME = {metric.name: metric for metric in METRICS}
 MACHINE_DEPENDENT = tuple(metric.name for metric in METRICS if metric.of_machine)

@@ -9,12 +9,12 @@ import numpy as np
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.places import places_of
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.worker import Answer, Job, measure
 from mrp_sumo.metrics.tasks import steady_from
-from mrp_sumo.sizing.places import places_of
 
 FUNCTION = f"{__name__}:observe"
 MINUTE_S = 60.0

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.places import BETWEEN, places_of
 from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.statistics import wilson
@@ -17,7 +18,6 @@ from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, key
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PURPLE, SKY, VERMILION
 from mrp_sumo.sizing.answer import Answer
-from mrp_sumo.sizing.places import BETWEEN, places_of
 from mrp_sumo.sizing.points import Point
 from mrp_sumo.sizing.reasons import PARTS, Reasons, Share, cycle, diagram
 

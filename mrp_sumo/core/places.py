@@ -35,7 +35,8 @@ def places_of(graph: PlanGraph, nav: NavGraph) -> Places:
     at_vertex = (away_m <= NEAR * graph.cell_m) | (len(lanes) == 0)
     numbers, of_vertex = np.unique(np.where(at_vertex, vertex, nav.num_vertices + lane), return_inverse=True)
     named = [_vertex_place(nav, k) if k < nav.num_vertices else _lane_place(nav, k - nav.num_vertices) for k in numbers.tolist()]
-    return Places(*zip(*named), frozen(of_vertex.reshape(-1).astype(np.int64)))
+    name, kind = zip(*named)
+    return Places(name, kind, frozen(of_vertex.reshape(-1).astype(np.int64)))
 
 
 def _squares(graph: PlanGraph) -> Places:

@@ -1,0 +1,68 @@
+"""Zones of a building and how occupied they are: crossings, aisles, doors and lifts of the map, squares of five cells on maps of cells.
+
+Robots are looked at once a second, after nothing but their positions: each is in the zone of the vertex of the plan graph nearest to it.
+"""
+
+import numpy as np
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen
+from mrp_sumo.core.places import places_of
+from mrp_sumo.core.zone_log import ZoneLog
+from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
+
+LOOK_S = 1.0  # between looks at where robots are
+
+
+@metric("", "none", "share of the time for which at least one robot was in the zone where that is most; see zones.parquet")
+def zone_occupancy_max(run: Evidence) -> float | None:
+    return float(run.zones.occupied_share.max()) if run.zones and len(run.zones.name) else None
+
+
+@metric("", "none", "mean number of robots in the zone where it is most")
+def zone_robots_mean_max(run: Evidence) -> float | None:
+    return float(run.zones.robots_mean.max()) if run.zones and len(run.zones.name) else None
+
+
+@metric("", "none", "most robots in one zone at a time")
+def zone_robots_max(run: Evidence) -> int | None:
+    return int(run.zones.robots_max.max()) if run.zones and len(run.zones.name) else None
+
+
+def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
+    """How occupied each zone was. Looks at some samples at a time.
+
+    Parameters
+    ----------
+    execution
+        With at least one sample.
+    graph, nav
+        The graph that robots drove on, and the map as drawn.
+    """
+    from scipy.spatial import cKDTree
+
+    places, tree = places_of(graph, nav), cKDTree(graph.xy)
+    num_zones, num_looks = len(places.name), 0
+    total, occupied, most = (np.zeros(num_zones, np.int64) for _ in range(3))
+    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else LOOK_S
+    every = max(1, round(LOOK_S / period_s))
+    for begin in range(0, len(execution.t_s), every * TOGETHER):
+        looks = slice(begin, begin + every * TOGETHER, every)
+        there = np.stack([execution.x_m[looks], execution.y_m[looks]], -1)  # [K, R, 2]
+        look, robot = np.nonzero(np.isfinite(there).all(-1))
+        zone = places.of_vertex[tree.query(there[look, robot])[1]]
+        robots = np.zeros((len(there), num_zones), np.int64)
+        np.add.at(robots, (look, zone), 1)
+        total += robots.sum(0)
+        occupied += (robots > 0).sum(0)
+        most = np.maximum(most, robots.max(0))
+        num_looks += len(there)
+    entered = np.flatnonzero(total)
+    order = entered[np.argsort(-occupied[entered], kind="stable")]
+    return ZoneLog(
+        name=tuple(places.name[z] for z in order.tolist()),
+        kind=tuple(places.kind[z] for z in order.tolist()),
+        occupied_share=frozen(occupied[order] / num_looks),
+        robots_mean=frozen(total[order] / num_looks),
+        robots_max=frozen(most[order]),
+    )
