@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
     from mrp_sumo.door.batches import Batch, run_suite
     from mrp_sumo.door.capacity import Capacity, capacity
+    from mrp_sumo.door.learning import parallel_env
     from mrp_sumo.door.maps import Site, load_map, save_map
     from mrp_sumo.door.planning import Judgement, Problem, judge, plan, problem
     from mrp_sumo.door.running import Replay, Run, load_run, run, simulate
@@ -48,6 +49,7 @@ _HOMES = {
     "load_map": "door.maps",
     "load_results": "io.results",
     "load_run": "door.running",
+    "parallel_env": "door.learning",
     "plan": "door.planning",
     "plan_of_paths": "core.plan",
     "problem": "door.planning",
@@ -78,6 +80,7 @@ __all__ = [
     "load_map",
     "load_results",
     "load_run",
+    "parallel_env",
     "plan",
     "plan_of_paths",
     "problem",

@@ -23,6 +23,7 @@ PLUGINS = {
     },
     "step_planners": {
         "epibt": "planners.step_wise.epibt:Epibt",
+        "program": "planners.step_wise.program:Program",
     },
     "assigners": {
         "cp_sat": "planners.assigners.cp_sat:CpSat",

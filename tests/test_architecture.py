@@ -33,10 +33,12 @@ HOMES = {
     "rosbags": ("mrp_sumo/bags/",),
     "ortools": ("planners/assigners/",),
     "matplotlib": ("mrp_sumo/reports/",),
+    "gymnasium": ("mrp_sumo/door/environment.py",),
+    "pettingzoo": ("mrp_sumo/door/environment.py",),
     "pydantic": ("mrp_sumo/io/", "mrp_sumo/experiments/"),
     "pyarrow": ("mrp_sumo/io/", "mrp_sumo/reports/exports.py"),
 }
-HEAVY = ("libsumo", "rosbags", "ortools", "matplotlib", "pydantic", "pyarrow", "numba", "scipy", "numpy", "pandas", "yaml")
+HEAVY = ("libsumo", "rosbags", "ortools", "matplotlib", "pydantic", "pyarrow", "numba", "scipy", "numpy", "pandas", "yaml", "pettingzoo")
 
 
 def sources():

@@ -13,5 +13,5 @@ lock() {
 }
 lock build requirements/build.in
 lock run pyproject.toml
-lock test pyproject.toml --extra test --extra cluster --extra video
+lock test pyproject.toml --extra test --extra cluster --extra rl --extra video
 python=3.11.5 lock docs pyproject.toml --extra docs  # pymdown-extensions needs it

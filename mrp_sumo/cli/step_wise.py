@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mrp_sumo.planning.step_wise import StepPlanner
 
 MAX_STEPS = 1_000_000
-DEFAULT = "epibt"
+DEFAULT, PROGRAM = "epibt", "program"
 
 
 def is_problem(name: str | None) -> bool:
@@ -79,7 +79,7 @@ def validate(options: argparse.Namespace) -> int:
 
 
 def _require_sound(options: argparse.Namespace) -> None:
-    given = [f"--{key}" for key in ("map", "scen", "assignment", "robots", "command", "format") if getattr(options, key) is not None]
+    given = [f"--{key}" for key in ("map", "scen", "assignment", "robots", "format") if getattr(options, key) is not None]
     if given or options.time_limit is not None:
         raise MrpSumoError(f"{(given or ['--time-limit'])[0]} is not for problems that are planned step by step")
     if options.steps is None:
@@ -98,9 +98,13 @@ def _chosen(options: argparse.Namespace) -> "tuple[str, StepPlanner]":
     from mrp_sumo.cli.scenario_choice import pairs, trust_named
     from mrp_sumo.plugins import registry
 
-    name = options.planner or DEFAULT
+    name, parameters = options.planner or (PROGRAM if options.command else DEFAULT), dict(pairs(options))
+    if options.command:
+        if name != PROGRAM:
+            raise MrpSumoError(f"--command is for planner '{PROGRAM}', found '{name}'")
+        parameters["command"] = options.command
     trust_named(name)
-    return name, cast("StepPlanner", registry.make("step_planners", name, dict(pairs(options))))
+    return name, cast("StepPlanner", registry.make("step_planners", name, parameters))
 
 
 def _show(now: int, num_done: int) -> None:

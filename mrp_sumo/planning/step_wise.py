@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, ActionArray, StepWiseProblem, StepWiseSolution, cell_ahead
-from mrp_sumo.errors import PlugInError
+from mrp_sumo.errors import PlanError, PlugInError
 from mrp_sumo.traffic.step_wise_referee import Pool
 
 
@@ -44,8 +44,11 @@ class Decision:
 class Stepper(Protocol):
     """A planner at work on a problem."""
 
-    def step(self, seen: Observation) -> Decision:
-        """What robots do in the next step, and which tasks they have."""
+    def step(self, seen: Observation) -> Decision | ActionArray:
+        """What robots do in the next step, and which tasks they have; an action for each alone leaves their tasks to `tasks_in_turn`.
+
+        A planner at work whose time is not that of this process has a method `cpu_s`, its CPU time so far.
+        """
 
 
 @runtime_checkable
@@ -73,6 +76,76 @@ class StepWiseRun:
         return self.begin_time_s + sum(self.plan_time_s)
 
 
+class StepWiseWorld:
+    """A problem under way: where robots are, who has which task, and what has happened."""
+
+    def __init__(self, problem: StepWiseProblem) -> None:
+        self.problem, self.pool, self.ahead = problem, Pool(problem), cell_ahead(problem.free)
+        self.time = 0
+        self.cell, self.heading = problem.start.copy(), np.full(problem.num_robots, EAST, np.int64)
+        self._actions: list[ActionArray] = []
+        self._had = np.full(problem.num_robots, -2, np.int64)  # as the schedule last said; at first nothing
+        self._schedule: list[tuple[int, int, int]] = []
+        self._events: list[tuple[int, int, int, int]] = []
+
+    def seen(self) -> Observation:
+        """What there is to see."""
+        task_of = np.array(self.pool.task_of, np.int64)
+        return Observation(self.time, self.cell.copy(), self.heading.copy(), task_of, dict(self.pool.done), self.problem)
+
+    def ends(self, action: IntArray | ActionArray) -> IntArray:
+        """[R] the cells where actions lead, -1 where nothing is free."""
+        found: IntArray = np.where(action == FORWARD, self.ahead[self.cell, self.heading], self.cell)
+        return found
+
+    def advance(self, action: ActionArray, task_of: IntArray) -> list[tuple[int, int, int, int]]:
+        """Make a step.
+
+        Parameters
+        ----------
+        action, task_of
+            [R] what robots do, and which tasks they have from now on, NOTHING for none.
+
+        Returns
+        -------
+        list
+            (time, robot, task, errands done by then) of each errand that was done in it.
+
+        Raises
+        ------
+        PlanError
+            For who leaves what is free, and for tasks that robots may not have.
+        """
+        cell = self.ends(action)
+        if (cell < 0).any():
+            raise PlanError(f"robot {np.argmin(cell)} drives into what is not free")
+        self.time += 1
+        self.cell, self.heading = cell, (self.heading + (action == RIGHT) - (action == LEFT)) % 4
+        self._actions.append(action)
+        changed = np.flatnonzero(task_of != self._had)
+        self._schedule += [(self.time, r, task) for r, task in zip(changed.tolist(), task_of[changed].tolist())]
+        self._had = task_of
+        if fault := self.pool.give(list(enumerate(task_of.tolist()))):
+            raise PlanError(fault)
+        events = self.pool.advance(self.time, cell.tolist())
+        self._events += events
+        return events
+
+    def solution(self) -> StepWiseSolution:
+        """All that has happened."""
+        problem, released = self.problem, self.pool.released
+        return StepWiseSolution(
+            start=problem.start,
+            heading=np.full(problem.num_robots, EAST, np.int64),
+            action=np.array(self._actions, np.int8).reshape(-1, problem.num_robots).T,
+            schedule=np.array(self._schedule, np.int64).reshape(-1, 3),
+            event=np.array(self._events, np.int64).reshape(-1, 4),
+            released=np.array(released, np.int64),
+            errands=tuple(tuple(problem.errands_of(k).tolist()) for k in range(len(released))),
+            num_done=self.pool.num_finished,
+        )
+
+
 def run_step_wise(
     problem: StepWiseProblem, planner: StepPlanner, num_steps: int, seed: int = 0, show: Callable[[int, int], None] | None = None
 ) -> StepWiseRun:
@@ -96,53 +169,52 @@ def run_step_wise(
     """
     began_s = process_time()
     stepper = planner.begin(problem, seed)
-    begin_time_s = process_time() - began_s
-    pool, ahead = Pool(problem), cell_ahead(problem.free)
-    cell, heading = problem.start.copy(), np.full(problem.num_robots, EAST, np.int64)
-    action = np.zeros((problem.num_robots, num_steps), np.int8)
-    had = np.full(problem.num_robots, -2, np.int64)  # as the schedule last said; at first nothing
-    schedule, events, times_s = [], [], []
-    for now in range(1, num_steps + 1):
-        seen = Observation(now - 1, cell.copy(), heading.copy(), np.array(pool.task_of, np.int64), dict(pool.done), problem)
-        began_s = process_time()
-        decision = stepper.step(seen)
-        times_s.append(process_time() - began_s)
-        moves, task_of = _checked(decision, problem, planner, now - 1)
-        action[:, now - 1] = moves
-        next_cell = np.where(moves == FORWARD, ahead[cell, heading], cell)
-        if (next_cell < 0).any():
-            raise _wrong(planner, f"robot {np.argmin(next_cell)} drives into what is not free", now - 1)
-        cell, heading = next_cell, (heading + (moves == RIGHT) - (moves == LEFT)) % 4
-        changed = np.flatnonzero(task_of != had)
-        schedule += [(now, r, task) for r, task in zip(changed.tolist(), task_of[changed].tolist())]
-        had = task_of
-        if fault := pool.give(list(enumerate(task_of.tolist()))):
-            raise _wrong(planner, fault, now - 1)
-        events += pool.advance(now, cell.tolist())
+    cpu_s: Callable[[], float] = getattr(stepper, "cpu_s", process_time)
+    begin_time_s = cpu_s() - began_s
+    world, times_s = StepWiseWorld(problem), list[float]()
+    for now in range(num_steps):
+        seen = world.seen()
+        began_s = cpu_s()
+        answer = stepper.step(seen)
+        times_s.append(cpu_s() - began_s)
+        moves, task_of = _checked(answer, seen, planner)
+        try:
+            world.advance(moves, task_of)
+        except PlanError as error:
+            raise _wrong(planner, str(error), now) from error
         if show:
-            show(now, pool.num_finished)
-    solution = StepWiseSolution(
-        start=problem.start,
-        heading=np.full(problem.num_robots, EAST, np.int64),
-        action=action,
-        schedule=np.array(schedule, np.int64).reshape(-1, 3),
-        event=np.array(events, np.int64).reshape(-1, 4),
-        released=np.array(pool.released, np.int64),
-        errands=tuple(tuple(problem.errands_of(k).tolist()) for k in range(len(pool.released))),
-        num_done=pool.num_finished,
-    )
-    return StepWiseRun(solution, times_s, begin_time_s)
+            show(now + 1, world.pool.num_finished)
+    return StepWiseRun(world.solution(), times_s, begin_time_s)
 
 
-def _checked(decision: Decision, problem: StepWiseProblem, planner: StepPlanner, now: int) -> tuple[ActionArray, IntArray]:
-    if not isinstance(decision, Decision):
-        raise _wrong(planner, f"answers {type(decision).__name__}, expected a Decision", now)
+def tasks_in_turn(seen: Observation) -> IntArray:
+    """[R] the tasks that robots have; those without one take, in turn, the free task whose first errand is nearest by rows and columns."""
+    task_of, width = seen.task_of.copy(), seen.problem.free.shape[1]
+    held = set(task_of.tolist())
+    free = np.array([task for task in seen.pool if task not in held], np.int64)
+    at = np.array([seen.problem.errands_of(task)[0] for task in free.tolist()], np.int64)
+    for robot in np.flatnonzero(task_of == NOTHING).tolist():
+        if not len(free):
+            break
+        away = np.abs(at // width - seen.cell[robot] // width) + np.abs(at % width - seen.cell[robot] % width)
+        nearest = int(away.argmin())
+        task_of[robot] = free[nearest]
+        free, at = np.delete(free, nearest), np.delete(at, nearest)
+    return task_of
+
+
+def _checked(answer: Decision | ActionArray, seen: Observation, planner: StepPlanner) -> tuple[ActionArray, IntArray]:
+    """Actions and tasks; actions alone leave the tasks to us."""
+    decision = answer if isinstance(answer, Decision) else Decision(answer, tasks_in_turn(seen))
     moves, task_of = np.asarray(decision.action), np.asarray(decision.task_of)
+    if moves.dtype == object or moves.ndim != 1:
+        raise _wrong(planner, f"answers {type(answer).__name__}, expected a Decision or an action for each robot", seen.time)
+    num_robots = seen.problem.num_robots
     for what, values in (("actions", moves), ("tasks", task_of)):
-        if values.shape != (problem.num_robots,) or not np.issubdtype(values.dtype, np.integer):
-            raise _wrong(planner, f"{what} of shape {values.shape}, expected {problem.num_robots} whole numbers", now)
+        if values.shape != (num_robots,) or not np.issubdtype(values.dtype, np.integer):
+            raise _wrong(planner, f"{what} of shape {values.shape}, expected {num_robots} whole numbers", seen.time)
     if len(moves) and not (moves.min() >= 0 and moves.max() <= 3):
-        raise _wrong(planner, "an action that is none of 0 to 3", now)
+        raise _wrong(planner, "an action that is none of 0 to 3", seen.time)
     return moves.astype(np.int8), np.where(task_of < 0, NOTHING, task_of).astype(np.int64)
 
 

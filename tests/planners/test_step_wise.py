@@ -100,7 +100,7 @@ def test_operations_are_those_of_use_and_closed_under_moving_up():
         assert action[0].tolist() == [3] * depth
 
 
-@pytest.mark.parametrize("name", names("step_planners"))
+@pytest.mark.parametrize("name", [name for name in names("step_planners") if name != "program"])
 @pytest.mark.parametrize("seed", range(4))
 def test_crowds_are_planned_without_a_fault_and_alike_each_time(name, seed):
     problem = crowd(seed, share=0.2 + 0.2 * seed)
