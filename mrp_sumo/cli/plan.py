@@ -101,6 +101,8 @@ def _instance(options: argparse.Namespace) -> "Planned":
     from dataclasses import replace
     from time import perf_counter
 
+    import numpy as np
+
     from mrp_sumo.formats.instances import read_instance
     from mrp_sumo.planning.answers import answer_of
     from mrp_sumo.planning.costs import cost_matrix
@@ -121,7 +123,9 @@ def _instance(options: argparse.Namespace) -> "Planned":
         distance.prepare()
         chosen.prepare()
         prepare_time_s = perf_counter() - begin_s
-        if not problem.is_assigned and not chosen.assigns:
+        if chosen.assigns:  # a planner that assigns is asked for that, whatever the instance says
+            problem = problem.assigned(np.full(problem.num_robots, -1))
+        elif not problem.is_assigned:
             problem = problem.assigned(solver.assign(cost_matrix(problem.graph, problem.start, problem.goal, "path"), time_limit_s))
     except PlugInError as error:
         return name, problem, failed(error), None, instance.cells

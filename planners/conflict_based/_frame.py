@@ -114,7 +114,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
     Parameters
     ----------
     planner
-        Who asks; where it `assigns`, every assignment of the goals will do.
+        Who asks; where it `assigns` and goals are not assigned, every assignment of them will do.
     problem, time_limit_s
         As `Planner.plan` takes them.
     order_of
@@ -123,7 +123,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
         The factor.
     """
     began = perf_counter()
-    assigns = planner.assigns
+    assigns = planner.assigns and not problem.is_assigned  # goals that are given are kept
     limit = limits(time_limit_s, planner.memory_mb, problem.effort)
     if refusal := goals_clash(problem) if assigns else impossible(problem):
         return refusal

@@ -116,7 +116,7 @@ def test_no_robots_need_no_plan(name):
 @pytest.mark.parametrize("name", COORDINATED)
 def test_robots_pass_each_other_where_there_is_room(name):
     result = solved(name, world("0.....1 b.....a"))
-    assert result.plan.end_s.sum() >= (2 if planner_class(name).assigns else 14)
+    assert result.plan.end_s.sum() >= 14
 
 
 @pytest.mark.parametrize("name", COMPLETE)
@@ -133,7 +133,7 @@ def test_four_robots_cross_in_an_open_square(name):
 def test_directed_lanes_are_driven_forwards(name):
     result = solved(name, lanes([(0, 1), (1, 2), (2, 3), (3, 0)], [0, 2], [3, 1], 4))
     lanes_driven = result.plan.num_visits - 2
-    assert lanes_driven == (2 if planner_class(name).assigns else 6)
+    assert lanes_driven == 6  # goals that are given are kept, by planners that assign, too
     if name in IN_STEPS:
         assert result.plan.end_s.tolist() == [lanes_driven / 2] * 2
 

@@ -72,8 +72,9 @@ def test_cost_is_within_the_guarantee_on_thousands(name, parameters):
 @given(seed=st.integers(0, 10**6))
 def test_assigning_costs_as_much_as_the_best_assignment(seed):
     problem = random_problem(seed, directed=False, side=3)
-    optimal = planner("cbs_ta", {}).plan(problem, LIMIT_S)
-    bounded = planner("ecbs_ta", {"w": 1.3}).plan(problem, LIMIT_S)
+    free = problem.assigned(np.full(problem.num_robots, -1))
+    optimal = planner("cbs_ta", {}).plan(free, LIMIT_S)
+    bounded = planner("ecbs_ta", {"w": 1.3}).plan(free, LIMIT_S)
     if Status.TIMED_OUT in (optimal.status, bounded.status):
         return
     costs = [least_cost(problem.assigned(goal_of)) for _, goal_of in ranked_assignments(np.zeros((problem.num_robots,) * 2))]
