@@ -116,7 +116,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
     planner
         Who asks; where it `assigns` and goals are not assigned, every assignment of them will do.
     problem, time_limit_s
-        As `Planner.plan` takes them.
+        As `Planner.plan` takes them; in a window, only conflicts within it are resolved.
     order_of
         The order of a forest's nodes.
     w
@@ -149,6 +149,8 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
                 order.expand(node)
     except OutOfReach as reached:
         status, message = reached.status, str(reached)
+    if paths is not None and problem.window_steps:
+        paths = [path[: problem.window_steps + 1] for path in paths]  # beyond, robots are not kept apart
     first = forest.first
     counted = {"roots": forest.num_roots} if assigns else {"generated": forest.tree.generated}
     return PlanResult(

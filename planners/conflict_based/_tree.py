@@ -17,7 +17,7 @@ from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import require_limit
 from mrp_sumo.search import _records as st
-from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, SWAP, WIDTH
+from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, WIDTH
 from mrp_sumo.search._constraints import EXPANSIONS
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
@@ -118,7 +118,8 @@ class Tree:
             clashes_of(problem),
         )
         self.limits = limits
-        self.symmetries = symmetries
+        self._window = problem.window_steps  # later conflicts are none; 0: all are
+        self.symmetries = symmetries and not self._window  # their constraints reach beyond
         self.num_robots = problem.num_robots
         longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
         self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
@@ -205,7 +206,7 @@ class Tree:
         if not len(node.conflicts):
             return self._split_ring(node, w)
         self._num_split += 1
-        if self._num_split == SPLITS_BEFORE_DOUBT:
+        if self._num_split == SPLITS_BEFORE_DOUBT and not self._window:
             self._unsolvable = unsolvable(self.problem, self.instance.clashes, bool(self.instance.following))
         if self._unsolvable:
             return []
@@ -223,7 +224,8 @@ class Tree:
     def ring(self, node: Node) -> list[tuple[int, int, int, int]]:
         """Robots of a node without conflicts that rotate where they must not, each with its move: from, to, and the step it leads to."""
         if node.ring is None:
-            node.ring = [] if self.instance.clashes.rotations else first_ring(self.paths(node))
+            end = self._window + 1 if self._window else None
+            node.ring = [] if self.instance.clashes.rotations else first_ring([path[:end] for path in self.paths(node)])
         return node.ring
 
     def _split_ring(self, node: Node, w: float) -> list[Node]:
@@ -300,6 +302,8 @@ class Tree:
         if found is None:
             return None
         record, conflicts = found
+        if self._window:
+            conflicts = conflicts[conflicts[:, STEP] <= self._window]
         self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
         store = self._buffers.store
         records = node.records.copy()

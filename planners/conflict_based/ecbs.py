@@ -27,7 +27,7 @@ class Ecbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "w-bounded"
-    supports: ClassVar[frozenset[str]] = frozenset({"effort"})
+    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     def __post_init__(self) -> None:
         check(self.memory_mb, self.w)

@@ -112,7 +112,7 @@ def test_what_is_frozen_includes_that_those_who_pass_before_have_left():
     assert ledger.state.yielding.pause.tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("planner", ["prioritised", "lns2", "pibt"])
+@pytest.mark.parametrize("planner", ["prioritised", "lns2", "pibt", "ecbs"])
 def test_robots_that_cannot_pass_each_other_are_planned_for_a_window(planner):
     problem = replace(problem_on(line(9), [0, 8], [8, 0]), window_steps=3, drivable=True)
     result = planner_of(planner, {}).plan(problem, 60.0)
@@ -120,7 +120,7 @@ def test_robots_that_cannot_pass_each_other_are_planned_for_a_window(planner):
     assert result.plan.arrive_s.max() <= 3 * problem.step_s and not judge(problem, result.plan).conflicts
 
 
-@pytest.mark.parametrize("planner", ["prioritised", "lns2", "lacam", "pibt"])
+@pytest.mark.parametrize("planner", ["prioritised", "lns2", "lacam", "pibt", "ecbs"])
 def test_nobody_collides_within_a_window(planner):
     rng = np.random.default_rng(1)
     for seed in range(3):
