@@ -93,7 +93,7 @@ def _mapd(options: argparse.Namespace) -> int:
     for robots in options.robots or range(10, 51, 10):
         for seed in range(options.seeds):
             starts = [home[k] for k in np.random.default_rng([seed, robots]).choice(len(home), robots, replace=False)]
-            fleet = base.replace(robots={"starts": starts, "goals": starts}, seed=seed, tasks={"streams": [task]}, record={"bag": False})
+            fleet = base.replace(robots={"starts": starts}, seed=seed, tasks={"streams": [task]}, record={"bag": False})
             for name in options.dispatcher or DISPATCHERS:
                 before = getrusage(RUSAGE_SELF)
                 run = ms.run(fleet.replace(execution={"dispatcher": name}))

@@ -562,6 +562,8 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
         return file
     options = {**file.options, **{place: option for place, (option, _) in overrides.items()}}
     data = file.scenario.model_dump(exclude={"name"})  # which may be a file's, with any character
+    if file.scenario.tasks is not None:
+        del data["robots"]["goals"]  # robots have none but their starts, which may be others now
     for place, (_, value) in overrides.items():
         put(data, place, value)
     scenario = validated(file.document, Scenario, data, options=options)

@@ -67,4 +67,4 @@ def test_planner_that_answers_nonsense_is_one_line(tmp_path, capsys):
     )
     problem = write_problem(tmp_path, ROUND, [0, 1], [[2]])
     assert main(["plan", str(problem), "--steps", "5", "--planner", f"{tmp_path}/mine.py:Mine"]) == 1
-    assert capsys.readouterr().err == "mrp-sumo: planner 'Mine', step 0: answers int, expected a Decision\n"
+    assert capsys.readouterr().err == "mrp-sumo: planner 'Mine', step 0: answers int, expected a Decision or an action for each robot\n"

@@ -65,3 +65,10 @@ def test_scenario_prints_and_shows_itself():
     made = ms.Scenario("office", 3, {"name": "ecbs", "parameters": {"w": 1.3}})
     assert "ecbs, at most 60 s" in str(made) and "1.3" in str(made)
     assert "<table>" in made._repr_html_()
+
+
+def test_starts_of_a_scenario_with_tasks_can_be_replaced_alone():
+    mapd = ms.Scenario.read("mapd_lifelong")
+    assert mapd.replace(robots={"starts": ["v37", "v40"]}).values["robots"]["goals"] == ["v37", "v40"]
+    with pytest.raises(ms.MrpSumoError, match="goals and tasks exclude each other"):
+        mapd.replace(robots={"starts": ["v37", "v40"], "goals": ["v40", "v37"]})
