@@ -6,9 +6,11 @@ cannot be run, or --keep-worst kept none, 2 for bad input, 130 when it was inter
 """
 
 import argparse
+import json
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +22,8 @@ from mrp_sumo.errors import BatchError
 if TYPE_CHECKING:
     from mrp_sumo.experiments.batch import BatchFolder, Watcher
     from mrp_sumo.experiments.suite import SuiteFile
+
+SAY_EVERY_S = 30.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--keep-worst", type=int, default=0, metavar="N", help="make the N worst runs again with run folder and replay page, for the report"
     )
     parser.add_argument("--trust", action="store_true", help="run the programs that the suite names: plug-in files, external planners")
+    parser.add_argument("--json", action="store_true", help="print the counts as a line of JSON in the end")
     parser.add_argument("-v", "--verbose", action="store_true", help="with --dry-run: list every run")
 
 
@@ -84,7 +89,10 @@ def run(options: argparse.Namespace) -> int:
         again = f"mrp-sumo batch {options.suite} --out {folder}"
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)
         return 130
-    print(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
+    if options.json:
+        print(json.dumps({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}))
+    else:
+        print(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
     return 1 if kept_none or any(batch.counts()[status] for status in BROKEN) else 0
 
 
@@ -155,14 +163,23 @@ def stoppable() -> Iterator[Callable[[], int]]:
 
 
 class _Quiet:
-    """For a pipe: warnings only."""
+    """For a pipe: warnings, and a line now and then."""
+
+    def __init__(self) -> None:
+        self.num_runs = self.num_done = self.num_failed = 0
+        self.said = time.monotonic()
 
     def begin(self, num_runs: int, num_done: int) -> None:
+        self.num_runs, self.num_done = num_runs, num_done
         if num_done:
             print(f"mrp-sumo: going on: {num_done} of {num_runs} runs done", file=sys.stderr)
 
     def ended(self, record: dict[str, Any]) -> None:
-        pass
+        self.num_done += 1
+        self.num_failed += not record["success"]
+        if time.monotonic() - self.said > SAY_EVERY_S:
+            self.said = time.monotonic()
+            self.report(f"{self.num_done} of {self.num_runs} runs done, {self.num_failed} without success")
 
     def report(self, line: str) -> None:
         print(f"mrp-sumo: {line}", file=sys.stderr)
@@ -170,7 +187,7 @@ class _Quiet:
 
 @contextmanager
 def watcher() -> "Iterator[Watcher]":
-    """A progress bar on a terminal, nothing in a pipe."""
+    """A progress bar on a terminal, a line now and then in a pipe."""
     if not sys.stderr.isatty():
         yield _Quiet()
         return

@@ -39,8 +39,11 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "trust": ("mrp_sumo.cli.trust", "let scenarios and suites of a folder run the programs that they name"),
     "warmup": ("mrp_sumo.cli.warmup", "compile all kernels ahead, once after installing"),
     "report": ("mrp_sumo.cli.report", "write a page of tables and charts about a batch or a run"),
+    "demo": ("mrp_sumo.cli.demo", "see what there is in a minute: a run, a lifelong run, a comparison, on one page"),
+    "completion": ("mrp_sumo.cli.completion", "print what lets bash, zsh or fish complete commands and options"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
+SLOW = ("run", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo")  # to start, for their libraries
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 
 
@@ -100,6 +103,8 @@ def _dispatch(arguments: list[str]) -> int:
     if name not in COMMANDS:
         raise MrpSumoError(f"unknown command '{name}'{nearest(name, COMMANDS, limit=len(COMMANDS))}")
     module, summary = COMMANDS[name]
+    if name in SLOW and sys.stderr.isatty():
+        print(f"{name} ...", end="\r", file=sys.stderr, flush=True)  # whatever comes next is written over it
     command = import_module(module)
     parser = Parser(prog=f"mrp-sumo {name}", description=command.__doc__ or summary, formatter_class=argparse.RawDescriptionHelpFormatter)
     command.arguments(parser)

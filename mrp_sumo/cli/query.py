@@ -14,6 +14,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo query`."""
     parser.add_argument("folder", metavar="DIR", help="folder of a batch, or a results.parquet")
     parser.add_argument("sql", nargs="?", metavar="SQL", help="a query, or the name of a view of the suite")
+    parser.add_argument("--json", action="store_true", help="print a line of JSON for each row")
     parser.add_argument("--csv", action="store_true", help="print CSV instead of a table")
 
 
@@ -38,6 +39,9 @@ def run(options: argparse.Namespace) -> int:
     if len(options.sql.split()) == 1 and options.sql not in views:
         raise BatchError(f"'{options.sql}' is neither SQL nor a view of the suite{nearest(options.sql, views)}")
     frame = query(folder, views.get(options.sql, options.sql), warn)
+    if options.json:
+        print(frame.to_json(orient="records", lines=True), end="")
+        return 0
     if options.csv:
         frame.to_csv(sys.stdout, index=False)
         return 0

@@ -5,6 +5,7 @@ MP4 needs the extra `video`: pip install 'mrp-sumo[video]'.
 """
 
 import argparse
+import json
 import math
 import re
 import sys
@@ -26,6 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", metavar="WxH", help="pixels (default: 1920x1080; of .gif and .webp 960x540)")
     parser.add_argument("--robots", metavar="A,B,...", help="bring these robots out, with names and plans; the others are pale")
     parser.add_argument("--level", metavar="NAME", help="show this level alone")
+    parser.add_argument("--json", action="store_true", help="print the files as a line of JSON")
     parser.add_argument("--titles", nargs="+", metavar="TEXT", help="a title for each run instead of its name")
 
 
@@ -42,7 +44,8 @@ def run(options: argparse.Namespace) -> int:
         raise MrpSumoError("a picture shows one run; --video shows several beside each other")
     if not (math.isfinite(options.dpi) and 10 <= options.dpi <= 1200):
         raise MrpSumoError(f"--dpi {options.dpi:g}: expected 10 to 1200")
-    print(render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=options.dpi))
+    file = render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=options.dpi)
+    print(json.dumps({"file": str(file)}) if options.json else file)
     return 0
 
 
@@ -71,7 +74,7 @@ def _video(options: argparse.Namespace) -> int:
             print(f"\rframe {done} of {of}", end="\n" if done == of else "", file=sys.stderr, flush=True)
 
     about, poster = render_video([load_run(folder) for folder in options.run], options.video, wanted, report)
-    print(f"{about}, poster {poster}")
+    print(json.dumps({"file": options.video, "poster": str(poster)}) if options.json else f"{about}, poster {poster}")
     return 0
 
 

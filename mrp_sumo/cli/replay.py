@@ -4,6 +4,7 @@
 """
 
 import argparse
+import json
 from pathlib import Path
 
 
@@ -12,6 +13,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", help="run folder, as `mrp-sumo run --out` makes it")
     parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html)")
     parser.add_argument("--serve", action="store_true", help="open it in a browser, from a small web server on this machine")
+    parser.add_argument("--json", action="store_true", help="print file and size as a line of JSON")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="of --serve (default: any free port)")
 
 
@@ -20,7 +22,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports.replay.page import write_replay
 
     page = write_replay(Path(options.run), Path(options.out) if options.out else None)
-    print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+    if options.json:
+        print(json.dumps({"file": str(page), "bytes": page.stat().st_size}))
+    else:
+        print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
     if options.serve:
         _serve(page.read_bytes(), options.port)
     return 0

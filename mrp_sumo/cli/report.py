@@ -4,12 +4,14 @@ OUT gets index.html, which needs no network, figures/ as SVG and PNG, and tables
 """
 
 import argparse
+import json
 from pathlib import Path
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo report`."""
     parser.add_argument("folder", metavar="DIR", help="folder of a batch, of a run, or of several run folders; or a results.parquet")
+    parser.add_argument("--json", action="store_true", help="print file and size as a line of JSON")
     parser.add_argument("--out", metavar="OUT", help="folder of the report (default: DIR/report)")
 
 
@@ -18,5 +20,8 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports.report import write_report
 
     page = write_report(Path(options.folder), Path(options.out) if options.out else None)
-    print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+    if options.json:
+        print(json.dumps({"file": str(page), "bytes": page.stat().st_size}))
+    else:
+        print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
     return 0

@@ -5,6 +5,7 @@ run only when they are trusted. Exit code 0 when all is the same, 1 with a line 
 """
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("folder", type=Path, metavar="RUN|BATCH", help="folder of a run or a batch")
     add("--base", type=Path, default=Path(), metavar="DIR", help="where the scenario's relative paths begin (default: here)")
     add("--runs", type=int, metavar="N", help="so many runs of a batch, spread over it (default: all)")
+    add("--json", action="store_true", help="print what was found as a line of JSON")
     add("--trust", action="store_true", help="run the programs that the scenario names: plug-in files, external planners")
 
 
@@ -35,6 +37,9 @@ def run(options: argparse.Namespace) -> int:
     if options.runs is not None and (not is_batch or options.runs < 1):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
     found, what = _batch(options) if is_batch else (_run(options), "file")
+    if options.json:
+        print(json.dumps({"same": found.same, "equal": found.equal, "of": what, "differences": list(found.differences)}))
+        return 0 if found.same else 1
     for line in found.differences:
         print(line)
     if not found.same:

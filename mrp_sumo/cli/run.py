@@ -5,6 +5,8 @@ that, 2 for bad input.
 """
 
 import argparse
+import json
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -43,6 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
     parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")
     parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
+    parser.add_argument("--json", action="store_true", help="print status, folder and metrics as a line of JSON instead of a table")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")
 
 
@@ -59,7 +62,12 @@ def run(options: argparse.Namespace) -> int:
     if options.port is not None and not options.live:
         raise MrpSumoError("--port is for --live")
     result = _run_live(file, out, options) if options.live else _run(file, out, options.gui)
-    _print(result, out, options.verbose)
+    if options.json:
+        said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
+        print(json.dumps(said, allow_nan=False))
+    else:
+        _print(result, out, options.verbose)
+        _print_next(result, out, options.scenario)
     if options.replay and (out / "plan.json").is_file():
         from mrp_sumo.reports.replay.page import write_replay
 
@@ -76,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
 def _run(file: "ScenarioFile", out: Path, gui: bool) -> "RunResult":
     from mrp_sumo.experiments.run import run_scenario
 
-    with _progress_bar() as progress:
+    with progress_bar() as progress:
         return run_scenario(file, out, progress=progress, gui=gui)
 
 
@@ -100,7 +108,7 @@ def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace) -> "
 
 
 @contextmanager
-def _progress_bar() -> "Iterator[StageReport | None]":
+def progress_bar() -> "Iterator[StageReport | None]":
     """A progress bar on a terminal, nothing in a pipe."""
     if not sys.stderr.isatty():
         yield None
@@ -147,3 +155,15 @@ def _print(result: "RunResult", out: Path, verbose: bool) -> None:
         for name, value in result.metrics.items():
             detail.add_row(name, str(value))
         console.print(detail)
+
+
+def _print_next(result: "RunResult", out: Path, scenario: str | None) -> None:
+    """The three commands that are most likely wanted now."""
+    folder, again = shlex.quote(str(out)), f"mrp-sumo run {shlex.quote(scenario)}" if scenario else ""
+    if result.plan is None:
+        lines = [f"{again} --planner lacam", f"{again} --time-limit 300", "mrp-sumo list planners"] if again else ["mrp-sumo list planners"]
+    else:
+        lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.mp4", f"mrp-sumo report {folder}"]
+        if result.status == "deadlock" and again:
+            lines[2] = f"{again} --set execution.on_deadlock=resolve"
+    print("next: " + "\n      ".join(lines))

@@ -4,6 +4,7 @@ Exit code 0 when every run has a result, 1 when some are missing, 2 for bad inpu
 """
 
 import argparse
+import json
 import sys
 from collections import Counter
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo status`."""
     parser.add_argument("folder", metavar="DIR", help="folder of a batch")
+    parser.add_argument("--json", action="store_true", help="print a line of JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -33,6 +35,9 @@ def run(options: argparse.Namespace) -> int:
                 reasons.setdefault(record["status"], f"{record['key']}: {record['reason']}")
     done = statuses.total()
     state = "under way" if is_under_way(folder) else "complete" if done == len(keys) else "not under way"
+    if options.json:
+        print(json.dumps({"suite": plan["suite"], "runs": len(keys), "done": done, "state": state, "statuses": dict(statuses)}))
+        return 0 if done == len(keys) else 1
     print(f"{plan['suite']}: {done} of {len(keys)} runs done, {state} (mrp_sumo {plan['code']})")
     for status, count in statuses.most_common():
         example = f"  such as {reasons[status]}" if status in reasons else ""

@@ -303,3 +303,10 @@ def test_headings_of_starts_and_goals_are_planned_driven_and_kept_in_the_plan(tm
         verdicts.append(capsys.readouterr().out)
     assert "\ndrivable: " in verdicts[0]
     assert "cannot have turned there by" in verdicts[1]
+
+
+def test_run_as_json_is_one_line_that_names_its_folder(tmp_path, capsys):
+    assert main(["run", "office_5", "--planner", "prioritised", "--json", "--out", str(tmp_path / "run")]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["status"] == "completed" and said["folder"] == str(tmp_path / "run")
+    assert said["metrics"] == json.loads((tmp_path / "run" / "result.json").read_text())["metrics"]

@@ -1,0 +1,99 @@
+"""See what there is in a minute: nine robots in an office, orders in a warehouse, two planners compared, all on one page.
+
+Everything is made on this machine as `run`, `replay`, `render`, `batch` and `report` make it; each command is printed before its work.
+"""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.result import RunResult
+
+SUITE = "base: office_5\ngrid_search:\n  planner: [cbs, lacam]\n  seed: 1..3\n"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo demo`."""
+    parser.add_argument("--out", metavar="DIR", default="runs/demo", help="where everything goes (default: runs/demo)")
+    parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make it, and open the page."""
+    import webbrowser
+
+    from mrp_sumo.cli.batch import stoppable, watcher
+    from mrp_sumo.experiments.batch import run_batch
+    from mrp_sumo.experiments.suite import read_suite
+    from mrp_sumo.reports.replay.page import write_page
+    from mrp_sumo.reports.report import write_report
+    from mrp_sumo.reports.tour import Stop, tour_page
+
+    out = Path(options.out)
+    out.mkdir(parents=True, exist_ok=True)
+    _say(f"run office_9 --out {out / 'office'} --replay", "nine robots cross an office")
+    office = _run("office_9", out / "office", at_s=15.0)
+    _say(
+        f"run warehouse_lifelong --set execution.time_limit_s=300 --out {out / 'warehouse'} --replay",
+        "orders come in while nine robots work",
+    )
+    warehouse = _run("warehouse_lifelong", out / "warehouse", at_s=200.0, limit_s=300.0)
+    suite = out / "planners.yaml"
+    suite.write_text(SUITE, encoding="utf-8")
+    _say(f"batch {suite} --out {out / 'planners'}", "two planners on the same draws")
+    with stoppable() as stop, watcher() as shown:
+        batch = run_batch(read_suite(suite), out / "planners", shown, workers=2, stop=stop)
+    _say(f"report {out / 'planners'}", "who is better, and is it certain?")
+    write_report(out / "planners", None)
+    done = warehouse.metrics
+    stops = (
+        Stop(
+            "Nine robots in an office",
+            f"Planned and driven: all at their goals after {office.metrics['driven_makespan_s']:.1f} s, and no two of them touched.",
+            "office/replay.html",
+            "office/still.png",
+            f"mrp-sumo replay {out / 'office'} --serve",
+        ),
+        Stop(
+            "Orders in a warehouse",
+            f"In five minutes {done['tasks_done']} orders were done, {done['throughput_per_h']:.0f} an hour; "
+            f"{done['tasks_open']} were open in the end.",
+            "warehouse/replay.html",
+            "warehouse/still.png",
+            f"mrp-sumo render {out / 'warehouse'} --video warehouse.mp4",
+        ),
+        Stop(
+            "Two planners compared",
+            f"CBS and LaCAM on the same draws, {len(batch.runs)} runs. So few say little: the report says what is certain.",
+            "planners/report/index.html",
+            "",
+            "mrp-sumo batch paper_comparison --dry-run",
+        ),
+    )
+    page = write_page(tour_page(stops), out / "index.html")
+    print(page)
+    if not options.no_open:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def _say(command: str, about: str) -> None:
+    print(f"\n{about}\n  $ mrp-sumo {command}", flush=True)
+
+
+def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> "RunResult":
+    """Run a bundled scenario and draw it."""
+    from mrp_sumo.cli.run import progress_bar
+    from mrp_sumo.experiments.run import run_scenario
+    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.reports.pictures.still import render_still
+    from mrp_sumo.reports.replay.page import write_replay
+
+    overrides: dict[tuple[str | int, ...], tuple[str, Any]] = {("execution", "time_limit_s"): ("--set", limit_s)} if limit_s else {}
+    with progress_bar() as progress:
+        result = run_scenario(read_scenario(find_scenario(name), overrides), out, progress=progress)
+    write_replay(out)
+    render_still(result, min(at_s, result.metrics["sim_time_s"]), out / "still.png", dpi=80)
+    print(f"  {result.status}")
+    return result
