@@ -42,6 +42,7 @@ def page(
     gaps: Sequence[str],
     sections: Sequence[Section],
     about: Sequence[str],
+    answer: str = "",
 ) -> str:
     """The whole page.
 
@@ -57,11 +58,14 @@ def page(
         Those without parts are left out.
     about
         Lines at the foot.
+    answer
+        What it comes to, in two sentences.
     """
     sections = [s for s in sections if s.parts or s.text]
     lines = [
         f"<header><h1>{html.escape(title)}</h1>",
         f'<p class="lead">{html.escape(lead)}</p>' if lead else "",
+        f'<p class="answer">{html.escape(answer)}</p>' if answer else "",
         "</header>",
         '<nav aria-label="Sections"><ul>',
         *(f'<li><a href="#{s.name}">{html.escape(s.title)}</a></li>' for s in sections),

@@ -21,6 +21,7 @@ from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.io.run_reader import RunFolder
+from mrp_sumo.reports.answer import answer
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.charts.run_charts import replay_of, run_charts, tag_of
 from mrp_sumo.reports.charts.study_charts import study_charts
@@ -63,7 +64,7 @@ def write_report(source: Path, out: Path | None = None) -> Path:
     _check_replaceable(out)
     one = len(study.frame) == 1 and len(study.folders) == 1
     title, sections = _of_run(study, out) if one else _of_study(study, out)
-    text = page(title, study.description, _tiles(study, one), study.gaps, sections, _about(study))
+    text = page(title, study.description, _tiles(study, one), study.gaps, sections, _about(study), "" if one else answer(study))
     new = out.parent / f".{out.name}.new-{os.getpid()}"
     try:
         new.mkdir(parents=True)

@@ -7,6 +7,7 @@ that are not those of runs.
 
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,17 @@ class Study:
     @property
     def is_executed(self) -> bool:
         return self.until == "execution"
+
+    @property
+    def outcome(self) -> str:
+        """The column that says whether a run did what was asked of it."""
+        return "_succeeded" if self.is_executed else "_valid"
+
+    @cached_property
+    def by_instance(self) -> dict[str, pd.DataFrame]:
+        """The rows of each series, one for each instance, by its number."""
+        grouped = self.frame.groupby("_series", sort=False)
+        return {str(name): rows.drop_duplicates("_instance").set_index("_instance") for name, rows in grouped}
 
     @property
     def robots(self) -> list[int]:

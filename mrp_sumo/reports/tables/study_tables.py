@@ -119,9 +119,8 @@ def paired(study: Study) -> Table | None:
     """Differences of series on the same instances."""
     if len(study.series) < 2 or not study.is_planned:
         return None
-    outcome = "_succeeded" if study.is_executed else "_valid"
+    outcome, of = study.outcome, study.by_instance
     time = "execution_time_s" if study.is_executed else "planning_time_s"
-    of = {s: rows.drop_duplicates("_instance").set_index("_instance") for s, rows in study.frame.groupby("_series", sort=False)}
     results = []
     for a, b in list(combinations(study.series, 2))[:MAX_PAIRS]:
         shared = of[a].index.intersection(of[b].index)
