@@ -44,6 +44,15 @@ class Closure:
 
 
 @dataclass(frozen=True)
+class Outage:
+    """A lift that nobody may enter for a while; who is in it rides to the end."""
+
+    lift: str
+    begin_s: float
+    duration_s: float = np.inf
+
+
+@dataclass(frozen=True)
 class Disturbances:
     """How much of what. Zeros and empty lists: nothing is disturbed."""
 
@@ -65,6 +74,7 @@ class Disturbances:
     breakdowns: tuple[Breakdown, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     closures: tuple[Closure, ...] = ()
+    outages: tuple[Outage, ...] = ()
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -83,7 +93,9 @@ class Disturbances:
     def any(self) -> bool:
         """Whether anything disturbs the robots themselves."""
         strengths = (self.speed_spread, self.speed_noise, self.stops_per_s, self.start_delay_s, self.delay_probability)
-        return any(strengths) or bool(self.latency_s or self.message_loss or self.breakdowns or self.obstacles or self.closures)
+        return any(strengths) or bool(
+            self.latency_s or self.message_loss or self.breakdowns or self.obstacles or self.closures or self.outages
+        )
 
 
 NONE = Disturbances()

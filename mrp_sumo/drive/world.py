@@ -12,6 +12,7 @@ import numpy as np
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
+from mrp_sumo.drive.facilities import lift_names
 from mrp_sumo.drive.state import Conditions, Facilities, Grants
 from mrp_sumo.errors import ExecutionError
 
@@ -28,6 +29,7 @@ class Barrier:
     end_s: float
     lanes: IntArray
     vertices: IntArray
+    text: str = ""  # for people, where it is not just lanes
 
 
 @dataclass
@@ -69,6 +71,10 @@ class World:
         none = np.zeros(0, np.int64)
         self._barriers = [Barrier(c.begin_s, c.begin_s + c.duration_s, self._lanes_of(c), none) for c in what.closures]
         self._barriers += [Barrier(o.begin_s, o.begin_s + o.duration_s, *self._near(o)) for o in what.obstacles]
+        for outage in what.outages:
+            lanes = self.facilities.gate_lane[self.facilities.gate_lift == lift_names(self.graph).index(outage.lift)]
+            said = f"lift '{outage.lift}' is out of service"
+            self._barriers.append(Barrier(outage.begin_s, outage.begin_s + outage.duration_s, lanes, none, said))
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
         self._is_calm = not what.any
@@ -147,7 +153,7 @@ class World:
                 text = (
                     "no lane is near it" if not len(lanes) else "1 lane is closed" if len(lanes) == 1 else f"{len(lanes)} lanes are closed"
                 )
-                events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=text))
+                events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=barrier.text or text))
         self._barriers = waiting
         if any(closing.end_s <= now + 1e-9 for closing in self._closing):
             self._closing = [closing for closing in self._closing if closing.end_s > now + 1e-9]

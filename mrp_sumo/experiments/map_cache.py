@@ -103,6 +103,12 @@ class MapCache:
 
         return self._once(("rides", id(graph), step_s, radius_m), make, graph) if graph.is_ride.any() else graph
 
+    def with_doors(self, map_: "Map", graph: "PlanGraph", radius_m: float) -> "PlanGraph":
+        """The plan graph with doors that open for robots of a radius; see `maps.doors`."""
+        from mrp_sumo.maps.doors import with_doors
+
+        return self._once(("doors", id(graph), radius_m), lambda: with_doors(graph, map_.building, radius_m), graph)
+
     def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
         """The SUMO network of a plan graph, with a building drawn behind it for those who look."""
         from mrp_sumo.engines.sumo.network import build_network

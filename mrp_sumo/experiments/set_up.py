@@ -18,7 +18,8 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Optio
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
+from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle, Outage
+from mrp_sumo.drive.facilities import lift_names
 from mrp_sumo.drive.motion_plan import TURNS_RAD
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings, Planning
@@ -27,7 +28,16 @@ from mrp_sumo.experiments.errands import unreachable
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import BreakdownChoice, DisturbanceChoice, ObstacleChoice, Scenario, ScenarioFile, require_trust, robot_type
+from mrp_sumo.io.scenario import (
+    BreakdownChoice,
+    DisturbanceChoice,
+    ObstacleChoice,
+    OutageChoice,
+    Scenario,
+    ScenarioFile,
+    require_trust,
+    robot_type,
+)
 from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.maps.chains import chains_of
@@ -93,7 +103,10 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, model))
     graph = _with_mutex_groups(file, map_.nav, graph)
     step_s = scenario.planner.step_s or planned_step_s(graph, fleet_of(model, 1), scenario.execution.step_length_s)
+    graph = _in_service(file, graph)
     graph = maps.with_rides(map_, graph, step_s, model.radius_m)
+    if scenario.execution.doors == "automatic":
+        graph = maps.with_doors(map_, graph, model.radius_m)
     start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
     fleet = fleet_of(model, len(start))
     for i, breakdown in enumerate(scenario.execution.disturbances.breakdowns):
@@ -120,7 +133,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         ),
     )
     _require_headings(file, problem)
-    if scenario.robots.starts is not None and scenario.tasks is None:
+    if scenario.robots.starts is not None and scenario.tasks is None and not scenario.execution.disturbances.outages:
         _require_reachable(file, problem)
     if scenario.tasks is not None:
         settings = _with_tasks(settings, file, map_.nav, problem, model)
@@ -289,11 +302,34 @@ def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
 def _disturbances(choice: DisturbanceChoice) -> Disturbances:
     """A duration that is not given is for good."""
 
-    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
+    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice | OutageChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
         return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
 
-    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures"})
-    return Disturbances(**scalars, breakdowns=parts(choice.breakdowns, Breakdown), obstacles=parts(choice.obstacles, Obstacle))
+    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures", "outages"})
+    return Disturbances(
+        **scalars,
+        breakdowns=parts(choice.breakdowns, Breakdown),
+        obstacles=parts(choice.obstacles, Obstacle),
+        outages=parts([o for o in choice.outages if not _from_the_start(o)], Outage),
+    )
+
+
+def _from_the_start(outage: OutageChoice) -> bool:
+    """Whether a lift is never in service, so that planners need not count on it."""
+    return outage.begin_s == 0 and outage.duration_s is None
+
+
+def _in_service(file: ScenarioFile, graph: PlanGraph) -> PlanGraph:
+    """The graph without lifts that are out of service from the start for good. Refuses lifts that the map does not have."""
+    known = lift_names(graph)
+    out = set()
+    for i, outage in enumerate(file.scenario.execution.disturbances.outages):
+        if outage.lift not in known:
+            place = file.at("execution", "disturbances", "outages", i, "lift")
+            raise ScenarioError(f"{place}: '{outage.lift}' is no lift that joins levels of '{graph.name}'{nearest(outage.lift, known)}")
+        if _from_the_start(outage):
+            out.add(outage.lift)
+    return with_lanes(graph, np.array([options.get("lift") not in out for options in graph.lane_options])) if out else graph
 
 
 def _with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:

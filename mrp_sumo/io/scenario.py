@@ -240,6 +240,16 @@ class ClosureChoice(_Strict):
     duration_s: Positive | None = Field(None, description="For good by default.")
 
 
+class OutageChoice(_Strict):
+    """A lift that is out of service for a while."""
+
+    lift: str = Field(description="Its name.")
+    begin_s: Annotated[float, Field(ge=0)] = 0.0
+    duration_s: Positive | None = Field(
+        None, description="For good by default; planners know of what is out of service from the start for good."
+    )
+
+
 NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs/paper.md
     "nav2_like": {"speed_noise": 0.053, "speed_noise_tau_s": 2.0},
 }
@@ -270,6 +280,7 @@ class DisturbanceChoice(_Strict):
     breakdowns: list[BreakdownChoice] = []
     obstacles: list[ObstacleChoice] = []
     closures: list[ClosureChoice] = []
+    outages: list[OutageChoice] = []
 
     @model_validator(mode="before")
     @classmethod
@@ -359,6 +370,10 @@ class ExecutionChoice(_Strict):
     )
     one_way: tuple[tuple[str, str], ...] = Field(
         (), description="Pairs of vertices: along the shortest way from the first to the second, lanes go in that direction only."
+    )
+    doors: Literal["open", "automatic"] = Field(
+        "open",
+        description="Whether the map's doors stand open, or open and close for robots, which takes as long as in Open-RMF's simulations.",
     )
     disturbances: DisturbanceChoice = DisturbanceChoice()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.near import pairs_within
+from mrp_sumo.errors import nearest
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import Building, Level
 
@@ -43,6 +44,9 @@ def _of_level(level: Level) -> Iterator[str]:
         reach = np.hypot(*(level.xy[doors[:, 0]] - level.xy[doors[:, 1]]).T) / 2 + DOORWAY_M
         if not (np.hypot(*(middle - place).T) <= reach).any():
             yield f"{where}: lane {i} goes through wall {w}"
+    idle = [level.doors[d].name for d in range(len(doors)) if len(lanes) and d not in set(door.tolist())]
+    if idle:
+        yield f"{where}: no lane leads through {len(idle)} of {len(doors)} doors, such as '{idle[0]}'"
     names = [door.name for door in level.doors]
     if unnamed := sum(name in ("", "null", "None") for name in names):
         yield f"{where}: {unnamed} of {len(names)} doors without a name"
@@ -52,6 +56,13 @@ def _of_level(level: Level) -> Iterator[str]:
 
 def _of_lifts(building: Building) -> Iterator[str]:
     lifts = [lift for lift in building.lifts.values() if lift.level_doors]
+    for lift in lifts:
+        for name in lift.level_doors:
+            level = building.levels.get(name)
+            if level is None:
+                yield f"lift '{lift.name}' stops at '{name}', which is no level{nearest(name, building.levels)}"
+            elif level.lanes and not lift.holds(level.world_xy[level.lane_vertices], level.elevation_m).any():
+                yield f"lift '{lift.name}' stops at level {name}, where no vertex of a lane is in it: robots cannot use it there"
     for k, one in enumerate(lifts):
         for other in lifts[k + 1 :]:
             if np.hypot(one.x_m - other.x_m, one.y_m - other.y_m) < min(one.width_m, one.depth_m, other.width_m, other.depth_m) / 2:

@@ -59,6 +59,7 @@ NAMED: dict[str, list[Any]] = {
     "execution.one_way": [[["crossing_2_1", "crossing_4_1"]]],
     "execution.disturbances.name": ["nav2_like"],
     "execution.disturbances.closures.between": [["crossing_2_1", "crossing_4_1"], ["crossing_2_2", "crossing_3_2"]],
+    "execution.disturbances.outages.lift": ["lift_1"],
     "record.robots": [["robot_0"], []],
     "record.metrics": [[f"{METRIC}:top_speed_mps"]],
 }

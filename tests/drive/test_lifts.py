@@ -5,6 +5,7 @@ import pytest
 from worlds import problem_of, two_levels
 
 from mrp_sumo.core.facilities import LIFT_STATES
+from mrp_sumo.drive.disturbances import Disturbances, Outage
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -70,3 +71,24 @@ def test_who_leaves_goes_first_and_the_car_is_there_for_who_enters_next(tmp_path
 def test_without_an_order_the_lift_is_for_who_asked_first(tmp_path):
     _, run = planned_and_driven(tmp_path, [[1, 2, *UP, 5, 6, 7], [8, 8, 8, 1, 2, *UP, 5, 6, 9]], policy="open_loop", engine="kinematic")
     assert run.goal_s[0] < run.goal_s[1]
+
+
+def test_a_lift_out_of_service_is_entered_when_it_is_back(tmp_path):
+    out = Disturbances(outages=(Outage("goods", 0.0, 30.0),))
+    planned, run = planned_and_driven(tmp_path, ONE_BY_ONE, engine="kinematic", disturbances=out)
+    late_s = run.arrived_s - planned.arrive_s
+    assert late_s[:2] == pytest.approx([0, 0], abs=0.2)  # up to the lift
+    assert late_s[3:10].min() > 15
+    assert [event.text for event in run.events if event.kind == "closed"] == ["lift 'goods' is out of service"]
+
+
+def test_robots_that_are_resolved_take_the_other_lift(tmp_path):
+    graph = two_levels(RIDE_S, STEP_S, lifts=("goods", "people"))
+    problem, plan = problem_of(graph, [[1, 2, 3, 13, 14, 15, 4, 5, 6]])
+    out = Disturbances(outages=(Outage("goods", 0.0),))
+    run = simulate(problem, plan, ExecutionSettings(engine="kinematic", disturbances=out, on_deadlock="resolve", patience_s=2.0), tmp_path)
+    assert run.all_at_goal
+    names = run.facilities.lift_name
+    assert {
+        names[f] for f, k in zip(run.facilities.lift.tolist(), run.facilities.lift_state.tolist()) if k == LIFT_STATES.index("taken")
+    } == {"people"}

@@ -46,7 +46,7 @@ def test_a_lane_through_two_doors(tmp_path):
     [("in", "2 doors are named 'in'; the nav graph knows the last one"), ("'null'", "1 of 2 doors without a name")],
 )
 def test_doors_that_cannot_be_told_apart(tmp_path, name, note):
-    assert notes(tmp_path, PLACES, [(0, 6)], DOORS.replace("NAME", name)) == (f"level L1: {note}",)
+    assert notes(tmp_path, PLACES, [(0, 6)], DOORS.replace("NAME", name))[-1] == f"level L1: {note}"
 
 
 def test_a_lane_through_a_wall_but_not_beside_a_door(tmp_path):
@@ -60,4 +60,15 @@ def test_two_lifts_at_one_place(tmp_path):
     lift = "x: {}, y: 0, yaw: 0, width: 2, depth: 2, level_doors: {{L1: [d]}}"
     lifts = f"{{old: {{{lift.format(3)}}}, new: {{{lift.format(3.2)}}}, far: {{{lift.format(30)}}}}}"
     found = notes(tmp_path, "[[0, 0, 0, a], [5, 0, 0, b]]", [(0, 1)], lifts=lifts)
-    assert found == ("lifts 'old' and 'new' are at one place; 'old' serves its vertices",)
+    assert found[-1] == "lifts 'old' and 'new' are at one place; 'old' serves its vertices"
+
+
+def test_a_lift_that_stops_where_no_vertex_is_in_it_and_doors_on_no_lane(tmp_path):
+    lifts = "{lift: {x: 30, y: 0, yaw: 0, width: 2, depth: 2, level_doors: {L1: [d], L9: [d]}}}"
+    doors = "    doors: [[2, 3, {name: [1, gate]}]]\n"
+    found = notes(tmp_path, "[[0, 0, 0, a], [5, 0, 0, b], [2, 3, 0, c], [3, 3, 0, d]]", [(0, 1)], doors, lifts=lifts)
+    assert found == (
+        "level L1: no lane leads through 1 of 1 doors, such as 'gate'",
+        "lift 'lift' stops at level L1, where no vertex of a lane is in it: robots cannot use it there",
+        "lift 'lift' stops at 'L9', which is no level (known: L1)",
+    )

@@ -1,0 +1,67 @@
+"""Doors that open for robots: how long they take, and where on a plan graph robots need one open.
+
+A robot needs a door open wherever its body would reach it: on every lane nearer to the door than its radius. Doors are shut at
+first; `drive._facilities` opens them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrp_sumo.core.graph import Options, PlanGraph
+from mrp_sumo.core.motion import run_time_s
+from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.clearance import point_distances, segment_distances
+
+SLIDING_MPS, SLIDING_MPS2 = 0.2, 0.2  # of a leaf, in Open-RMF's simulations (traffic_editor, door.py)
+HINGED_RAD_S, HINGED_RAD_S2 = 0.5, 0.3
+TURN_RAD = np.pi / 2  # of a hinged leaf
+
+
+def opening_s(kind: str, width_m: float) -> float:
+    """How long a door takes to open, or to close: hinged, double_hinged, sliding, double_sliding; one of no known kind slides."""
+    if kind.endswith("hinged"):
+        way, speed, accel = TURN_RAD, HINGED_RAD_S, HINGED_RAD_S2
+    else:
+        way, speed, accel = width_m / 2 if kind.startswith("double") else width_m, SLIDING_MPS, SLIDING_MPS2
+    return float(run_time_s(*map(np.float64, (way, speed, accel, accel))))
+
+
+def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> PlanGraph:
+    """The plan graph with its doors: the option `door` on vertices and lanes that a robot of this radius touches them from.
+
+    Lanes also say how long the door takes (`door_s`). Of two doors, the nearer one counts.
+    """
+    if building is None:
+        return graph
+    vertex_options: list[Options] = list(graph.vertex_options)
+    lane_options: list[Options] = list(graph.lane_options)
+    away = np.full(graph.num_vertices + graph.num_lanes, np.inf)
+    names: set[str] = set()
+    tail, head = graph.xy[graph.tail], graph.xy[graph.head]
+    for k, level_name in enumerate(graph.level_names):
+        level = building.levels.get(level_name)
+        vertices = np.flatnonzero(graph.level == k)
+        lanes = np.flatnonzero((graph.level[graph.tail] == k) & (graph.level[graph.head] == k) & ~graph.is_ride)
+        for door in level.doors if level else ():
+            a, b = level.xy[[door.start, door.end]]
+            ends = [np.tile(end, (len(lanes), 1)) for end in (a, b)]
+            near_m = segment_distances(tail[lanes], head[lanes], *ends)
+            if not (near_m == 0).any():  # no lane leads through it
+                continue
+            name = door.name if door.name and door.name not in names else f"{door.name or 'door'} {level_name} {door.start}-{door.end}"
+            names.add(name)
+            seconds = opening_s(door.kind, float(np.hypot(*(b - a))))
+            at_m = point_distances(graph.xy[vertices], *(np.tile(end, (len(vertices), 1)) for end in (a, b)))
+            for each, distance_m, first in ((lanes, near_m, graph.num_vertices), (vertices, at_m, 0)):
+                for place, m in zip(each.tolist(), distance_m.tolist()):
+                    if m >= radius_m or m >= away[first + place]:
+                        continue
+                    away[first + place] = m
+                    if first:
+                        lane_options[place] = {**lane_options[place], "door": name, "door_s": seconds}
+                    else:
+                        vertex_options[place] = {**vertex_options[place], "door": name}
+    if not np.isfinite(away).any():
+        return graph
+    return replace(graph, vertex_options=tuple(vertex_options), lane_options=tuple(lane_options))

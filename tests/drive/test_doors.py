@@ -1,0 +1,87 @@
+"""Doors that open for robots, with times known by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from worlds import drive, line, problem_of
+
+from mrp_sumo.core.facilities import DOOR_STATES
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.retime import retime
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.maps.building import Building, Door, Level
+from mrp_sumo.maps.doors import opening_s, with_doors
+
+OPENS_S, FAR = 5.0, 12
+
+
+def corridor(opens_s=OPENS_S):
+    """A line with a door between its last two vertices but one."""
+    graph = line(FAR)
+    through = [{"door": "gate", "door_s": opens_s} if {a, b} == {FAR - 3, FAR - 2} else {} for a, b in zip(graph.tail, graph.head)]
+    return dataclasses.replace(graph, lane_options=tuple(through))
+
+
+def states(run):
+    """What the door did, and when."""
+    return [(DOOR_STATES[k], t) for k, t in zip(run.facilities.door_state.tolist(), run.facilities.door_t_s.tolist())]
+
+
+def test_doors_open_as_in_open_rmf():
+    assert opening_s("double_sliding", 1.7) == pytest.approx(0.85 / 0.2 + 1.0)
+    assert opening_s("sliding", 1.7) == pytest.approx(1.7 / 0.2 + 1.0)
+    assert opening_s("hinged", 1.0) == opening_s("double_hinged", 2.0) == pytest.approx(np.pi / 2 / 0.5 + 0.5 / 0.3)
+
+
+def test_a_door_is_open_when_a_robot_comes_and_closes_behind_it(tmp_path):
+    there = list(range(FAR))
+    with_door = drive(tmp_path, corridor(), [there], engine="kinematic")
+    without = drive(tmp_path, line(FAR), [there], engine="kinematic")
+    np.testing.assert_array_equal(with_door.x_m, without.x_m[: len(with_door.x_m)])
+    (shut, _), (opening, begins_s), (stands_open, opened_s), (closing, leaves_s) = states(with_door)[:4]
+    assert (shut, opening, stands_open, closing) == ("closed", "opening", "open", "closing")
+    assert opened_s - begins_s == pytest.approx(OPENS_S)
+    assert begins_s > 0
+    assert leaves_s >= with_door.arrived_s[FAR - 2]
+
+
+def test_a_robot_that_starts_before_a_door_is_delayed_as_long_as_it_opens(tmp_path):
+    there = list(range(FAR - 3, FAR))
+    problem, plan = problem_of(corridor(), [there])
+    how = ExecutionSettings(engine="kinematic")
+    planned = retime(problem, plan, how)
+    run = simulate(problem, planned, how, tmp_path)
+    without = drive(tmp_path, line(FAR), [there], engine="kinematic")
+    assert run.goal_s - without.goal_s == pytest.approx(OPENS_S, abs=0.11)
+    assert run.arrived_s == pytest.approx(planned.arrive_s)
+    assert [event.text for event in run.events if event.kind == "waited"] == ["waits for door 'gate'"]
+
+
+def test_a_door_stays_open_while_the_next_one_is_near(tmp_path):
+    paths = [list(range(4, FAR)), list(range(2, FAR - 1))]
+    run = drive(tmp_path, corridor(), paths, engine="kinematic")
+    assert [state for state, _ in states(run)].count("opening") == 1
+    assert run.all_at_goal
+
+
+def test_robots_need_a_door_open_wherever_they_would_touch_it():
+    graph = line(4, 1.0)
+    level = Level(
+        name="L1",
+        elevation_m=0.0,
+        **dict.fromkeys(("raw_xy", "world_xy", "xy"), np.array([[1.3, -0.5], [1.3, 0.5], [2.5, 3.0], [2.5, 4.0]])),
+        vertex_name=("",) * 4,
+        vertex_options=({},) * 4,
+        doors=(Door(0, 1, "gate", "hinged"), Door(2, 3, "elsewhere", "hinged")),
+    )
+    building = Building(name="b", path=None, coordinate_system="", reference_level="L1", levels={"L1": level}, lifts={})
+    found = with_doors(graph, building, 0.4)
+    assert {(a, b) for a, b, o in zip(found.tail.tolist(), found.head.tolist(), found.lane_options) if o} == {
+        (0, 1),
+        (1, 0),
+        (1, 2),
+        (2, 1),
+    }
+    assert [v for v, options in enumerate(found.vertex_options) if options] == [1]
+    assert with_doors(graph, building, 0.1).lane_options.count({}) == 4
