@@ -1,4 +1,4 @@
-"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON, SUMO's FCD, or set-ups for viewers.
+"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON, SUMO's FCD, messages of VDA 5050, or set-ups for viewers.
 
 The run's trajectory is the source of all of them. Files go into the run folder unless --out says otherwise;
 what exists is not replaced.
@@ -24,6 +24,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     wanted = parser.add_mutually_exclusive_group(required=True)
     for name, (_, about) in FORMATS.items():
         wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=about)
+    wanted.add_argument(
+        "--vda5050",
+        metavar="VERSION",
+        nargs="?",
+        const="3.0",
+        help="messages of VDA 5050, 2.1 or 3.0 (the default), by vehicle and all in time order (folder)",
+    )
     parser.add_argument("--out", metavar="PATH", type=Path, help="file or folder to make")
     parser.add_argument("--storage", default="mcap", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
     parser.add_argument("--rmf", default="jazzy", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
@@ -42,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports import exports
 
     loaded = load_run(options.run)
-    out = options.out or Path(options.run) / FORMATS[options.format][0]
+    out = options.out or Path(options.run) / ("vda5050" if options.vda5050 else FORMATS[options.format][0])
     for name, found in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
         if not 0 <= found < inf:
             raise MrpSumoError(f"{name}: found {found}, expected seconds of 0 or more")
@@ -53,7 +60,11 @@ def run(options: argparse.Namespace) -> int:
     record = loaded.record
     if not len(record.execution.t_s):
         raise MrpSumoError(f"{options.run}: the trajectory is empty")
-    if options.format in ("bag", "ros1"):
+    if options.vda5050:
+        from mrp_sumo.reports.vda_log import write_vda
+
+        write_vda(out, record, options.vda5050)
+    elif options.format in ("bag", "ros1"):
         from mrp_sumo.bags.writer import BagOptions, write_bag
 
         robots = tuple(name.strip() for name in options.robots.split(",") if name.strip())

@@ -6,6 +6,8 @@ steps are judged to be valid, and the times to be drivable.
 
 A solution of a lifelong problem of the League of Robot Runners is judged by the League's rules (--problem), up to its first fault.
 
+A log of VDA 5050 messages (--vda5050) is judged by the standard: headers, orders and their updates, states. See docs/logs.md.
+
 Reads this program's JSON, libMultiRobotPlanning's YAML, EECBS's paths.txt, lacam's result.txt and SMART's paths. Exit
 code 0 for a valid plan, 1 for one with faults or conflicts (the first are printed), 2 for bad input.
 """
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo validate`."""
     add = parser.add_argument
-    add("plan", type=Path, metavar="PLAN", help="the plan file")
+    add("plan", type=Path, metavar="PLAN", nargs="?", help="the plan file")
+    add("--vda5050", type=Path, metavar="FILE", help="a log of VDA 5050 messages instead, a JSON object with t_s, topic and payload a line")
     add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML")
     add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map")
     add("--scenario", metavar="FILE", help="a scenario instead; robots may be at any of its goals")
@@ -46,6 +49,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
     from mrp_sumo.traffic.referee import describe, judge
 
+    if options.vda5050 is not None:
+        return _messages(options)
+    if options.plan is None:
+        raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
     if sum(given is not None for given in (options.map, options.scenario, options.problem)) != 1:
         raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
     if options.problem is not None:
@@ -104,6 +111,33 @@ def _print_some(lines: list[str], limit: int) -> None:
         print(line)
     if len(lines) > limit:
         print(f"... and {len(lines) - limit} more")
+
+
+def _messages(options: argparse.Namespace) -> int:
+    """Judge a log of messages, print."""
+    from itertools import islice
+
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.files.reading import require_regular, shortened
+    from mrp_sumo.formats.vda.check import LONGEST_LINE, check
+
+    if options.plan is not None or options.map is not None or options.scenario is not None or options.problem is not None:
+        raise MrpSumoError("--vda5050 stands by itself: no PLAN, --map, --scenario or --problem")
+    require_regular(options.vda5050, 2**40)
+    with options.vda5050.open(encoding="utf-8", errors="replace") as file:
+        lines = iter(lambda: file.readline(LONGEST_LINE + 1), "")
+        faults = check(lines)
+        shown = list(islice(faults, options.limit))
+        more = sum(1 for _ in faults)
+    count = len(shown) + more
+    if options.json:
+        faulty = [{"line": fault.line, "topic": fault.topic, "text": fault.text} for fault in shown]
+        print(json.dumps({"valid": not count, "faults": count, "first": faulty}, indent=2))
+    else:
+        for fault in shown:
+            print(f"{options.vda5050.name}: {fault}")
+        print(f"{shortened(options.vda5050)}: " + (f"{count} fault{'s' if count > 1 else ''}" if count else "keeps the standard"))
+    return 1 if count else 0
 
 
 def _num_robots(path: Path) -> int:

@@ -54,6 +54,15 @@ class Reply:
     arrived_s: FloatArray  # [N] as driven, NaN: never
 
 
+@dataclass(frozen=True, eq=False)
+class GrantLog:
+    """When robots were granted more of their ways: G rows by time."""
+
+    t_s: FloatArray  # [G]
+    robot: IntArray  # [G]
+    visit: IntArray  # [G] the last visit it may drive to from then on, counted from 0 along its way
+
+
 @dataclass(frozen=True)
 class PlannerCalls:
     """How often the planner was asked for tasks while robots drove."""
@@ -90,6 +99,7 @@ class Execution:
     sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots
     replies: tuple[Reply, ...] = ()  # by time
+    grants: GrantLog | None = None  # None: not known
     tasks: TaskLog | None = None  # of a run with a stream of tasks
     stops: StopLog | None = None  # of the same
     calls: PlannerCalls | None = None  # of the same

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from mrp_sumo.core.execution import Event
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.execution import Event, GrantLog
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.engines.protocol import Engine
 
@@ -157,6 +157,30 @@ class EventLog:
     def hear(self, moment: Moment) -> None:
         """See Listener."""
         self.events += moment.events
+
+
+class GrantRecorder:
+    """Keeps when robots are granted more of their ways."""
+
+    def __init__(self, num_robots: int) -> None:
+        self._granted = np.full(num_robots, -1, np.int64)
+        self._rows: list[tuple[float, IntArray, IntArray]] = []  # time, robots, numbers of their visits
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        visits = moment.ledger.visits
+        granted = visits.rank[visits.granted]
+        more = np.flatnonzero(granted != self._granted)
+        if len(more):
+            self._rows.append((moment.now_s, more, granted[more]))
+            self._granted = granted
+
+    def log(self) -> GrantLog:
+        """What was kept."""
+        t_s = np.repeat([now_s for now_s, _, _ in self._rows], [len(robots) for _, robots, _ in self._rows])
+        none = [np.zeros(0, np.int64)]
+        robot, visit = (np.concatenate([row[k] for row in self._rows] or none) for k in (1, 2))
+        return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit))
 
 
 @dataclass

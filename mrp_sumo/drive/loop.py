@@ -28,7 +28,7 @@ from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
 from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
-from mrp_sumo.drive.listeners import AtGoalReport, EventLog, Listener, Moment, ProgressReport, Recorder, Witness
+from mrp_sumo.drive.listeners import AtGoalReport, EventLog, GrantRecorder, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
@@ -94,15 +94,17 @@ def simulate(
     drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped)
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
-    log, witness = EventLog(), Witness()
+    log, witness, grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
     facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            drive.run(bodies, [log, recorder, witness, *reports, *listeners, *([facilities] if facilities else [])], recorder.settle)
-        return _execution(drive, plan, log, recorder, witness, facilities)
+            drive.run(
+                bodies, [log, recorder, witness, grants, *reports, *listeners, *([facilities] if facilities else [])], recorder.settle
+            )
+        return _execution(drive, plan, log, recorder, witness, grants, facilities)
 
 
 def _engine(
@@ -329,7 +331,13 @@ class Drive:
 
 
 def _execution(
-    drive: Drive, plan: Plan, log: EventLog, recorder: Recorder, witness: Witness, facilities: FacilityRecorder | None
+    drive: Drive,
+    plan: Plan,
+    log: EventLog,
+    recorder: Recorder,
+    witness: Witness,
+    grants: GrantRecorder,
+    facilities: FacilityRecorder | None,
 ) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
@@ -368,5 +376,6 @@ def _execution(
         sumo_t_s=frozen(np.array(witness.t_s)),
         sumo_xy_m=frozen(np.array(witness.xy_m)),
         replies=replies_of(ledger),
+        grants=grants.log(),
     )
     return driven if settings.tasks else with_goals_within(driven, ledger.graph.xy, ledger.end_of_tasks, settings.goal_tolerance_m)

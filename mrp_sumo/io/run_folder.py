@@ -237,6 +237,7 @@ def _write_logs(
     """Trajectory, visits, events and bag."""
     from mrp_sumo.io.battery_table import write_batteries
     from mrp_sumo.io.facilities import write_facilities
+    from mrp_sumo.io.grants import write_grants
     from mrp_sumo.io.replans import write_replans
     from mrp_sumo.io.tasks_table import write_stops, write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
@@ -248,6 +249,8 @@ def _write_logs(
         write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about, levels)
     if result.plan is not None:
         write_visits(folder / "visits.parquet", problem, result.plan, execution)
+    if execution.grants is not None:
+        write_grants(folder / "grants.parquet", execution.grants, problem.fleet.robot_name)
     if execution.replies:
         write_replans(folder / "replans.parquet", execution.replies, problem.graph, problem.fleet.robot_name)
     if execution.tasks is not None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
-from mrp_sumo.core.execution import Execution, Outcome, PlannerCalls, Reply
+from mrp_sumo.core.execution import Execution, GrantLog, Outcome, PlannerCalls, Reply
 from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
@@ -166,6 +166,7 @@ class RunFolder:
             facilities=self._facilities(),
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
             replies=self._replies(),
+            grants=self._grants(),
             tasks=self._tasks(),
             stops=self._stops(),
             calls=self._calls(),
@@ -224,6 +225,13 @@ class RunFolder:
         from mrp_sumo.io.replans import read_replans
 
         return read_replans(self.folder / "replans.parquet", self.graph, self.fleet.robot_name)
+
+    def _grants(self) -> GrantLog | None:
+        if not self._has("grants.parquet"):
+            return None
+        from mrp_sumo.io.grants import read_grants
+
+        return read_grants(self.folder / "grants.parquet", self.fleet.robot_name)
 
     def _tasks(self) -> TaskLog | None:
         if not self._has("tasks.parquet"):

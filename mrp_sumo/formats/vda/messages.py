@@ -1,0 +1,209 @@
+"""Messages of VDA 5050, versions 2.1 and 3.0: what they are called, and how their parts are put together.
+
+Written against the text and schemas of github.com/VDA5050/VDA5050, tags 2.1.0 and 3.0.0. Both versions say the same with other words:
+whoever makes messages says what there is to say once, and a `Dialect` knows the words.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError
+
+Json = dict[str, Any]
+
+VERSIONS = ("2.1", "3.0")
+KINDS = ("connection", "factsheet", "instantActions", "order", "state", "visualization")
+MANUFACTURER = "mrp_sumo"
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)  # of simulated time
+SERIAL = re.compile(r"[A-Za-z0-9_.:-]+")  # section 6.1.2 of 2.1, and as it says, names of folders besides
+STANDING_MPS = 0.01
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """The words of a version."""
+
+    version: str  # '2.1' or '3.0'
+
+    def __post_init__(self) -> None:
+        if self.version not in VERSIONS:
+            raise MrpSumoError(f"VDA 5050 {self.version}: expected {' or '.join(VERSIONS)}")
+
+    @property
+    def is_new(self) -> bool:
+        return self.version == "3.0"
+
+    def topic(self, serial: str, kind: str, manufacturer: str = MANUFACTURER) -> str:
+        """Where a message of a kind goes."""
+        head = "vda5050/v3" if self.is_new else "uagv/v2"
+        return f"{head}/{manufacturer}/{serial}/{kind}"
+
+    def place(self, x_m: float, y_m: float, yaw_rad: float, map_id: str) -> Json:
+        """Where a vehicle is."""
+        return {
+            **{"x": _short(x_m), "y": _short(y_m), "theta": _angle(yaw_rad), "mapId": map_id},
+            "localized" if self.is_new else "positionInitialized": True,
+        }
+
+    @property
+    def place_key(self) -> str:
+        return "mobileRobotPosition" if self.is_new else "agvPosition"
+
+    def power(self, percent: float, charging: bool) -> tuple[str, Json]:
+        """State of charge, and the name it goes by."""
+        if self.is_new:
+            return "powerSupply", {"stateOfCharge": _short(percent), "charging": charging}
+        return "batteryState", {"batteryCharge": _short(percent), "charging": charging}
+
+    @property
+    def safety(self) -> Json:
+        return {"activeEmergencyStop" if self.is_new else "eStop": "NONE", "fieldViolation": False}
+
+    def edge(
+        self, name: str, sequence: int, released: bool, ends: tuple[str, str], length_m: float, limit_mps: float, backward: bool = False
+    ) -> Json:
+        """An edge of an order, between nodes."""
+        found: Json = {"edgeId": name, "sequenceId": sequence, "released": released}
+        if not self.is_new:
+            found |= {"startNodeId": ends[0], "endNodeId": ends[1]}
+        if math.isfinite(limit_mps):
+            found["maximumSpeed" if self.is_new else "maxSpeed"] = _short(limit_mps)
+        if backward:
+            found |= {"orientation": 3.14159265, "orientationType": "TANGENTIAL"}
+        return found | {"length": _short(length_m), "actions": []}
+
+
+@dataclass
+class Sender:
+    """Gives messages of one vehicle their headers, which count for each topic."""
+
+    dialect: Dialect
+    serial: str
+    manufacturer: str = MANUFACTURER
+    count: dict[str, int] = field(default_factory=dict)  # messages of each kind
+
+    def message(self, kind: str, t_s: float, content: Mapping[str, Any]) -> Json:
+        """A payload of a kind at a time."""
+        number = self.count.get(kind, 0)
+        self.count[kind] = number + 1
+        return {
+            "headerId": number,
+            "timestamp": timestamp(t_s),
+            "version": f"{self.dialect.version}.0",
+            "manufacturer": self.manufacturer,
+            "serialNumber": self.serial,
+            **content,
+        }
+
+
+def timestamp(t_s: float) -> str:
+    """A time as ISO 8601 in UTC, with milliseconds."""
+    at = EPOCH + timedelta(milliseconds=round(t_s * 1000))
+    return at.strftime("%Y-%m-%dT%H:%M:%S.") + f"{at.microsecond // 1000:03d}Z"
+
+
+def node(name: str, sequence: int, released: bool, xy: Sequence[float], map_id: str, actions: Sequence[Json] = ()) -> Json:
+    """A node of an order."""
+    position = {"x": _short(xy[0]), "y": _short(xy[1]), "mapId": map_id}
+    return {"nodeId": name, "sequenceId": sequence, "released": released, "nodePosition": position, "actions": list(actions)}
+
+
+def action(kind: str, name: str, blocking: str = "NONE", **parameters: Any) -> Json:
+    """An action; blocking NONE, SOFT or HARD."""
+    found: Json = {"actionType": kind, "actionId": name, "blockingType": blocking}
+    if parameters:
+        found["actionParameters"] = [{"key": key, "value": value} for key, value in parameters.items()]
+    return found
+
+
+def states_of(order: Mapping[str, Any], passed: int) -> tuple[list[Json], list[Json]]:
+    """What a state says of the nodes and edges of an order that come after a sequence number."""
+    nodes = [
+        {key: n[key] for key in ("nodeId", "sequenceId", "released", "nodePosition")} for n in order["nodes"] if n["sequenceId"] > passed
+    ]
+    edges = [{key: e[key] for key in ("edgeId", "sequenceId", "released")} for e in order["edges"] if e["sequenceId"] > passed]
+    for n in nodes:  # positions of states have no more than these
+        n["nodePosition"] = {key: n["nodePosition"][key] for key in ("x", "y", "theta", "mapId") if key in n["nodePosition"]}
+    return nodes, edges
+
+
+def factsheet(dialect: Dialect, *, length_m: float, width_m: float, speed_mps: float, accel_mps2: float, decel_mps2: float) -> Json:
+    """What a vehicle says about itself. Heights and loads are not known here: 0 is no limit."""
+    new = dialect.is_new
+    actions = [
+        (kind, scopes)
+        for kind, scopes in (
+            ("pick", ["NODE"]),
+            ("drop", ["NODE"]),
+            ("service", ["NODE"]),
+            ("startCharging", ["NODE"]),
+            ("startPause", ["INSTANT"]),
+            ("stopPause", ["INSTANT"]),
+            ("cancelOrder", ["INSTANT"]),
+            ("stateRequest", ["INSTANT"]),
+            ("factsheetRequest", ["INSTANT"]),
+        )
+    ]
+    known = [
+        {"actionType": kind, "actionScopes": scopes} | ({"pauseAllowed": False, "cancelAllowed": kind != "startCharging"} if new else {})
+        for kind, scopes in actions
+    ]
+    kinematics = {"seriesName": MANUFACTURER, "mobileRobotKinematics" if new else "agvKinematic": "DIFFERENTIAL" if new else "DIFF"}
+    speeds = {"minimumSpeed": 0.0, "maximumSpeed": speed_mps, "maximumAcceleration": accel_mps2, "maximumDeceleration": decel_mps2}
+    old_names = {"minimumSpeed": "speedMin", "maximumSpeed": "speedMax", "maximumAcceleration": "accelerationMax"}
+    old_names |= {"maximumDeceleration": "decelerationMax", "minimumHeight": "heightMin", "maximumHeight": "heightMax"}
+    body = speeds | {"minimumHeight": 0.0, "maximumHeight": 0.0}
+    least = {"minimumOrderInterval": 0.0, "minimumStateInterval": 0.0}
+    return {
+        "typeSpecification": {
+            **kinematics,
+            "mobileRobotClass" if new else "agvClass": "CARRIER",
+            "maximumLoadMass" if new else "maxLoadMass": 0.0,
+            "localizationTypes": ["NATURAL"],
+            "navigationTypes": ["VIRTUAL_LINE_GUIDED"],
+        },
+        "physicalParameters": {
+            **{key if new else old_names[key]: value for key, value in body.items()},
+            "width": width_m,
+            "length": length_m,
+        },
+        "protocolLimits": {
+            "maximumStringLengths" if new else "maxStringLens": {},
+            "maximumArrayLengths" if new else "maxArrayLens": {},
+            "timing": least if new else {"minOrderInterval": 0.0, "minStateInterval": 0.0},
+        },
+        "protocolFeatures": {"optionalParameters": [], "mobileRobotActions" if new else "agvActions": known},
+        "mobileRobotGeometry" if new else "agvGeometry": {},
+        "loadSpecification": {},
+    }
+
+
+def serials_of(names: Sequence[str]) -> list[str]:
+    """Serial numbers for names, of the characters that topics may have; each another, and none with a meaning as a path."""
+    found: list[str] = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_.:-]", "_", name)[:60].lstrip(".") or "robot"
+        serial, number = plain, 2
+        while serial in found:
+            serial, number = f"{plain}_{number}", number + 1
+        found.append(serial)
+    return found
+
+
+def line_of(t_s: float, topic: str, payload: Mapping[str, Any]) -> str:
+    """A message as a line of a log."""
+    return json.dumps({"t_s": t_s, "topic": topic, "payload": payload}, separators=(",", ":"), allow_nan=False) + "\n"
+
+
+def _short(value: float) -> float:
+    return round(float(value), 6)
+
+
+def _angle(rad: float) -> float:
+    """-pi to pi, and within it when rounded."""
+    return max(-3.141592, min(3.141592, round(math.remainder(rad, 2 * math.pi), 6)))

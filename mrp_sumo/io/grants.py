@@ -1,0 +1,31 @@
+"""When robots were granted more of their ways, as Parquet: `t_s`, `robot` (name) and `visit`, the last that it may drive to from then on.
+
+Visits are counted from 0, the start, along the robot's whole way, replans included.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mrp_sumo.core.execution import GrantLog
+from mrp_sumo.core.graph import frozen
+from mrp_sumo.io.arrow import numbers, texts
+
+
+def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> None:
+    """Write the table."""
+    robot = pa.DictionaryArray.from_arrays(numbers(grants.robot.astype(np.int32)), texts(robot_name))
+    table = pa.table({"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit)})
+    pq.write_table(table, path, compression="zstd")
+
+
+def read_grants(path: Path, robot_name: Sequence[str]) -> GrantLog:
+    """The grants as they were written."""
+    table = pq.read_table(path)
+    number = {name: r for r, name in enumerate(robot_name)}
+    t_s, visit = (table[name].to_numpy(zero_copy_only=False) for name in ("t_s", "visit"))
+    robot = np.array([number[name] for name in table["robot"].to_pylist()], np.int64)
+    return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit.astype(np.int64)))

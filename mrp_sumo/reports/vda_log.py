@@ -1,0 +1,367 @@
+"""A finished run as the messages of VDA 5050 that a fleet manager and its vehicles would have exchanged.
+
+The base of an order is what the ledger had granted by then, its horizon the rest of the robot's way. What is granted, and every other way
+that a robot is sent, is an update of the order with the last node of its base as the stitching node. A robot that has made its way to
+the end gets a new order with its next way. Simulated time begins on the first of January 1970.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.execution import Execution, GrantLog
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.formats.vda.messages import (
+    KINDS,
+    STANDING_MPS,
+    Dialect,
+    Json,
+    Sender,
+    action,
+    factsheet,
+    line_of,
+    node,
+    serials_of,
+    states_of,
+)
+from mrp_sumo.io.record import RunRecord
+from mrp_sumo.reports.exports import replacing
+
+KEEP_ALIVE_S = 30.0  # a vehicle reports at least this often
+MOST_HZ = 10.0  # of visualization
+ERRORS = {  # events that a robot reports while they last -> level in 2.1, and in 3.0
+    "blocked": ("WARNING", "WARNING"),
+    "deadlock": ("WARNING", "URGENT"),
+    "disturbed": ("WARNING", "WARNING"),
+    "blocked_for_good": ("FATAL", "CRITICAL"),
+    "battery_empty": ("FATAL", "FATAL"),
+}
+# what happens at one moment, in this order
+WAY, GRANT, ARRIVE, ACT, ERROR, DRIVE, ALIVE, SHOW = range(8)
+
+
+class Visit(NamedTuple):
+    """A visit of a robot's way, as it was planned at some time."""
+
+    vertex: int
+    arrived_s: float  # NaN: never
+    reply: int  # number of the reply that it came with, -1: the first plan
+
+
+class Happening(NamedTuple):
+    """Something at a time that messages follow from."""
+
+    t_s: float
+    kind: int
+    number: int = 0
+    way: tuple[Visit, ...] = ()
+
+
+def write_vda(path: Path, record: RunRecord, version: str) -> None:
+    """Write a folder: `messages.jsonl`, all in time order, and each vehicle's messages by topic.
+
+    Parameters
+    ----------
+    path
+        The folder, which must not exist.
+    record
+        Of a run.
+    version
+        '2.1' or '3.0'.
+
+    Raises
+    ------
+    MrpSumoError
+        For another version, a run without a plan, and one of which it is not known what was granted when.
+    """
+    dialect = Dialect(version)
+    if record.plan is None or record.execution.grants is None:
+        lacks = "has no plan" if record.plan is None else "does not say when robots were granted their ways: make it again"
+        raise MrpSumoError(f"the run '{record.name}' {lacks}")
+    serials = serials_of(record.fleet.robot_name)
+    with replacing(path) as partial:
+        partial.mkdir(parents=True)
+        times, offsets = [], [0]
+        scratch = partial / "messages.part"
+        with scratch.open("wb") as out:
+            for robot, serial in enumerate(serials):
+                (partial / serial).mkdir()
+                files = {kind: (partial / serial / f"{kind}.jsonl").open("w", encoding="utf-8") for kind in KINDS}
+                try:
+                    for t_s, kind, payload in Vehicle(record, record.execution.grants, robot, Sender(dialect, serial)).messages():
+                        files[kind].write(json.dumps(payload, separators=(",", ":"), allow_nan=False) + "\n")
+                        line = line_of(t_s, dialect.topic(serial, kind), payload).encode()
+                        out.write(line)
+                        times.append(t_s)
+                        offsets.append(offsets[-1] + len(line))
+                finally:
+                    for file in files.values():
+                        file.close()
+        _sort(scratch, np.array(times), np.array(offsets), partial / "messages.jsonl")
+        scratch.unlink()
+
+
+def _sort(source: Path, times: FloatArray, offsets: np.ndarray, target: Path) -> None:
+    """Write lines by time; at one time by vehicle, and as they were sent."""
+    with source.open("rb") as read, target.open("wb") as out:
+        for k in np.argsort(times, kind="stable").tolist():
+            read.seek(offsets[k])
+            out.write(read.read(int(offsets[k + 1] - offsets[k])))
+
+
+@dataclass
+class Vehicle:
+    """One robot of a run, and what is said of it."""
+
+    record: RunRecord
+    grants: GrantLog
+    robot: int
+    sender: Sender
+    way: tuple[Visit, ...] = ()
+    granted: int = 0  # number of the last visit that it may drive to
+    reached: int = 0
+    begin: int = 0  # number of the visit with which the order begins
+    number: int = -1  # of the order
+    update: int = 0
+    last_base: int = 0  # number of the visit that ended the base when the order was sent
+    order: Json = field(default_factory=dict)  # all nodes and edges since its begin
+    actions: dict[tuple[int, int], tuple[Json, float, float]] = field(default_factory=dict)  # by visit and reply: begin and end
+    errors: list[tuple[float, float, str, str]] = field(default_factory=list)  # from, until, type, description
+    charging: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def execution(self) -> Execution:
+        return self.record.execution
+
+    @property
+    def dialect(self) -> Dialect:
+        return self.sender.dialect
+
+    def messages(self) -> Iterator[tuple[float, str, Json]]:
+        """Time, kind and payload of all messages, in time order."""
+        send, end_s = self.sender.message, float(self.execution.t_s[-1])
+        happenings = self._happenings()
+        yield 0.0, "connection", send("connection", 0.0, {"connectionState": "ONLINE"})
+        asked = action("factsheetRequest", f"{self.sender.serial}-factsheet")
+        yield 0.0, "instantActions", send("instantActions", 0.0, {"actions": [asked]})
+        yield 0.0, "factsheet", send("factsheet", 0.0, self._factsheet())
+        for t_s, together in groupby(happenings, key=lambda h: h.t_s):
+            kinds = set()
+            for happening in together:
+                kinds.add(happening.kind)
+                self._take(happening)
+            if kinds & {WAY, GRANT} and (order := self._order(t_s)):
+                yield t_s, "order", send("order", t_s, order)
+                kinds.add(ARRIVE)
+            if kinds - {SHOW, GRANT, WAY}:
+                yield t_s, "state", send("state", t_s, self._state(t_s))
+            if SHOW in kinds:
+                yield t_s, "visualization", send("visualization", t_s, self._view(t_s))
+        yield end_s, "connection", send("connection", end_s, {"connectionState": "OFFLINE"})
+
+    def _happenings(self) -> list[Happening]:
+        """All that happens to the robot, by time."""
+        plan, execution, r = self.record.plan, self.execution, self.robot
+        assert plan is not None
+        mine = slice(int(plan.first[r]), int(plan.first[r + 1]))
+        way = tuple(Visit(v, t, -1) for v, t in zip(plan.vertex[mine].tolist(), execution.arrived_s[mine].tolist()))
+        found = [Happening(0.0, WAY, 0, way)]
+        for n, reply in enumerate(execution.replies):
+            for k in np.flatnonzero(reply.robot == r).tolist():
+                new = slice(int(reply.first[k]), int(reply.first[k + 1]))
+                more = tuple(Visit(v, t, n) for v, t in zip(reply.vertex[new].tolist(), reply.arrived_s[new].tolist()))
+                way = way[: int(reply.since[k]) + 1] + more
+                found.append(Happening(float(reply.t_s), WAY, 0, way))
+        rows = np.flatnonzero(self.grants.robot == r)
+        found += [Happening(t, GRANT, v) for t, v in zip(self.grants.t_s[rows].tolist(), self.grants.visit[rows].tolist())]
+        end_s = float(execution.t_s[-1])
+        found += [Happening(v.arrived_s, ARRIVE, k) for k, v in enumerate(way) if k and v.arrived_s <= end_s]
+        self._note_actions(way)
+        for begin_s, until_s in [when[1:] for when in self.actions.values()]:
+            found += [Happening(t, ACT) for t in (begin_s, until_s) if t <= end_s]
+        for event in execution.events:
+            if event.kind in ERRORS and event.robot == r:
+                until_s = event.t_s + event.duration_s if event.duration_s > 0 else np.inf
+                self.errors.append((event.t_s, until_s, event.kind, event.text or event.kind.replace("_", " ")))
+                found += [Happening(t, ERROR) for t in (event.t_s, until_s) if t <= end_s]
+        there = np.isfinite(execution.x_m[:, r])
+        drives = (np.abs(execution.speed_mps[:, r]) >= STANDING_MPS) & there
+        found += [Happening(t, DRIVE) for t in execution.t_s[1:][drives[1:] != drives[:-1]].tolist()]
+        found += [Happening(float(t), ALIVE) for t in np.arange(0.0, end_s + 1e-9, KEEP_ALIVE_S)] + [Happening(end_s, ALIVE)]
+        period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
+        every = max(1, round(1 / (MOST_HZ * period_s)))
+        found += [Happening(t, SHOW) for t in execution.t_s[::every][there[::every]].tolist()]
+        return sorted((h._replace(t_s=round(h.t_s, 9)) for h in found), key=lambda h: (h.t_s, h.kind))
+
+    def _note_actions(self, way: tuple[Visit, ...]) -> None:
+        """Stops become actions of the nodes at which they were made."""
+        stops, tasks = self.execution.stops, self.execution.tasks
+        if stops is None or tasks is None:
+            return
+        arrived = np.array([v.arrived_s for v in way])
+        for s in np.flatnonzero(stops.robot == self.robot).tolist():
+            begin_s, end_s, task = round(float(stops.begin_s[s]), 9), round(float(stops.end_s[s]), 9), int(stops.task[s])
+            k = int(np.flatnonzero(~(arrived > begin_s + 1e-6) & np.isfinite(arrived))[-1])
+            if way[k].vertex != stops.vertex[s] or not np.isfinite(end_s):
+                continue
+            of_task = np.flatnonzero(stops.task == task)
+            is_order = bool(tasks.is_order[task])
+            kind = ("pick" if s == of_task[0] else "drop" if s == of_task[-1] else "service") if is_order else "startCharging"
+            made = action(kind, f"{self.sender.serial}-{s}", "HARD", station=stops.station[s], duration=round(end_s - begin_s, 3))
+            self.actions[k, way[k].reply] = (made, begin_s, end_s)
+            if not is_order:
+                self.charging.append((begin_s, end_s))
+
+    def _take(self, happening: Happening) -> None:
+        if happening.kind == WAY:
+            self.way = happening.way
+        elif happening.kind == GRANT:
+            self.granted = max(self.granted, happening.number)
+        elif happening.kind == ARRIVE:
+            self.reached = max(self.reached, happening.number)
+            self.granted = max(self.granted, self.reached)
+
+    def _order(self, t_s: float) -> Json | None:
+        """The order, or its update, that says what the robot may do now; nothing where that has been said."""
+        if len(self.way) < 2 and self.number < 0:
+            return None
+        at_end = self.order and self.reached == self.last_base and len(self.order["nodes"]) == self.last_base - self.begin + 1
+        done = not self.order or (at_end and all(end_s <= t_s for _, _, end_s in self._of_order()))
+        if done:
+            if len(self.way) - 1 <= self.reached:
+                return None
+            self.number, self.update, self.begin, self.last_base = self.number + 1, 0, self.reached, self.reached
+            kept: Json = {"nodes": [], "edges": []}
+        else:
+            nodes = self.last_base - self.begin
+            kept = {"nodes": self.order["nodes"][: nodes + 1], "edges": self.order["edges"][:nodes]}
+        stitch = self.last_base
+        nodes_from, edges_from = (0, 0) if done else (stitch - self.begin, stitch - self.begin)
+        whole_nodes = kept["nodes"] + [self._node(k) for k in range(self.begin + len(kept["nodes"]), len(self.way))]
+        whole_edges = kept["edges"] + [self._edge(k) for k in range(self.begin + len(kept["edges"]), len(self.way) - 1)]
+        if not done and (whole_nodes, whole_edges) == (self.order["nodes"], self.order["edges"]):
+            return None
+        if not done:
+            self.update += 1
+        self.order = {"nodes": whole_nodes, "edges": whole_edges}
+        self.last_base = min(self.granted, len(self.way) - 1)
+        return {
+            "orderId": self.order_id,
+            "orderUpdateId": self.update,
+            "nodes": whole_nodes[nodes_from:],
+            "edges": whole_edges[edges_from:],
+        }
+
+    @property
+    def order_id(self) -> str:
+        return f"{self.sender.serial}-{self.number}" if self.number >= 0 else ""
+
+    def _node(self, k: int) -> Json:
+        visit, graph = self.way[k], self.record.graph
+        made = self.actions.get((k, visit.reply))
+        if k == self.begin and self.number:  # done in the order before
+            made = None
+        v = visit.vertex
+        sequence, released = 2 * (k - self.begin), k <= self.granted
+        return node(graph.label(v), sequence, released, graph.xy[v].tolist(), graph.level_names[graph.level[v]], [made[0]] if made else ())
+
+    def _edge(self, k: int) -> Json:
+        """The edge after the visit k."""
+        graph, a, b = self.record.graph, self.way[k].vertex, self.way[k + 1].vertex
+        ends = graph.label(a), graph.label(b)
+        lane = graph.lane_between(a, b)
+        backward = graph.lane_options[lane].get("orientation_constraint") == "backward"
+        length_m, limit_mps = float(graph.length_m[lane]), float(graph.speed_mps[lane])
+        name, sequence = f"{ends[0]}->{ends[1]}", 2 * (k - self.begin) + 1
+        return self.dialect.edge(name, sequence, k < self.granted, ends, length_m, limit_mps, backward)
+
+    def _state(self, t_s: float) -> Json:
+        at = self.way[self.reached].vertex
+        graph, sequence = self.record.graph, 2 * (self.reached - self.begin)
+        nodes, edges = states_of(self.order, sequence) if self.order else ([], [])
+        pose, velocity, driving = self._motion(t_s)
+        away_m = float(np.hypot(*(graph.xy[at] - (pose["x"], pose["y"])))) if pose else 0.0
+        power, level = self.dialect.power(self._percent(t_s), any(a <= t_s < b for a, b in self.charging))
+        asked = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
+        done = [self._action_state(made, t_s) for made in self._of_order()]
+        levels = 1 if self.dialect.is_new else 0
+        return {
+            "orderId": self.order_id,
+            "orderUpdateId": self.update,
+            "lastNodeId": graph.label(at),
+            "lastNodeSequenceId": sequence,
+            "nodeStates": nodes,
+            "edgeStates": edges,
+            **({self.dialect.place_key: pose} if pose else {}),
+            "velocity": velocity,
+            "driving": driving,
+            "paused": False,
+            "newBaseRequest": bool(nodes) and not nodes[0]["released"],
+            "distanceSinceLastNode": round(away_m, 6),
+            **({"actionStates": done, "instantActionStates": [asked]} if self.dialect.is_new else {"actionStates": [asked, *done]}),
+            power: level,
+            "operatingMode": "AUTOMATIC",
+            "errors": [
+                {"errorType": kind, "errorLevel": ERRORS[kind][levels], "errorDescription": text, "errorReferences": []}
+                for begin_s, until_s, kind, text in self.errors
+                if begin_s <= t_s < until_s
+            ],
+            "safetyState": self.dialect.safety,
+        }
+
+    def _of_order(self) -> list[tuple[Json, float, float]]:
+        """The actions in the order."""
+        sent = {given["actionId"] for one in self.order.get("nodes", ()) for given in one["actions"]}
+        return [made for made in self.actions.values() if made[0]["actionId"] in sent]
+
+    def _action_state(self, made: tuple[Json, float, float], t_s: float) -> Json:
+        given, begin_s, end_s = made
+        status = "WAITING" if t_s < begin_s else "RUNNING" if t_s < end_s else "FINISHED"
+        return {"actionId": given["actionId"], "actionType": given["actionType"], "actionStatus": status}
+
+    def _view(self, t_s: float) -> Json:
+        pose, velocity, _ = self._motion(t_s)
+        reference = {"referenceStateHeaderId": max(0, self.sender.count.get("state", 0) - 1)} if self.dialect.is_new else {}
+        return {**reference, self.dialect.place_key: pose, "velocity": velocity}
+
+    def _motion(self, t_s: float) -> tuple[Json, Json, bool]:
+        """Pose, velocity and whether it drives, between samples."""
+        execution, r = self.execution, self.robot
+        k = int(np.clip(np.searchsorted(execution.t_s, t_s + 1e-9, "right") - 1, 0, len(execution.t_s) - 1))
+        j = min(k + 1, len(execution.t_s) - 1)
+        x, y, yaw = (float(a[k, r]) for a in (execution.x_m, execution.y_m, execution.yaw_rad))
+        speed = float(execution.speed_mps[k, r])
+        if not np.isfinite(x):
+            return {}, {"vx": 0.0, "vy": 0.0, "omega": 0.0}, False
+        omega = 0.0
+        if j > k and np.isfinite(execution.x_m[j, r]):
+            span = float(execution.t_s[j] - execution.t_s[k])
+            share, turn = (t_s - float(execution.t_s[k])) / span, float(execution.yaw_rad[j, r]) - yaw
+            turn = float(np.arctan2(np.sin(turn), np.cos(turn)))
+            x, y = x + share * (float(execution.x_m[j, r]) - x), y + share * (float(execution.y_m[j, r]) - y)
+            yaw, omega = yaw + share * turn, turn / span
+        graph = self.record.graph
+        level = graph.level_names[graph.level[self.way[self.reached].vertex]]
+        velocity = {"vx": round(speed, 6), "vy": 0.0, "omega": round(omega, 6)}
+        return self.dialect.place(x, y, yaw, level), velocity, abs(speed) >= STANDING_MPS
+
+    def _percent(self, t_s: float) -> float:
+        log = self.execution.batteries
+        return 100.0 if log is None else float(100 * np.interp(t_s, log.t_s, log.level[:, self.robot]))
+
+    def _factsheet(self) -> Mapping[str, Any]:
+        fleet, r = self.record.fleet, self.robot
+        return factsheet(
+            self.dialect,
+            length_m=float(fleet.length_m[r]),
+            width_m=float(fleet.width_m[r]),
+            speed_mps=float(fleet.max_speed_mps[r]),
+            accel_mps2=float(fleet.accel_mps2[r]),
+            decel_mps2=float(fleet.decel_mps2[r]),
+        )
