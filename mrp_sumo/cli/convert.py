@@ -1,6 +1,7 @@
 """Convert a map or a plan to another format; the suffix of DST chooses.
 
-Maps: .nav.yaml (Open-RMF nav graph), .map (MovingAI), .geojson or .net.xml (SUMO); what the format cannot hold is listed.
+Maps: .nav.yaml (Open-RMF nav graph), .map (MovingAI), .geojson, .net.xml (SUMO), .lif.json (VDMA LIF 1.0) or .xml (openTCS plant
+model); what the format cannot hold is listed.
 Plans: .json (this program's; needs --map), .yaml (libMultiRobotPlanning), .txt (EECBS, or as --format says).
 """
 

@@ -11,13 +11,16 @@ import numpy as np
 from mrp_sumo.core.graph import NavGraph, PlanGraph
 from mrp_sumo.errors import MapError, nearest, sentence
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.maps import lif_file, opentcs_file
 from mrp_sumo.maps.geojson import write_geojson
 from mrp_sumo.maps.grid import paper_cells
+from mrp_sumo.maps.lif_file import write_lif
 from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.opentcs_file import write_opentcs
 from mrp_sumo.maps.readers.movingai import write_grid
 from mrp_sumo.maps.readers.nav_graph import document_of_map, write_nav_graph
 
-SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml")
+SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml", ".lif.json", ".xml")
 
 
 def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
@@ -28,7 +31,7 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     map_
         Any.
     path
-        Ends in .nav.yaml (RMF nav graph), .map (MovingAI), .geojson or .net.xml (SUMO).
+        Ends in .nav.yaml (RMF nav graph), .map (MovingAI), .geojson, .net.xml (SUMO), .lif.json (LIF 1.0) or .xml (openTCS).
     cell_m
         Side of the cells of a `.map` made of a nav graph.
 
@@ -104,7 +107,44 @@ def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
     return [loss for loss in losses if loss]
 
 
-_WRITE = {".nav.yaml": _write_nav_graph, ".map": _write_grid, ".geojson": _write_geojson, ".net.xml": _write_network}
+def _write_lif(map_: Map, path: Path, cell_m: float) -> list[str]:
+    write_lif(map_, path)
+    losses = _option_losses(map_.nav, lif_file.KEPT, lif_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors")
+    losses.append("the cell length" if isinstance(map_.nav, PlanGraph) else "")
+    return [loss for loss in losses if loss]
+
+
+def _write_opentcs(map_: Map, path: Path, cell_m: float) -> list[str]:
+    write_opentcs(map_, path)
+    nav = map_.nav
+    losses = _option_losses(nav, opentcs_file.KEPT, opentcs_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors", "lifts")
+    free = int(np.count_nonzero(np.isinf(nav.speed_mps)))
+    losses.append(_count(free, "lane") + f" without a speed limit, for which {opentcs_file.NO_LIMIT_MPS:g} m/s is written" if free else "")
+    if len(map_.level_shift_m) > 1:
+        losses.append(f"which of the {len(map_.level_shift_m)} levels a point is on; they are laid side by side")
+    return [loss for loss in losses if loss]
+
+
+_WRITE = {
+    ".nav.yaml": _write_nav_graph,
+    ".map": _write_grid,
+    ".geojson": _write_geojson,
+    ".net.xml": _write_network,
+    ".lif.json": _write_lif,
+    ".xml": _write_opentcs,
+}
+
+
+def _option_losses(nav: NavGraph, of_vertices: tuple[str, ...], of_lanes: tuple[str, ...]) -> list[str]:
+    """How many vertices and lanes have each property that is lost."""
+    found: dict[tuple[str, str], int] = {}
+    for what, kept, given in (("vertex", of_vertices, nav.vertex_options), ("lane", of_lanes, nav.lane_options)):
+        for options in given:
+            for name in options:
+                if name not in kept:
+                    found[name, what] = found.get((name, what), 0) + 1
+    many = {"vertex": "vertices", "lane": "lanes"}
+    return [_count(count, f"{what} with {name}", f"{many[what]} with {name}") for (name, what), count in found.items()]
 
 
 def _graphs_left_out(map_: Map) -> list[str]:

@@ -51,6 +51,8 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
     weights
         [P] above 0; all alike by default.
     """
+    if degree == 1:
+        return points[_corners(points, SPARE * TOLERANCE_M)]
     span = points[1:] - points[:-1]
     length_m = float(np.hypot(span[:, 0], span[:, 1]).sum())
     samples = 1 << max(3, math.ceil(math.log2(max(min(length_m / SAMPLE_M, MAX_SAMPLES), 1.0))))

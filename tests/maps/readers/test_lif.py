@@ -10,6 +10,8 @@ from lif_worlds import TYPE, lif, lif_2, node
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MapError
+from mrp_sumo.io.map_files import write_map
+from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.maps.load import load_map
 
 SHARED = Path(__file__).resolve().parents[4] / "shared" / "reference" / "data" / "lif"
@@ -179,3 +181,43 @@ def test_the_examples_in_the_text_of_both_versions_are_read(load):
             assert load(block).nav.num_lanes > 0
             read += 1
     assert read >= 30
+
+
+@pytest.mark.parametrize("make", ["site.lif.json", "plant.xml"])
+def test_what_is_written_is_read_back(load, tmp_path, make):
+    document = lif()
+    document["layouts"][0]["nodes"][0]["vehicleTypeNodeProperties"][0]["theta"] = 1.5
+    map_ = load(document)
+    losses = write_map(map_, tmp_path / make)
+    nav, back = map_.nav, load_map(tmp_path / make).nav
+    assert [n for n in back.vertex_name if n] == ["A", "B", "C"]
+    for name in "ABC":
+        was, now = (g.vertex_options[g.vertex_of_name[name]] for g in (nav, back))
+        if make.endswith(".xml") and name == "C":
+            now = {key: value for key, value in now.items() if key != "station"}  # where vehicles charge is a location
+        assert now == pytest.approx(was, abs=1e-5)
+    assert back.vertex_of_name["dock"] == back.vertex_of_name["B"]
+    assert back.length_m.sum() == pytest.approx(nav.length_m.sum(), abs=0.02)
+    ca = back.lane_between(back.vertex_of_name["C"], back.vertex_of_name["A"])
+    assert back.lane_options[ca]["orientation_constraint"] == "backward"
+    assert ("load" in back.lane_options[ca]) == make.endswith(".json")
+    assert any("load" in loss for loss in losses) == make.endswith(".xml")
+
+
+def test_every_bundled_map_comes_back_as_lif_and_as_a_plant_model(tmp_path):
+    map_ = load_map(find_map("hospital", tmp_path))
+    for name in ("hospital.lif.json", "hospital.xml"):
+        write_map(map_, tmp_path / name)
+        back = load_map(tmp_path / name).nav
+        assert back.xy == pytest.approx(map_.nav.xy, abs=6e-4)
+        assert (back.tail.tolist(), back.head.tolist()) == (map_.nav.tail.tolist(), map_.nav.head.tolist())
+        chargers = map_.nav.having("is_charger")
+        assert (back.having("is_charger") == chargers).all()
+
+
+@THERE
+def test_what_is_written_is_valid_by_the_official_schema(load, tmp_path):
+    jsonschema = pytest.importorskip("jsonschema")
+    write_map(load(lif()), tmp_path / "again.lif.json")
+    schema = json.loads((SHARED / "vdma-1.0" / "LIF.schema").read_text())
+    assert not list(jsonschema.Draft7Validator(schema).iter_errors(json.loads((tmp_path / "again.lif.json").read_text())))

@@ -1,0 +1,126 @@
+"""Writer of the VDMA's Layout Interchange Format, version 1.0.0 (LIF.md, section 8): a layout a level, an edge a lane.
+
+All robots are of one type of vehicle. A curve is a NURBS of degree 1 along the pieces it is drawn with. Coordinates are those of the map's
+file, not of levels laid side by side.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import STATIONS, FloatArray, IntArray, NavGraph
+from mrp_sumo.maps.chains import chains_of
+from mrp_sumo.maps.map import Map
+
+VEHICLE_TYPE = "mrp_sumo.robot"
+KEPT = ("station", "actions", "is_charger", "theta_rad", "is_bend", "lift")  # options of vertices that LIF can hold
+RIDE = ("lift", "ride_s", "close_s", "open_s")
+KEPT_OF_LANES = ("edge_id", "path", "load", "orientation_constraint", "turns_at_start", "turns_at_end", *RIDE)
+
+
+def write_lif(map_: Map, path: Path) -> None:
+    """Write the graph of a map."""
+    drawn = map_.nav
+    chains = chains_of(drawn)
+    nav = chains.nav if chains else drawn
+    shift = np.array([map_.level_shift_m.get(name, (0.0, 0.0)) for name in nav.level_names])
+    xy = nav.xy - shift[nav.level] + np.array(map_.origin_m)
+    names = vertex_names(nav)
+    bends = drawn.having("is_bend")
+
+    def starts_of(lane: int) -> IntArray:
+        """Where the pieces of a lane begin."""
+        return drawn.tail[chains.piece[chains.first[lane] : chains.first[lane + 1]]] if chains else drawn.tail[:0]
+
+    layouts = []
+    for k, level in enumerate(nav.level_names):
+        vertices = [v for v in np.flatnonzero(nav.level == k).tolist() if not bends[v]]
+        lanes = np.flatnonzero(nav.level[nav.tail] == k).tolist()
+        layouts.append(
+            {
+                "layoutId": level,
+                "layoutVersion": "1",
+                "layoutLevelId": level,
+                "nodes": [_node(nav, v, names[v], xy[v], level) for v in vertices],
+                "edges": [_edge(nav, lane, names, xy[starts_of(lane)], xy) for lane in lanes],
+                "stations": _stations(nav, vertices, names),
+            }
+        )
+    modified = datetime.fromtimestamp(map_.path.stat().st_mtime, UTC) if map_.path.is_file() else datetime.fromtimestamp(0, UTC)
+    about = {
+        "projectIdentification": map_.name,
+        "creator": "mrp_sumo",
+        "exportTimestamp": modified.strftime("%Y-%m-%dT%H:%M:%S.00Z"),
+        "lifVersion": "1.0.0",
+    }
+    path.write_text(json.dumps({"metaInformation": about, "layouts": layouts}, indent=1) + "\n", encoding="utf-8")
+
+
+def vertex_names(nav: NavGraph) -> list[str]:
+    """[V] a name for every vertex, each another."""
+    found: list[str] = []
+    taken: set[str] = set()
+    for v in range(nav.num_vertices):
+        name, number = nav.label(v), 2
+        while name in taken:
+            name, number = f"{nav.label(v)}_{number}", number + 1
+        taken.add(name)
+        found.append(name)
+    return found
+
+
+def stations_of(options: Mapping[str, Any]) -> list[str]:
+    """The names of the stations at a vertex."""
+    return str(options["station"]).split(STATIONS) if "station" in options else []
+
+
+def _node(nav: NavGraph, v: int, name: str, xy: FloatArray, level: str) -> dict[str, Any]:
+    options = nav.vertex_options[v]
+    given: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE}
+    if "theta_rad" in options:
+        given["theta"] = float(options["theta_rad"])
+    kinds = [kind for kind in str(options.get("actions", "")).split(", ") if kind]
+    if options.get("is_charger") and not any("charg" in kind.lower() for kind in kinds):
+        kinds.append("startCharging")
+    if kinds:
+        given["actions"] = [{"actionType": kind, "requirementType": "OPTIONAL", "blockingType": "HARD"} for kind in kinds]
+    return {"nodeId": name, "mapId": level, "nodePosition": _point(xy), "vehicleTypeNodeProperties": [given]}
+
+
+def _edge(nav: NavGraph, lane: int, names: list[str], starts: FloatArray, xy: FloatArray) -> dict[str, Any]:
+    """An edge; `starts` are where its pieces begin."""
+    tail, head, options = int(nav.tail[lane]), int(nav.head[lane]), nav.lane_options[lane]
+    given: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE, "rotationAllowed": False}
+    if math.isfinite(nav.speed_mps[lane]):
+        given["maxSpeed"] = float(nav.speed_mps[lane])
+    if options.get("orientation_constraint") == "backward":
+        given |= {"vehicleOrientation": math.pi, "orientationType": "TANGENTIAL"}
+    for option, key in (("turns_at_start", "rotationAtStartNodeAllowed"), ("turns_at_end", "rotationAtEndNodeAllowed")):
+        if option in options:
+            given[key] = options[option]
+    if "load" in options:
+        given["loadRestriction"] = {"unloaded": options["load"] == "unloaded", "loaded": options["load"] == "loaded"}
+    if len(starts) > 1:
+        places = [*starts, xy[head]]
+        inner = [k / (len(places) - 1) for k in range(1, len(places) - 1)]
+        given["trajectory"] = {"degree": 1, "knotVector": [0, 0, *inner, 1, 1], "controlPoints": [_point(p) for p in places]}
+    ends = {"startNodeId": names[tail], "endNodeId": names[head]}
+    return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [given]}
+
+
+def _stations(nav: NavGraph, vertices: Iterable[int], names: list[str]) -> list[dict[str, Any]]:
+    """Stations of a level with their nodes."""
+    nodes: dict[str, list[str]] = {}
+    for v in vertices:
+        for station in stations_of(nav.vertex_options[v]):
+            nodes.setdefault(station, []).append(names[v])
+    return [{"stationId": station, "interactionNodeIds": of} for station, of in nodes.items()]
+
+
+def _point(xy: Any) -> dict[str, float]:
+    return {"x": round(float(xy[0]), 6), "y": round(float(xy[1]), 6)}
