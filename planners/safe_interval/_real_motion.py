@@ -7,6 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import used_up
 from planners.safe_interval import _table
 from planners.safe_interval._conflict_tree import Conflict, OutOfTime, Tree
 from planners.safe_interval._first_ways import first_ways
@@ -53,7 +54,9 @@ class RealMotion:
         return ""
 
     def search(self, robot: int, forbidden: Held) -> int | None:
-        """The earliest way of a robot."""
+        """The earliest way of a robot. OutOfTime is raised when the problem's effort is used up."""
+        if used_up(self.problem, self._timetable.work):
+            raise OutOfTime
         resource, step = (np.array([place[k] for place in forbidden], np.int64) for k in range(2))
         way = self._timetable.search_around(robot, resource, step, step + 1)
         if way is None:
@@ -90,7 +93,9 @@ class RealMotion:
         return tree.bound_s
 
     def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
-        """Ways without conflicts, not the best: those of `continuous`."""
+        """Ways without conflicts, not the best: those of `continuous`; None where efforts are bounded, for these are not."""
+        if self.problem.effort:
+            return None
         timetable = self._timetable
         by_length = np.argsort(timetable.alone, kind="stable")
         for k in range(ORDERS):

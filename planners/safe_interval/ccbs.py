@@ -25,7 +25,7 @@ from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import impossible, require_limit, without_effort
 
 if TYPE_CHECKING:
     from planners.safe_interval._conflict_tree import Motion
@@ -47,7 +47,7 @@ class Ccbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "w-bounded sum of costs in seconds (w = 1: optimal)"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort"})
 
     def __post_init__(self) -> None:
         if not self.w >= 1:
@@ -79,7 +79,8 @@ class Ccbs:
 
         require_limit(time_limit_s)
         began = perf_counter()
-        deadline_s = began + time_limit_s
+        counted = problem.effort > 0 and self.motion == "real"
+        deadline_s = np.inf if counted else began + time_limit_s
         if refusal := impossible(problem):
             return refusal
         if not problem.num_robots:
@@ -98,6 +99,8 @@ class Ccbs:
             status = Status.SOLVED if ways else Status.INFEASIBLE if tree.bound_s == float("inf") else Status.GAVE_UP
             message = {Status.INFEASIBLE: "no plan exists", Status.GAVE_UP: f"no plan among {tree.nodes} nodes"}.get(status, "")
         except OutOfTime:
+            if counted:
+                return without_effort(problem, began, nodes=float(tree.nodes), lower_bound_s=tree.bound_s)
             status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
         stats = {"nodes": float(tree.nodes), "lower_bound_s": tree.bound_s if status is not Status.INFEASIBLE else 0.0}
         return PlanResult(

@@ -1,5 +1,6 @@
 """Continuous-time CBS: as cheap as slow truth, within w of it, and never too close whenever one looks."""
 
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
@@ -185,6 +186,16 @@ def test_real_motion_is_drivable_and_costs_no_more_than_pbs_and_continuous():
 def test_parameters_that_mean_nothing_are_refused(parameters):
     with pytest.raises(ScenarioError, match=next(iter(parameters))):
         planner("ccbs", parameters)
+
+
+def test_a_bounded_effort_and_no_clock_ends_the_search():
+    problem = problem_of(square_grid(4, 1.0), [0, 3, 12], [15, 12, 3])
+    chosen, free = made(), solved(problem)
+    counted = chosen.plan(replace(problem, effort=10_000_000), 1e-9)
+    assert counted.plan.arrive_s.tolist() == free.plan.arrive_s.tolist()
+    ended = [chosen.plan(replace(problem, effort=effort), 60.0) for effort in (1, 40, 40)]
+    assert all(result.status is Status.TIMED_OUT and "no plan within an effort of" in result.message for result in ended)
+    assert ended[1].stats == ended[2].stats
 
 
 def test_goals_too_close_for_discs_are_named():
