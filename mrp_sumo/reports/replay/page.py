@@ -249,12 +249,14 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Service time": _seconds(metrics.get("service_time_mean_s")),
         "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
         "Planned makespan": _seconds(metrics.get("makespan_s")),
-        "Execution": _seconds(metrics.get("execution_time_s")),
+        "Driven makespan": _seconds(metrics.get("driven_makespan_s")),
     }
+    bound, in_steps = metrics.get("lower_bound_steps"), metrics.get("soc_steps") is not None  # plans in seconds have no such bound
     numbers = {
         "Planning time": _seconds(metrics.get("planning_time_s")),
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
-        "Lower bound": f"{metrics['lower_bound_steps']:.0f} steps" if metrics.get("lower_bound_steps") else None,
+        "Lower bound": f"{bound:.0f} steps" if bound and in_steps else None,
+        "Execution, MRP-Bench": _seconds(metrics.get("execution_time_s")),
         "Blocked in all": _seconds(metrics.get("blocked_s")),
         "Blocked, MRP-Bench": _seconds(metrics.get("time_blocked_total_s")),
         "Mean lateness": _lateness(metrics.get("lateness_mean_s")),
@@ -279,7 +281,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
 def _seconds(value: float | None) -> str | None:
     if value is None:
         return None
-    return f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
+    return f"{value * 1000:.1f} ms" if 0 < abs(value) < 0.5 else f"{value:.1f} s"
 
 
 def _lateness(value: float | None) -> str | None:
