@@ -10,8 +10,8 @@ from pathlib import Path
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo replay`."""
-    parser.add_argument("run", help="run folder, as `mrp-sumo run --out` makes it")
-    parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html)")
+    parser.add_argument("run", nargs="+", help="run folder, as `mrp-sumo run --out` makes it; two for a page with both on one clock")
+    parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html, of two RUN/beside_OTHER.html)")
     parser.add_argument("--serve", action="store_true", help="open it in a browser, from a small web server on this machine")
     parser.add_argument("--json", action="store_true", help="print file and size as a line of JSON")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="of --serve (default: any free port)")
@@ -19,9 +19,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the page, and serve it where that is asked for."""
-    from mrp_sumo.reports.replay.page import write_replay
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.io.run_reader import load_run
+    from mrp_sumo.reports.replay.beside import page_of_two
+    from mrp_sumo.reports.replay.page import write_page, write_replay
 
-    page = write_replay(Path(options.run), Path(options.out) if options.out else None)
+    first, *others = map(Path, options.run)
+    out = Path(options.out) if options.out else None
+    if len(others) > 1:
+        raise MrpSumoError(f"{len(options.run)} runs, expected one or two")
+    if others:
+        page = write_page(page_of_two(load_run(first), load_run(others[0])), out or first / f"beside_{others[0].resolve().name}.html")
+    else:
+        page = write_replay(first, out)
     if options.json:
         print(json.dumps({"file": str(page), "bytes": page.stat().st_size}))
     else:

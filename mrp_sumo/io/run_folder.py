@@ -31,6 +31,7 @@ from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.record import RunRecord, record_of
+from mrp_sumo.io.run_reader import SCHEMA_VERSION
 from mrp_sumo.io.scenario import Recording, Scenario
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
-SCHEMA_VERSION = 1
 RESULT = "result.json"
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
 LISTED_CONFLICTS = 20

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
 
 RESULT = "result.json"
+SCHEMA_VERSION = 1  # of it
 
 
 # what readers stumble over in a file that was changed
@@ -59,6 +60,10 @@ def load_run(folder: str | Path) -> "RunFolder":
     result = read_json(path)
     if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
         raise MrpSumoError(f"{path}: is not the result of a run")
+    if (found := result.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
+        made = result.get("versions")
+        by = f", written by mrp_sumo {made['mrp_sumo']}" if isinstance(made, dict) and "mrp_sumo" in made else ""
+        raise MrpSumoError(f"{path}: schema version {found}{by}, expected {SCHEMA_VERSION}")
     return RunFolder(folder, result)
 
 

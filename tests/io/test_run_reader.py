@@ -116,3 +116,10 @@ def test_damaged_files_are_named(run, tmp_path, name, content, reading, line):
         (tmp_path / "run" / name).write_text(content)
     with pytest.raises(MrpSumoError, match=line):
         getattr(mrp_sumo.load_run(tmp_path / "run"), reading)
+
+
+def test_result_of_another_schema_is_refused_with_who_wrote_it(tmp_path):
+    document = {"schema_version": 9, "status": "completed", "scenario": {}, "metrics": {}, "versions": {"mrp_sumo": "7.1"}}
+    (tmp_path / "result.json").write_text(json.dumps(document))
+    with pytest.raises(MrpSumoError, match=r"result.json: schema version 9, written by mrp_sumo 7.1, expected 1"):
+        mrp_sumo.load_run(tmp_path)

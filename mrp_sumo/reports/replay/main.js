@@ -203,6 +203,30 @@ class App {
     this.touch();
   }
 
+  /* The floor as it is shown, with the run's name and the time, as a PNG. */
+  savePicture() {
+    const { scene, view, run } = this, ratio = scene.renderer.resolution, picture = document.createElement("canvas");
+    scene.draw(view, this.clock); // what WebGL drew is there until the browser shows it
+    picture.width = scene.overlay.width;
+    picture.height = scene.overlay.height;
+    const c = picture.getContext("2d");
+    c.drawImage(scene.canvas, 0, 0, picture.width, picture.height);
+    c.drawImage(scene.overlay, 0, 0);
+    c.scale(ratio, ratio);
+    c.fillStyle = scene.theme.ink;
+    c.textBaseline = "top";
+    c.font = "650 17px system-ui, sans-serif";
+    c.fillText(run.name, 16, 14);
+    c.fillStyle = scene.theme.muted;
+    c.font = "500 13px system-ui, sans-serif";
+    c.fillText(`${run.subtitle} · ${clockText(view.t)}`, 16, 38);
+    picture.toBlob((blob) => {
+      const link = make("a", { href: URL.createObjectURL(blob), download: `${run.name.replace(/[^\w.-]+/g, "_")}_${view.t.toFixed(1)}s.png` });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    }, "image/png");
+  }
+
   bring(x, y, scale) {
     this.scene.centreOn(x, y, scale);
     this.touch();
@@ -319,8 +343,14 @@ class App {
     const wanted = new URLSearchParams(location.hash.slice(1));
     const t = Number(wanted.get("t"));
     if (Number.isFinite(t)) this.view.t = Math.max(0, Math.min(this.motion.end, t));
-    if (wanted.has("robot")) this.view.selected = this.run.robots.indexOf(wanted.get("robot"));
+    if (wanted.has("robot")) this.view.selected = this.robotOf(wanted.get("robot"));
     if (["light", "dark"].includes(wanted.get("theme"))) this.setTheme(wanted.get("theme"));
+  }
+
+  /* A robot by its name, or by the number that its name ends with: robot_3 is 3, too. */
+  robotOf(name) {
+    const { robots } = this.run, found = robots.indexOf(name);
+    return found >= 0 || !/^\d+$/.test(name) ? found : robots.findIndex((other) => (other.match(/\d+$/) || [])[0] === name);
   }
 
   writeAddress() {
@@ -343,6 +373,7 @@ class App {
     $("speed").addEventListener("change", (e) => this.setSpeed(Number(e.target.value)));
     $("live").addEventListener("click", () => this.seek(this.motion.end));
     $("step").addEventListener("click", () => this.next());
+    $("picture").addEventListener("click", () => this.savePicture());
     $("theme").addEventListener("click", () => this.setTheme(this.theme === "dark" ? "light" : "dark"));
     $("help").addEventListener("click", () => $("keys").showModal());
     $("sheet").addEventListener("click", () => this.openSheet(!$("side").classList.contains("open")));
@@ -383,7 +414,7 @@ class App {
       Home: () => this.seek(0), End: () => this.seek(motion.end), n: () => this.step(1), p: () => this.step(-1),
       "+": () => this.do("zoom-in"), "=": () => this.do("zoom-in"), "-": () => this.do("zoom-out"), f: () => this.do("fit"),
       t: () => this.toggle("trails"), g: () => this.toggle("ghosts"), h: () => this.toggle("heat"), l: () => this.toggle("labels"), c: () => this.toggle("follow"),
-      d: () => $("theme").click(), "/": () => $("search").focus(), "?": () => $("keys").showModal(),
+      d: () => $("theme").click(), e: () => this.savePicture(), "/": () => $("search").focus(), "?": () => $("keys").showModal(),
       Escape: () => { view.only = -1; this.select(-1); },
     };
     if (e.key === " " && e.target.closest("button")) return; // the button's own key

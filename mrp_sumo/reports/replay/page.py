@@ -218,10 +218,10 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
     if live_period_s is not None:
         head |= {"live": True, "period_s": round(live_period_s, 9)}
     head["manifest"] = columns.manifest
-    return _filled(
-        "page.html",
+    return filled(
+        SOURCES / "page.html",
         title=html.escape(f"{about.name} – replay"),
-        style=_filled("page.css", light=css_variables("light"), dark=css_variables("dark")),
+        style=filled(SOURCES / "page.css", light=css_variables("light"), dark=css_variables("dark")),
         head=_script_json(head),
         data=columns.packed(),
         library=_packed_library(),
@@ -450,7 +450,7 @@ def _import_map(scripts: tuple[str, ...]) -> str:
     return json.dumps({"imports": places})
 
 
-def _filled(name: str, **parts: str) -> str:
+def filled(path: Path, **parts: str) -> str:
     """A file with its `{{places}}` filled; a part may contain what looks like a place."""
-    text = (SOURCES / name).read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], text)
