@@ -1,7 +1,8 @@
 """ROS 2 messages of a run, serialised, for the topics that are published once.
 
-Frames: `world` -> `map` (equal) -> `<robot>/base_link`. Stamps are EPOCH_NS plus simulated time, a constant,
-so that equal runs give equal bytes (0 would mean "latest" to many readers).
+Frames: `world` -> `map` (equal) -> `<robot>/base_link`. Where robots change levels, these lie side by side in `map`, and each has
+a frame of its own there. Stamps are EPOCH_NS plus simulated time, a constant, so that equal runs give equal bytes (0 would mean "latest"
+to many readers).
 """
 
 import json
@@ -31,7 +32,7 @@ LABEL_OFFSET = 0.4 * np.array([math.cos(0.7853), math.sin(0.7853)])  # where MRP
 
 @cache
 def typestore(generation: str) -> Any:
-    """Message types: those of ROS 2 Humble, and rmf_fleet_msgs in a generation.
+    """Message types: those of ROS 2 Humble, rmf_fleet_msgs in a generation, and rmf_lift_msgs and rmf_door_msgs, which are the same in all.
 
     Raises
     ------
@@ -41,9 +42,11 @@ def typestore(generation: str) -> Any:
     if generation not in GENERATIONS:
         raise MrpSumoError(f"unknown generation '{generation}' of rmf_fleet_msgs{nearest(generation, GENERATIONS)}")
     store, types = get_typestore(Stores.ROS2_HUMBLE), {}
-    folder = resources.files("mrp_sumo.bags") / "msgs" / generation / "rmf_fleet_msgs" / "msg"
-    for file in sorted(folder.iterdir(), key=lambda f: f.name):
-        types.update(get_types_from_msg(file.read_text(encoding="utf-8"), f"rmf_fleet_msgs/msg/{file.name.removesuffix('.msg')}"))
+    packages = [(generation, "rmf_fleet_msgs"), ("facilities", "rmf_lift_msgs"), ("facilities", "rmf_door_msgs")]
+    for above, package in packages:
+        folder = resources.files("mrp_sumo.bags") / "msgs" / above / package / "msg"
+        for file in sorted(folder.iterdir(), key=lambda f: f.name):
+            types.update(get_types_from_msg(file.read_text(encoding="utf-8"), f"{package}/msg/{file.name.removesuffix('.msg')}"))
     store.register(types)
     return store
 
@@ -72,6 +75,7 @@ class Messages:
         self.robots = ros_names(record.fleet.robot_name)
         self.generation = generation
         self.level_names = record.graph.level_names or ("L1",)
+        self.shift_m = record.levels.shift_m if record.levels else np.zeros((len(self.level_names), 2))  # [K, 2] of levels in `map`
         self.plan = record.plan  # in force: the writer moves on to later ones
 
     def serialised(self, message: Any) -> bytes:
@@ -107,7 +111,9 @@ class Messages:
 
     def tf_static(self, ns: int) -> bytes:
         """The transform from world to map."""
-        return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0, 0.0, 1.0)]))
+        levels = zip(ros_names(self.level_names), self.shift_m.tolist()) if self.record.levels else ()
+        frames = [self.transform(ns, "map", name, x, y, 0.0, 1.0) for name, (x, y) in levels]
+        return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0, 0.0, 1.0), *frames]))
 
     def map(self, ns: int) -> bytes:
         """Walls as an occupancy grid; without walls, the cells that no lane touches; without either, a free grid."""
@@ -245,6 +251,7 @@ class Messages:
     def _path_request(self, robot: int, task: str, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
         """One request with K locations."""
         level = self.record.graph.level[vertex]
+        xy = xy - self.shift_m[level]
         kind = "rmf_fleet_msgs/PathRequest"
 
         def serialised(marks: Sequence[int]) -> bytes:

@@ -52,6 +52,7 @@ class Samples:
         self.x, self.y, self.yaw = positions_at(execution, t_ns / 1e9)
         sample = np.clip(np.searchsorted(execution.t_s, t_ns / 1e9 - 1e-9), 0, len(execution.t_s) - 1)
         self.speed = execution.speed_mps[sample]
+        self.level = None if execution.level is None else execution.level[sample]  # [K, R], where robots change levels
         self.state = robot_states(execution, t_ns / 1e9)
         self.there: BoolArray = np.isfinite(self.x) & np.isfinite(self.y)
 
@@ -150,6 +151,9 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
     level = _levels(m.record, samples)
     level = np.where(samples.there, 0, ABSENT) if level is None else level
     now = np.stack((level, task.reshape(level.shape)), 2)  # [K, R, 2] level and task of each robot
+    x, y = samples.x, samples.y
+    if samples.level is not None:  # each level has a frame of its own
+        x, y = x - m.shift_m[samples.level, 0], y - m.shift_m[samples.level, 1]
     battery, charging = battery_percent_at(m.record, samples.t_ns / 1e9), charging_at(m.record, samples.t_ns / 1e9)
     more = ("",) if m.generation == "kilted" else ()  # performing_action
 
@@ -180,7 +184,7 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
         now = np.where(charging[k, robots], RMF_CHARGING, mode[samples.state[k, robots]])
         t.set("<u8", samples.first + k)
         t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
-        columns = (battery, samples.x, samples.y, samples.yaw)
+        columns = (battery, x, y, samples.yaw)
         t.set("<f4", np.stack([column[k, robots] for column in columns], 1).ravel())
 
     return Stream(samples, template, fill, nanosec=False, now=now)
@@ -286,6 +290,8 @@ def _levels(record: RunRecord, samples: Samples) -> NDArray[np.int8] | None:
     """[K, R] level of the vertex nearest to each robot, ABSENT off the floor; None where there is one level."""
     if len(record.graph.level_names) < 2:
         return None
+    if samples.level is not None:
+        return np.where(samples.there, samples.level, ABSENT).astype(np.int8)
     from scipy.spatial import cKDTree
 
     level = np.full(samples.x.shape, ABSENT, np.int8)

@@ -17,6 +17,7 @@ import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from mrp_sumo.bags import streams as say
+from mrp_sumo.bags.facility_states import DOORS, LIFTS, facility_states
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.parts import STORAGES, PartedWriter
 from mrp_sumo.bags.paths import ODD, plain_path
@@ -132,6 +133,8 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
     log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
     states = list(task_states(messages, end_ns / 1e9))
     state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else log_topic
+    facilities = list(facility_states(messages, end_ns / 1e9))
+    facility_topics = {name: topic(name, kind, 100) for name, kind in (LIFTS, DOORS) if any(at == name for _, at, _ in facilities)}
     diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     figures = say.metrics(say.Samples(record, second_ns[:1]), 0)
     metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in figures}
@@ -146,12 +149,13 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
         second_ns,
         np.array([round(reply.t_s * 1e9) for reply in replies], np.int64),
         np.array([ns for ns, _ in states], np.int64),
+        np.array([ns for ns, _, _ in facilities], np.int64),
     ]
     for place in _spans(times, fast_ns[:: max(1, SAMPLES_TOGETHER // max(1, record.fleet.num_robots))]):
         parts = place[2 : 2 + len(makers)]
         sampled = {id(t_ns): _samples(record, t_ns, part) for (_, t_ns, _), part in zip(makers, parts)}
         streams = [(connection, make(messages, sampled[id(t_ns)])) for connection, t_ns, make in makers]
-        second = _samples(record, second_ns, place[-3])
+        second = _samples(record, second_ns, place[-4])
         diagnostics = say.Diagnostics(messages, second)
         for ns, kind, k in _merged([t_ns[part] for t_ns, part in zip(times, place)]):
             if kind < 2:
@@ -163,18 +167,21 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
                 connection, stream = streams[kind - 2]
                 if (data := stream.message(k)) is not None:
                     writer.write(connection, ns, data)
-            elif kind == len(times) - 4:
+            elif kind == len(times) - 5:
                 writer.write(log_topic, ns, logs[place[kind].start + k][1])
-            elif kind == len(times) - 3:
+            elif kind == len(times) - 4:
                 writer.write(diagnosed, ns, diagnostics.message(k))
                 for name, data in say.metrics(second, k).items():
                     if name in metrics:
                         writer.write(metrics[name], ns, data)
-            elif kind == len(times) - 2:
+            elif kind == len(times) - 3:
                 messages.plan = next(plans)
                 _write_replan(writer, messages, replies[place[kind].start + k], ns, plan_markers, requests, paths)
-            else:
+            elif kind == len(times) - 2:
                 writer.write(state_topic, ns, states[place[kind].start + k][1])
+            else:
+                _, name, data = facilities[place[kind].start + k]
+                writer.write(facility_topics[name], ns, data)
 
 
 def _every(period_s: float, until_ns: int) -> IntArray:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from mrp_sumo.core.graph import FloatArray, IntArray
 
 LIFT_STATES = ("closed", "coming", "open", "taken")  # of lifts; one that is coming closes its doors, travels, and opens them again
+LIFT_DOORS = ("closed", "moving", "open")  # of cabins
+MOTIONS = ("stopped", "up", "down")
 DOOR_STATES = ("closed", "opening", "open", "closing")
 PEOPLE = -2  # in the place of a robot
 
@@ -20,6 +22,8 @@ class FacilityLog:
     lift_level: IntArray  # [N] of the cabin, in the order of the graph's names
     lift_target: IntArray  # [N] to which it comes, or its level
     lift_robot: IntArray  # [N] for which it comes or that is in it, -1: none, or PEOPLE
+    lift_doors: IntArray  # [N] in LIFT_DOORS
+    lift_motion: IntArray  # [N] in MOTIONS
     door_name: tuple[str, ...]  # [D]
     door_t_s: FloatArray  # [M]
     door: IntArray  # [M]

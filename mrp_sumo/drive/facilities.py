@@ -13,6 +13,9 @@ from mrp_sumo.drive.state import Facilities
 from mrp_sumo.traffic.resources import Resources, cabin_group
 
 NOBODY = -1
+DOORS_MOVE, OPEN = 1, 2  # of `core.facilities.LIFT_DOORS`
+SOON_S = 1e-6
+AT_STOP_M = 1e-6  # from it by more, a ride has begun
 UNKNOWN = -9  # no state of anything
 
 
@@ -117,22 +120,53 @@ class FacilityRecorder:
         self._facilities = facilities
         self._lifts: list[tuple[float, ...]] = []
         self._doors: list[tuple[float, ...]] = []
-        self._lift_was = np.full((len(self._names[0]), 4), UNKNOWN)
+        self._lift_was = np.full((len(self._names[0]), 6), UNKNOWN)
         self._door_was = np.full(len(self._names[1]), UNKNOWN)
+        self._from = facilities.car.copy()  # levels where rides begin
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
         now = self._facilities
-        lift = np.stack([now.mode, now.car, np.where(now.mode == _facilities.COMING, now.target, now.car), now.session], 1)
+        target = np.where(now.mode == _facilities.COMING, now.target, now.car)
+        doors, motion = np.where(now.mode == _facilities.CLOSED, 0, OPEN), np.zeros(len(target), np.int64)
+        for f in np.flatnonzero((now.mode == _facilities.COMING) | (now.mode == _facilities.TAKEN)).tolist():
+            left_s, target[f] = (now.until_s[f] - moment.now_s, target[f]) if now.mode[f] == _facilities.COMING else self._ride(f, moment)
+            if now.mode[f] == _facilities.COMING:
+                self._from[f] = now.car[f]
+            if left_s > 0:
+                doors[f], motion[f] = self._phase(f, int(self._from[f]), int(target[f]), left_s)
+            else:
+                self._from[f] = now.car[f]
+        lift = np.stack([now.mode, now.car, target, now.session, doors, motion], 1)
         for f in np.flatnonzero((lift != self._lift_was).any(1)).tolist():
             self._lifts.append((moment.now_s, f, *lift[f].tolist()))
         for d in np.flatnonzero(now.door_mode != self._door_was).tolist():
             self._doors.append((moment.now_s, d, int(now.door_mode[d])))
         self._lift_was, self._door_was = lift, now.door_mode.copy()
 
+    def _ride(self, f: int, moment: Moment) -> tuple[float, int]:
+        """How long the ride of who is in a lift still lasts, 0 before and after it, and to which level it leads."""
+        now, ledger = self._facilities, moment.ledger
+        visits, graph, robot = ledger.visits, ledger.graph, int(now.session[f])
+        s_m, k, left_s, level = float(ledger.state.motion.s_m[robot]), int(visits.next[visits.reached[robot]]), 0.0, int(now.car[f])
+        begun = graph.is_ride[visits.lane[visits.reached[robot]]] or (k >= 0 and s_m > visits.from_m[k] + AT_STOP_M)
+        while begun and k >= 0 and graph.is_ride[visits.lane[k]]:
+            left_s = float((visits.at_m[k] - s_m) / graph.speed_mps[visits.lane[k]])
+            level, k = int(graph.level[visits.vertex[k]]), int(visits.next[k])
+        return left_s, level
+
+    def _phase(self, f: int, begin: int, end: int, left_s: float) -> tuple[int, int]:
+        """The state of a lift's doors, and which way it moves, so long before it is at another level with open doors."""
+        now = self._facilities
+        if left_s <= now.open_s[f, end]:
+            return DOORS_MOVE, 0
+        if begin != end and left_s > now.ride_s[f, begin, end] - now.close_s[f, begin] + SOON_S:
+            return DOORS_MOVE, 0
+        return 0, 1 if end > begin else 2
+
     def log(self) -> FacilityLog:
         """All of it."""
-        lift, door = (np.array(rows).reshape(-1, n).T for rows, n in ((self._lifts, 6), (self._doors, 3)))
+        lift, door = (np.array(rows).reshape(-1, n).T for rows, n in ((self._lifts, 8), (self._doors, 3)))
 
         def whole(column: FloatArray) -> IntArray:
             return frozen(column.astype(np.int64))
@@ -145,6 +179,8 @@ class FacilityRecorder:
             lift_level=whole(lift[3]),
             lift_target=whole(lift[4]),
             lift_robot=whole(lift[5]),
+            lift_doors=whole(lift[6]),
+            lift_motion=whole(lift[7]),
             door_name=self._names[1],
             door_t_s=frozen(door[0]),
             door=whole(door[1]),

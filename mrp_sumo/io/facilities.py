@@ -1,8 +1,8 @@
 """What lifts and doors did, as Parquet, a row for each change.
 
 `lifts.parquet`: `t_s`, `lift`, `state` (closed, coming, open, taken), `level` of the car, `target` level, `robot` for which it comes
-or that is in it ('' for none, '(people)' for people). `doors.parquet`: `t_s`, `door`, `state` (closed, opening, open, closing). The names
-of all lifts and doors stand in the files' metadata.
+or that is in it ('' for none, '(people)' for people), `doors` (closed, moving, open), `motion` (stopped, up, down).
+`doors.parquet`: `t_s`, `door`, `state` (closed, opening, open, closing). The names of all lifts and doors stand in the files' metadata.
 """
 
 import json
@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES, PEOPLE, FacilityLog
+from mrp_sumo.core.facilities import DOOR_STATES, LIFT_DOORS, LIFT_STATES, MOTIONS, PEOPLE, FacilityLog
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.io.arrow import dictionary, numbers
 
@@ -32,6 +32,8 @@ def write_facilities(folder: Path, log: FacilityLog, robot_name: Sequence[str], 
         "level": dictionary([level_name[k] for k in log.lift_level.tolist()]),
         "target": dictionary([level_name[k] for k in log.lift_target.tolist()]),
         "robot": dictionary(who),
+        "doors": dictionary([LIFT_DOORS[k] for k in log.lift_doors.tolist()]),
+        "motion": dictionary([MOTIONS[k] for k in log.lift_motion.tolist()]),
     }
     doors = {
         "t_s": numbers(log.door_t_s),
@@ -66,6 +68,8 @@ def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequenc
         lift_level=column(lifts, "level", levels),
         lift_target=column(lifts, "target", levels),
         lift_robot=column(lifts, "robot", robots),
+        lift_doors=column(lifts, "doors", numbered(LIFT_DOORS)),
+        lift_motion=column(lifts, "motion", numbered(MOTIONS)),
         door_name=door_name,
         door_t_s=frozen(doors["t_s"].to_numpy() if doors else np.zeros(0)),
         door=column(doors, "door", numbered(door_name)),
