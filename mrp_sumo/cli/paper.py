@@ -1,8 +1,8 @@
 """Make everything of the MRP-Bench paper from nothing and set its numbers beside ours: Tables I to IV, Figure 5, replicability.
 
 DIR gets paper.json, index.html, figures/ as SVG and PNG, tables/ as CSV, Markdown and LaTeX, and results/ with the runs. Started again,
-it goes on where it was. Exit code 0 when every run has a result, 1 when some crashed or took too much, 2 for bad input, 130 when it was
-interrupted.
+it goes on where it was. Exit code 0 when every run has a result, 1 when some crashed, took too much or cannot be run, 2 for bad input,
+130 when it was interrupted.
 """
 
 import argparse

@@ -31,7 +31,7 @@ class Beside:
     @property
     def agrees(self) -> bool | None:
         """Whether the paper's number lies in the interval of ours, as far as the digits go that it prints; None without both."""
-        if self.paper_value is None or (math.isnan(self.ours.low) and math.isfinite(self.ours.value)):
+        if self.paper_value is None or math.isnan(self.ours.low):
             return None
         half = 0.5 * 10.0 ** -_decimals(self.paper_value)
         return bool(self.ours.low - half <= self.paper_value <= self.ours.high + half)
