@@ -167,3 +167,14 @@ def test_both_discretisations_are_one_piece(name: str) -> None:
     for graph in (paper_grid(nav, 0.4), cut_lanes(nav, 0.4)):
         assert graph.num_components == 1
         assert len(set(graph.vertex_of_station.tolist())) == nav.num_vertices
+
+
+def test_the_plant_is_the_same_as_lif_and_as_a_plant_model() -> None:
+    """And drawn so that nothing about either is to be reported."""
+    lif, tcs = (load_map(ROOT / "networks" / "plant" / f"plant{suffix}") for suffix in (".lif.json", ".xml"))
+    assert (lif.findings, tcs.findings) == ((), ())
+    assert sum(bool(name) for name in lif.nav.vertex_name) == 26
+    named = [[name for name in map_.nav.vertex_name if name] for map_ in (lif, tcs)]
+    assert named[0] == named[1]
+    assert lif.nav.length_m.sum() == pytest.approx(tcs.nav.length_m.sum(), abs=0.1)
+    assert tcs.nav.having("mutex").sum() == 2

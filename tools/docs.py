@@ -20,7 +20,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[1]
 DOCS, SITE = PROJECT / "docs", PROJECT / "site"
-TUTORIALS = ("try.md", "robots.md", "lifelong.md", "own_planner.md", "own_plugins.md", "compare.md")
+TUTORIALS = ("try.md", "integrator.md", "robots.md", "lifelong.md", "own_planner.md", "own_plugins.md", "compare.md")
 EMBEDDED = {  # replay page -> scenario and options
     "office_5": ("office_5",),
     "office_9": ("office_9",),

@@ -1,4 +1,4 @@
-"""Draw the bundled maps: networks/{office,warehouse,airport,hospital}/<name>.building.yaml, and networks/kiva/kiva.map.
+"""Draw the bundled maps: networks/{office,warehouse,airport,hospital}/<name>.building.yaml, networks/kiva/kiva.map, networks/plant/plant.*.
 
     .venv/bin/python tools/make_networks.py [FOLDER]
 
@@ -8,11 +8,16 @@ southernmost, which are 0.2 m off it: so cells of 0.4 m counted from there have 
 The same bytes come out every time.
 """
 
+import json
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from mrp_sumo.maps.drawing import Drawing
+from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.opentcs_file import write_opentcs
 
 HOLD = {"is_holding_point": True}
 PARK = {"is_parking_spot": True}
@@ -360,6 +365,48 @@ def kiva() -> str:
     return "\n".join(["type octile", "height 33", "width 46", "map", *rows, ""])
 
 
+def plant() -> dict[str, Any]:
+    """A LIF of forklifts that circle a plant: a one-way ring of 42 x 20 m with rounded corners and an aisle across, and spurs to the ring.
+
+    Into a spur they drive forwards, out of it backwards.
+    """
+    places = {"B1": (12, 0), "B2": (21, 0), "B3": (30, 0), "B4": (39, 0), "R1": (42, 3), "R2": (42, 10), "R3": (42, 17), "T1": (39, 20)}
+    places |= {"T2": (30, 20), "T3": (21, 20), "T4": (12, 20), "T5": (3, 20), "L1": (0, 17), "L2": (0, 10), "L3": (0, 3), "B0": (3, 0)}
+    places |= {"M1": (21, 6), "M2": (21, 14)}
+    spurs = {"goods_in": ("B1", (12, -4)), "goods_out": ("B3", (30, -4)), "press": ("R2", (46, 10)), "lathe": ("T2", (30, 24))}
+    spurs |= {"mill": ("T4", (12, 24)), "charger_1": ("L2", (-4, 10)), "charger_2": ("L1", (-4, 17)), "buffer": ("M1", (17, 6))}
+    actions = {"goods_in": "pick", "goods_out": "drop", "charger_1": "startCharging", "charger_2": "startCharging"}
+    ring = ["B0", "B1", "B2", "B3", "B4", "R1", "R2", "R3", "T1", "T2", "T3", "T4", "T5", "L1", "L2", "L3", "B0"]
+    corner = {("B4", "R1"): (42, 0), ("R3", "T1"): (42, 20), ("T5", "L1"): (0, 20), ("L3", "B0"): (0, 0)}
+    edges = []
+
+    def edge(a: str, b: str, **given: Any) -> None:
+        ends = {"edgeId": f"{a}-{b}", "startNodeId": a, "endNodeId": b}
+        edges.append({**ends, "vehicleTypeEdgeProperties": [{"vehicleTypeId": "plant.forklift", "rotationAllowed": False, **given}]})
+
+    for a, b in [*pairwise(ring), ("B2", "M1"), ("M1", "M2"), ("M2", "T3")]:
+        if (a, b) not in corner:
+            edge(a, b, maxSpeed=1.5)
+            continue
+        points = [places[a], corner[a, b], places[b]]  # a quarter circle: the weight in the middle is cos(45 deg)
+        controls = [{"x": float(x), "y": float(y), "weight": w} for (x, y), w in zip(points, (1.0, 0.70710678, 1.0))]
+        edge(a, b, maxSpeed=0.8, trajectory={"degree": 2, "knotVector": [0.0, 0.0, 0.0, 1.0, 1.0, 1.0], "controlPoints": controls})
+    for name, (at, _) in spurs.items():
+        edge(at, name, maxSpeed=0.8)
+        edge(name, at, maxSpeed=0.5, vehicleOrientation=3.1415927, orientationType="TANGENTIAL")
+    nodes = []
+    for name, (x, y) in (places | {name: xy for name, (_, xy) in spurs.items()}).items():
+        given: dict[str, Any] = {"vehicleTypeId": "plant.forklift"}
+        if name in actions:
+            given["actions"] = [{"actionType": actions[name], "requirementType": "OPTIONAL", "blockingType": "HARD"}]
+        position = {"x": float(x), "y": float(y)}
+        nodes.append({"nodeId": name, "mapId": "hall", "nodePosition": position, "vehicleTypeNodeProperties": [given]})
+    stations = [{"stationId": f"{name}_station", "interactionNodeIds": [name]} for name in spurs if "charger" not in name]
+    about = {"projectIdentification": "plant", "creator": "mrp_sumo", "exportTimestamp": "2026-11-22T00:00:00.00Z", "lifVersion": "1.0.0"}
+    layout = {"layoutId": "hall", "layoutVersion": "1", "layoutLevelId": "hall", "nodes": nodes, "edges": edges, "stations": stations}
+    return {"metaInformation": about, "layouts": [layout]}
+
+
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent.parent / "networks"
     for draw in (office, warehouse, airport, hospital):
@@ -372,6 +419,15 @@ def main() -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(kiva(), encoding="utf-8", newline="\n")
     print(path)
+    path = folder / "plant" / "plant.lif.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(plant(), indent=1) + "\n", encoding="utf-8", newline="\n")
+    print(path)
+    map_ = load_map(path)
+    at_crossing = {map_.nav.vertex_of_name[name] for name in ("B2", "T3")}  # where the aisle leaves the ring, and comes back
+    options = tuple({**given, "mutex": "aisle"} if v in at_crossing else given for v, given in enumerate(map_.nav.vertex_options))
+    write_opentcs(replace(map_, nav=replace(map_.nav, vertex_options=options)), path.with_name("plant.xml"))
+    print(path.with_name("plant.xml"))
 
 
 if __name__ == "__main__":

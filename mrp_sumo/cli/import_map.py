@@ -177,8 +177,9 @@ def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
     chosen, graphs = (", ".join(map(str, numbers)) for numbers in (map_.chosen, map_.graphs))
     row("graph", chosen if chosen == graphs else f"{chosen} of {graphs}; --graph chooses")
     row("extent", "{:.2f} x {:.2f} m, lanes {:.2f} x {:.2f} m".format(*known["extent_m"], *known["lane_extent_m"]))
-    row("vertices", str(known["vertices"]))
-    row("edges", str(known["edges"]))
+    bends = int(map_.nav.having("is_bend").sum())
+    row("vertices", f"{known['vertices'] - bends}" + (f", and {bends} bends of curves" if bends else ""))
+    row("edges", str(known["edges"] - bends))
     row("components", str(known["components"]))
     if grid := known["grid"]:
         row("grid", "{width} x {height} cells of {cell_m:g} m, {free} of {total} free".format(**grid))

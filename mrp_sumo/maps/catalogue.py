@@ -9,7 +9,7 @@ from pathlib import Path
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.files.reading import require_regular, shortened
 
-SUFFIX = ".building.yaml"
+SUFFIXES = (".building.yaml", ".lif.json")
 
 
 def bundled_folder(name: str) -> Path:
@@ -21,8 +21,9 @@ def bundled_folder(name: str) -> Path:
 
 def bundled_maps() -> dict[str, Path]:
     """The maps that come with the program, by name."""
-    found = {file.parent.name: file for file in bundled_folder("networks").glob(f"*/*{SUFFIX}") if file.name == file.parent.name + SUFFIX}
-    return dict(sorted(found.items()))
+    folders = [folder for folder in bundled_folder("networks").iterdir() if folder.is_dir()]
+    files = [folder / f"{folder.name}{suffix}" for folder in folders for suffix in SUFFIXES]
+    return {file.parent.name: file for file in sorted(files) if file.is_file()}
 
 
 def find_map(name_or_path: str, beside: Path) -> Path:

@@ -436,7 +436,11 @@ def _title(figure: Figure, map_: Map, panels: list[Panel], findings: bool) -> No
     height = figure.get_figheight()
     on_lanes = np.unique(np.concatenate([nav.tail, nav.head]))
     num_components = len(np.unique(nav.component[on_lanes]))
-    facts = [_count(nav.num_vertices, "vertex", "vertices"), _count(nav.num_edges - num_lift_lanes(nav) // 2, "edge", "edges")]
+    bends = int(nav.having("is_bend").sum())  # of curves, which are one edge each
+    facts = [
+        _count(nav.num_vertices - bends, "vertex", "vertices"),
+        _count(nav.num_edges - bends - num_lift_lanes(nav) // 2, "edge", "edges"),
+    ]
     facts.append(_count(num_components, "component", "components"))
     facts.append("{:.1f} x {:.1f} m".format(*panels[0].extent) if len(panels) == 1 else _count(len(panels), "level", "levels"))
     num_findings = sum(finding.severity == "warn" for finding in map_.findings)
