@@ -185,6 +185,24 @@ def test_lines_that_are_no_messages_are_found():
     ]
 
 
+def test_messages_of_opentcs_are_read():
+    folder = SCHEMAS.parent / "opentcs" / "messages"
+    if not folder.is_dir():
+        pytest.skip("openTCS's messages are not beside this repository")
+    found = {}
+    for path in folder.glob("*.txt"):
+        payload = json.loads(path.read_text()) | {"version": "2.0.0"}
+        kind = "order" if "Order" in path.name else "state"
+        header = {key: payload[key] for key in ("headerId", "timestamp", "version", "manufacturer", "serialNumber")}
+        topic = f"uagv/v2/{payload['manufacturer']}/{payload['serialNumber']}"
+        online = {"t_s": 0, "topic": f"{topic}/connection", "payload": header | {"connectionState": "ONLINE"}}
+        found[path.name.split(".")[1]] = found.get(path.name.split(".")[1], []) + faults(
+            [online, {"t_s": 0, "topic": f"{topic}/{kind}", "payload": payload}]
+        )
+    assert found["StateTest"] == []
+    assert found["OrderTest"] == ["nodes[1].sequenceId is 0, expected 2", "edges[0].sequenceId is 0, expected 1"]  # they test the layout
+
+
 def test_export_and_validate_from_the_command_line(folder, tmp_path, capsys):
     assert main(["export", str(folder), "--vda5050", "2.1", "--out", str(tmp_path / "log")]) == 0
     assert main(["validate", "--vda5050", str(tmp_path / "log" / "messages.jsonl")]) == 0

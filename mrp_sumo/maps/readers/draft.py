@@ -97,10 +97,10 @@ class Draft:
         """More options of a vertex; None and false are left out."""
         self._options[v] |= {key: value for key, value in options.items() if value is not None and value is not False}
 
-    def set_mutex(self, group: str, vertices: Iterable[int], lanes: Iterable[tuple[int, int]]) -> None:
+    def set_mutex(self, group: str, vertices: Iterable[int], lanes: Sequence[tuple[int, int]]) -> None:
         """Make vertices and lanes between vertices members of a group for one robot at a time; a lane with all its pieces."""
-        found = {*self.vertices_of(lanes)}
-        for v in (*vertices, *found):
+        bends = {v for pair in lanes for chain in self._chains.get(pair, []) for v in chain}
+        for v in (*vertices, *sorted(bends)):
             if self._options[v].setdefault("mutex", group) != group:
                 self.notes.add("several_groups", f"'{self.label(v)}' is in '{self._options[v]['mutex']}' and '{group}'")
         for pair in lanes:
@@ -111,10 +111,6 @@ class Draft:
                         "several_groups", f"lane '{self.label(pair[0])}' - '{self.label(pair[1])}': '{options['mutex']}', '{group}'"
                     )
                 self._lanes[key] = self._lanes[key]._replace(options=options)
-
-    def vertices_of(self, lanes: Iterable[tuple[int, int]]) -> list[int]:
-        """The bends of lanes between vertices."""
-        return [v for pair in lanes for chain in self._chains.get(pair, []) for v in chain]
 
     def rename(self, v: int, name: str) -> None:
         """Give a vertex a name; one that another has gets a number: dock, dock_2."""
@@ -142,10 +138,6 @@ class Draft:
 
     def place(self, v: int) -> tuple[float, float]:
         return self._xy[v]
-
-    @property
-    def num_lanes(self) -> int:
-        return len(self._lanes)
 
     def to_map(self, level: str | None = None, building: Building | None = None, name: str | None = None) -> Map:
         """The map, checked.

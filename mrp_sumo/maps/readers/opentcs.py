@@ -3,12 +3,11 @@
 Lengths are millimetres, velocities mm/s. A point is a vertex, a path a lane; where vehicles may drive a path in reverse, a lane back along
 it on which they drive backwards. A location is a station at the points it is linked to, with the operations of its type; parking
 positions and chargers keep that. A block for a single vehicle is a mutex group. The drawing counts: Bezier curves and polylines are
-flattened within 1 cm, and lengths that differ from them are reported. Refuses paths between unknown points, names given twice, and
-documents with a DTD: neither entities nor anything outside the file is read.
+flattened within 1 cm, and lengths that differ from them are reported. Vehicles are not read. Refuses paths between unknown points,
+names given twice, and documents with a DTD: neither entities nor anything outside the file is read.
 """
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -163,15 +162,3 @@ class _Model:
             raise element.fault(f"the name '{name[:60]}' is taken by {self.draft.path_of[name]}")
         self.draft.path_of[name] = f"line {element.line}"
         return name
-
-
-def vehicles_of(root: Element) -> Iterator[Mapping[str, float]]:
-    """Length and width in m and speed in m/s of each vehicle of a model."""
-    for vehicle in root.all("vehicle"):
-        box = next(vehicle.all("boundingBox"), None)
-        if box is not None:
-            yield {
-                "length_m": box.number("length") * MM,
-                "width_m": box.number("width") * MM,
-                "max_speed_mps": vehicle.number("maxVelocity") * MM,
-            }
