@@ -33,11 +33,15 @@ class SumoEngine:
         self._edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]  # [L]
 
     def place(self, visits: Visits) -> None:
-        """Check the network, put robots on it, and let SUMO take the step in which they appear."""
+        """Check the network, put robots on it, and let SUMO take the step in which they appear.
+
+        The controller keeps robots apart. SUMO, left to do it too, would brake for some whose way is clear, who are late then; it has
+        to where lanes have limits, since it brakes for these in the same check.
+        """
         self._check_network(visits)
         self._raise_limits(float(self._fleet.max_speed_mps.max()))
         self._insert_all(visits, type_of(self._fleet))
-        self._sumo.begin()
+        self._sumo.begin(free=not np.isfinite(self._graph.speed_mps).any())
 
     def command(self, robots: Sequence[int], speed_mps: FloatArray) -> None:
         """See Engine."""

@@ -26,6 +26,8 @@ VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times
     *("--gui-settings-file", str(Path(__file__).parents[2] / "data" / "sumo_view.xml")),
 )
 
+WITHOUT_SAFE_SPEED = 0b11110  # all of SUMO's checks of commanded speeds but that for others, stops and limits ahead
+
 _running = False
 
 
@@ -71,14 +73,16 @@ class Sumo:
         if stops:
             self._stop_at_end(name, edges[-1])
 
-    def begin(self) -> None:
-        """The step in which all robots appear."""
+    def begin(self, *, free: bool) -> None:
+        """The step in which all robots appear; `free` leaves it to who commands them that they keep apart."""
         self._api.simulationStep()
         found = self._vehicle.getIDCount()
         if found != len(self._name):
             raise ExecutionError(f"SUMO inserted {found} of {len(self._name)} robots")
         for name in self._name:
             self._vehicle.setSpeed(name, 0.0)
+            if free:
+                self._vehicle.setSpeedMode(name, WITHOUT_SAFE_SPEED)
         self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))
 
     def step(self) -> None:
