@@ -5,6 +5,7 @@ Robots go on driving what they have been granted. One that can reach its goal no
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from time import perf_counter
 from typing import Any
 
@@ -16,6 +17,7 @@ from mrp_sumo.core.request import Request, one_shot, one_stop_each
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
+from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.route import reach_m
 from mrp_sumo.traffic.resources import Resources
 
@@ -195,7 +197,7 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits
         window = limits.window_steps if "window" in getattr(method, "supports", ()) else 0
         # it is driven in its order where that can be kept
         problem = replace(one_shot(request), drivable=True, window_steps=window, effort=limits.effort)
-        method.prepare()
+        _prepare(method)
         began = perf_counter()
         result = method.plan(problem, GUARD_S)
     except MrpSumoError as error:
@@ -209,6 +211,21 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits
         kind = LatePlanError if result.status is Status.TIMED_OUT else PlanError
         raise kind(f"{planner} found no plan{': ' + result.message if result.message else ''}")
     return result.plan
+
+
+def _prepare(method: Planner) -> None:
+    """Get a planner ready: ours once in a process, since their kernels stay compiled; others have processes of their own."""
+    from mrp_sumo.planning.outside import OutsidePlanner
+
+    if isinstance(method, OutsidePlanner):
+        method.prepare()
+    else:
+        _prepare_once(method)  # type: ignore[arg-type]  # a frozen dataclass
+
+
+@cache
+def _prepare_once(method: Planner) -> None:
+    method.prepare()
 
 
 def lanes_needing(graph: NavGraph, resources: Resources, resource: BoolArray) -> BoolArray:
