@@ -22,7 +22,7 @@ from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.parts import STORAGES, PartedWriter
 from mrp_sumo.bags.paths import ODD, plain_path
 from mrp_sumo.bags.task_states import TOPIC, TYPE, task_states
-from mrp_sumo.core.execution import Reply, as_believed, plans_in_force
+from mrp_sumo.core.execution import Reply, as_believed, let_go_of_samples, plans_in_force
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.record import RunRecord
@@ -152,6 +152,7 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
         np.array([ns for ns, _, _ in facilities], np.int64),
     ]
     for place in _spans(times, fast_ns[:: max(1, SAMPLES_TOGETHER // max(1, record.fleet.num_robots))]):
+        let_go_of_samples(record.execution)
         parts = place[2 : 2 + len(makers)]
         sampled = {id(t_ns): _samples(record, t_ns, part) for (_, t_ns, _), part in zip(makers, parts)}
         streams = [(connection, make(messages, sampled[id(t_ns)])) for connection, t_ns, make in makers]

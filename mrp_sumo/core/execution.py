@@ -1,5 +1,6 @@
 """What happened: trajectories and events of an execution."""
 
+import mmap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -130,6 +131,16 @@ def plans_in_force(plan: Plan, replies: Sequence[Reply]) -> Iterator[Plan]:
         first = np.cumsum([0, *(len(vertex) for vertex, _, _ in columns)]).astype(np.int64)
         vertex, arrive_s, depart_s = (frozen(np.concatenate([column[i] for column in columns])) for i in range(3))
         yield Plan(frozen(first), vertex, arrive_s, depart_s)
+
+
+def let_go_of_samples(execution: Execution) -> None:
+    """Give back the memory of samples that are on the disk, as those of long runs are: what is needed again is read again."""
+    for column in (execution.x_m, execution.y_m, execution.yaw_rad, execution.speed_mps):
+        owner: object = column
+        while isinstance(owner, np.ndarray):
+            owner = owner.base
+        if isinstance(owner, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            owner.madvise(mmap.MADV_DONTNEED)
 
 
 def as_believed(execution: Execution) -> Execution:

@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import current_thread, main_thread
 from typing import Any
 
-from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import Status
 from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
@@ -184,6 +184,8 @@ def finish(
     flat = ran_empty(execution.batteries, problem.fleet.robot_name) if execution and execution.batteries else ""
     idle = _unanswered(execution) if execution else ""
     note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat, idle)))
+    if execution:
+        let_go_of_samples(execution)
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     zones = occupancy(execution, problem.graph, setup.map.nav) if execution and execution.tasks and len(execution.t_s) else None

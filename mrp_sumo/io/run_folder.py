@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo import __version__
-from mrp_sumo.core.execution import Execution, as_believed
+from mrp_sumo.core.execution import Execution, as_believed, let_go_of_samples
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
@@ -245,6 +245,7 @@ def _write_logs(
 
     about = {"scenario": scenario.name, "seed": scenario.seed, "versions": versions()}
     write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about, levels)
+    let_go_of_samples(execution)
     if execution.believed is not None:
         write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about, levels)
     if result.plan is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.zone_log import ZoneLog
@@ -76,4 +76,9 @@ def evaluate(
         time_limit_s=time_limit_s,
         zones=zones,
     )
-    return {metric.name: metric(evidence) for metric in metrics}
+    found = {}
+    for metric in metrics:
+        found[metric.name] = metric(evidence)
+        if execution is not None:
+            let_go_of_samples(execution)
+    return found
