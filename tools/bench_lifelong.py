@@ -3,6 +3,8 @@
 
     tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...] [--json]
     tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F] [--json]
+    tools/bench_lifelong.py --kiva [--robots N ...] [--planner NAME ...] [--steps N] [--seeds N] [--json]
+    tools/bench_lifelong.py --speed [--robots N ...] [--engine NAME ...] [--seconds S] [--planner NAME ...] [--json]
 
 DATA is a folder with `epibt_random` (a map of 819 free cells, robots in agents_0.csv to agents_7.csv, goals in tasks_one.csv: robot r
 of R has the goals r, r + R, ...; 1,000 steps) and `lorr2024/example_problems` (three problems of the League of Robot Runners of 2024).
@@ -13,6 +15,14 @@ With `--mapd` the bundled scenario `mapd_lifelong` is run: 500 tasks, F a step (
 drawn by the seed, every dispatcher with the same tasks. `makespan` is when the last task is done, `service` the mean time from a task's
 release to its end, `p95` and `max` of the same (steps, which are seconds there); `empty` the mean way to a pick-up; `cpu_s` of the whole
 run, the planner's and the checks' included.
+
+With `--kiva` N robots (default: 60, 100, 140) drive on the map of `kiva_lifelong`, a cell a step, and turn in no time. They are given goals
+in turn, not the nearest ones, and planned every 5 steps for the next 20: `goals` a step over 1,000 steps, beside those of RHCR's paper
+(PBS, the same window and period), whose robots have their next goals before they come to one.
+
+With `--speed` N TurtleBot3 (default: 100 and 1,000) drive for S seconds (default: 600) among shelves on a generated floor, and orders come
+at a rate that keeps most of them busy: `times_real` is simulated time over wall time of the loop, planning included; `planning` the
+share of it that the planner took; `peak_mb` the memory of the whole process, so that only the first row of a call says that of one run.
 """
 
 import argparse
@@ -20,6 +30,7 @@ import csv
 import json
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -34,6 +45,7 @@ from mrp_sumo.plugins.registry import make
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
 
 EPIBT = {100: 2788, 200: 3823, 300: 3655, 400: 3349, 500: 3379, 600: 2632, 700: 2416, 800: 1658}  # robots -> goals in 1,000 steps
+RHCR = {60: 2.33, 100: 3.56, 140: 4.55}  # robots -> goals a step
 LEAGUE = {  # problem -> steps, tasks of the best entry
     "random.domain/random_32_32_20_100": (500, 1186),
     "city.domain/paris_1_256_250": (500, 456),
@@ -41,6 +53,18 @@ LEAGUE = {  # problem -> steps, tasks of the best entry
 }
 DISPATCHERS = ("nearest", "token_passing", "tpts", "regret", "central", "hungarian", "min_cost_flow")
 MAPD_WIDTH = {"robots": 6, "dispatcher": 13, "seed": 4, "makespan": 8, "service": 8, "p95": 7, "max": 7, "empty": 6, "calls": 6, "cpu_s": 6}
+IN_TURN = '''"""Goals in turn: robot by robot, the oldest first."""
+
+from mrp_sumo.drive.dispatchers.by_task import ByTask
+
+
+class InTurn(ByTask):
+    def given(self, now_s, around):
+        return dict(zip(around.work.free.tolist(), around.work.unassigned))
+'''
+KIVA_WIDTH = {"robots": 6, "planner": 11, "seed": 4, "steps": 5, "goals": 6, "rhcr": 5, "calls": 6, "failed": 6, "cpu_s": 8}
+SPEED_WIDTH = {"robots": 6, "engine": 9, "planner": 11, "simulated_s": 11, "wall_s": 8, "cpu_s": 8, "times_real": 10}
+SPEED_WIDTH |= {"planning": 8, "done": 5, "open": 5, "peak_mb": 7}
 WIDTH = {"problem": 22, "robots": 6, "planner": 8, "steps": 6, "done": 7, "published": 9, "ratio": 6, "cpu_ms": 8, "max_ms": 8, "valid": 6}
 
 
@@ -49,7 +73,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, nargs="?")
     parser.add_argument("--mapd", action="store_true", help="compare dispatchers")
-    parser.add_argument("--robots", type=int, action="append", metavar="N", help="may be repeated (default: 10, 20, 30, 40, 50)")
+    parser.add_argument("--kiva", action="store_true", help="compare planners in windows")
+    parser.add_argument("--speed", action="store_true", help="measure the speed of runs")
+    parser.add_argument("--engine", action="append", choices=("kinematic", "sumo"), help="may be repeated (default: both)")
+    parser.add_argument("--seconds", type=float, default=600.0, metavar="S")
+    parser.add_argument("--robots", type=int, action="append", metavar="N", help="may be repeated (default of --mapd: 10, 20, 30, 40, 50)")
     parser.add_argument("--dispatcher", action="append", metavar="NAME", help="may be repeated (default: all)")
     parser.add_argument("--seeds", type=int, default=1, metavar="N", help="0 to N - 1")
     parser.add_argument("--frequency", type=float, default=1.0, metavar="F", help="tasks a step")
@@ -60,10 +88,11 @@ def main() -> int:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the planner")
     parser.add_argument("--json", action="store_true", help="print a JSON line per row")
     options = parser.parse_args()
-    if options.mapd:
-        return _mapd(options)
+    for chosen, measure in ((options.mapd, _mapd), (options.kiva, _kiva), (options.speed, _speed)):
+        if chosen:
+            return measure(options)
     if options.data is None:
-        parser.error("DATA or --mapd is needed")
+        parser.error("DATA, --mapd, --kiva or --speed is needed")
     if not options.json:
         print(" ".join(f"{key:>{width}}" for key, width in WIDTH.items()))
     faults = 0
@@ -83,8 +112,7 @@ def main() -> int:
 
 def _mapd(options: argparse.Namespace) -> int:
     """A row for each fleet, seed and dispatcher."""
-    if not options.json:
-        print(" ".join(f"{key:>{width}}" for key, width in MAPD_WIDTH.items()))
+    _print_head(options, MAPD_WIDTH)
     base = ms.Scenario.read("mapd_lifelong")
     lines = (bundled_folder("networks") / "mapd" / "mapd.map.pd").read_text().split()[::-1]  # from the lowest row
     letters = [letter for line in lines for letter in line if letter in "se."]  # those of free cells, which are numbered so
@@ -95,11 +123,9 @@ def _mapd(options: argparse.Namespace) -> int:
             starts = [home[k] for k in np.random.default_rng([seed, robots]).choice(len(home), robots, replace=False)]
             fleet = base.replace(robots={"starts": starts}, seed=seed, tasks={"streams": [task]}, record={"bag": False})
             for name in options.dispatcher or DISPATCHERS:
-                before = getrusage(RUSAGE_SELF)
+                before = _cpu_s()
                 run = ms.run(fleet.replace(execution={"dispatcher": name}))
-                after = getrusage(RUSAGE_SELF)
-                cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-                _print_mapd(options, run, robots, name, seed, cpu_s)
+                _print_mapd(options, run, robots, name, seed, _cpu_s() - before)
     return 0
 
 
@@ -117,10 +143,100 @@ def _print_mapd(options: argparse.Namespace, run: ms.Run, robots: int, name: str
         "calls": metrics["planner_calls"],
         "cpu_s": round(cpu_s, 1),
     }
+    _print_row(options, MAPD_WIDTH, row)
+
+
+def _kiva(options: argparse.Namespace) -> int:
+    """A row for each fleet, seed and planner."""
+    _print_head(options, KIVA_WIDTH)
+    base, unit = ms.Scenario.read("kiva_lifelong"), ms.Scenario.read("mapd_lifelong").values["robots"]["type"]
+    rows = (bundled_folder("networks") / "kiva" / "kiva.map").read_text().splitlines()[4:][::-1]  # from the lowest row
+    free = [(y, x) for y, row in enumerate(rows) for x, letter in enumerate(row) if letter != "@"]
+    home = [f"v{v}" for v, (y, x) in enumerate(free) if y % 4 and (x in (1, 2, 4, 5) or x in (len(rows[0]) - k for k in (2, 3, 5, 6)))]
+    steps = options.steps or 1000
+    folder = TemporaryDirectory()
+    (Path(folder.name) / "in_turn.py").write_text(IN_TURN)
+    for robots in options.robots or RHCR:
+        for seed in range(options.seeds):
+            starts = [home[k] for k in np.random.default_rng([seed, robots]).choice(len(home), robots, replace=False)]
+            fleet = base.replace(
+                robots={"starts": starts, "type": unit},
+                seed=seed,
+                discretisation={"cell_m": 1.0},
+                tasks={"streams": [{**base.values["tasks"]["streams"][0], "arrivals": {"open": robots}}]},
+                record={"bag": False},
+                execution={"engine": "kinematic", "time_limit_s": float(steps), "planning": {"budget_s": 0, "period_s": 5, "window_s": 20}},
+            ).replace(execution={"dispatcher": f"{folder.name}/in_turn.py:InTurn"})
+            for name in options.planner or ["lns2"]:
+                before = _cpu_s()
+                run = ms.run(fleet.replace(planner=name))
+                row = {"robots": robots, "planner": name, "seed": seed, "steps": steps, "goals": run.metrics["tasks_done"] / steps}
+                row |= {"rhcr": RHCR.get(robots), "calls": run.metrics["planner_calls"], "failed": run.metrics["planner_calls_failed"]}
+                _print_row(options, KIVA_WIDTH, row | {"cpu_s": _cpu_s() - before})
+    folder.cleanup()
+    return 0
+
+
+def _speed(options: argparse.Namespace) -> int:
+    """A row for each fleet, engine and planner."""
+    _print_head(options, SPEED_WIDTH)
+    for robots in options.robots or (100, 1000):
+        with TemporaryDirectory() as folder:
+            path = _floor(Path(folder), robots)
+            for engine in options.engine or ("kinematic", "sumo"):
+                for name in options.planner or ["lacam"]:
+                    scenario = ms.Scenario.read(path).replace(
+                        planner=name, execution={"engine": engine, "time_limit_s": options.seconds}, seed=options.seed
+                    )
+                    run = ms.run(scenario)
+                    metrics = run.metrics
+                    row = {"robots": robots, "engine": engine, "planner": name, "simulated_s": metrics["sim_time_s"]}
+                    row |= {"wall_s": metrics["wall_time_s"], "cpu_s": metrics["cpu_time_s"], "times_real": metrics["real_time_factor"]}
+                    row |= {"planning": metrics["planning_time_s"] / metrics["wall_time_s"], "done": metrics["tasks_done"]}
+                    row |= {"open": metrics["tasks_open"], "peak_mb": round(getrusage(RUSAGE_SELF).ru_maxrss / 1000)}
+                    _print_row(options, SPEED_WIDTH, row)
+    return 0
+
+
+def _floor(folder: Path, robots: int) -> Path:
+    """A scenario on a floor of shelves, ten cells long in aisles two cells wide, with about ten free cells for each robot."""
+    side = int(np.ceil(np.sqrt(14 * robots) / 12)) * 12
+    shelf = [[y % 3 == 1 and x % 12 > 1 and 1 < y < side - 2 for x in range(side + 2)] for y in range(side + 1)]
+    rows = ["".join("@" if there else "." for there in row) for row in shelf]
+    (folder / "floor.map").write_text(f"type octile\nheight {len(rows)}\nwidth {len(rows[0])}\nmap\n" + "\n".join(rows) + "\n")
+    num_free = sum(row.count(".") for row in rows)
+    cells = [f"v{v}" for v in np.random.default_rng(0).choice(num_free, min(200, num_free // 4), replace=False).tolist()]
+    document = {
+        "map": "floor.map",
+        "discretisation": {"kind": "grid", "cell_m": 0.4},
+        "robots": {"count": robots, "draw": "anywhere"},
+        "planner": "lacam",
+        "tasks": {
+            "groups": {"cell": cells},
+            "streams": [{"arrivals": {"rate_per_h": 3600 * robots / (8 * side)}, "stops": ["cell", "cell"], "service": [5]}],
+        },
+        "execution": {"planning": {"period_s": 5}},
+    }
+    (folder / "speed.yaml").write_text(json.dumps(document))
+    return folder / "speed.yaml"
+
+
+def _cpu_s() -> float:
+    used = getrusage(RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def _print_head(options: argparse.Namespace, width: dict[str, int]) -> None:
+    if not options.json:
+        print(" ".join(f"{key:>{columns}}" for key, columns in width.items()), flush=True)
+
+
+def _print_row(options: argparse.Namespace, width: dict[str, int], row: dict[str, Any]) -> None:
+    row = {key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()}
     if options.json:
         print(json.dumps(row), flush=True)
     else:
-        print(" ".join(f"{row[key]!s:>{width}}" for key, width in MAPD_WIDTH.items()), flush=True)
+        print(" ".join(f"{'-' if row[key] is None else row[key]!s:>{columns}}" for key, columns in width.items()), flush=True)
 
 
 def _own_goals(folder: Path, robots: int, name: str) -> StepWiseProblem:
