@@ -253,7 +253,9 @@ def _panes(scenes: Sequence[Scene], size: tuple[int, int], unit: float) -> list[
 def _draw_robots(canvas: Canvas, pane: Pane, moment: Moment) -> None:
     scene, u = pane.scene, pane.unit
     clip = _clip(pane)
-    xy, there = pane.pixels(moment.xy), np.flatnonzero(moment.state != ABSENT)
+    xy = pane.pixels(moment.xy)
+    is_shown = ((xy >= pane.corner) & (xy <= pane.corner + pane.size)).all(axis=1)  # and not on another level
+    there = np.flatnonzero((moment.state != ABSENT) & is_shown)
     everybody = np.ones(len(scene.chosen), np.bool_)
     planned = scene.chosen if scene.has_choice else everybody & (len(everybody) <= PLANNED)
     breadth = float(np.median(pane.body[:, 1]))
@@ -266,7 +268,7 @@ def _draw_robots(canvas: Canvas, pane: Pane, moment: Moment) -> None:
         canvas.stroke(lines, STATES[state], alpha=0.32, width=max(2 * u, 0.28 * breadth), clip=clip)
         ends = np.array([line[-1] for line in lines]).reshape(-1, 1, 2)
         canvas.fill(ends + _disc(max(3 * u, 0.24 * breadth)), STATES[state], alpha=0.75, clip=clip)
-    waits = [(a, b) for a, b in scene.waited_for(moment) if moment.state[b] != ABSENT]
+    waits = [(a, b) for a, b in scene.waited_for(moment) if is_shown[a] and is_shown[b]]
     for state in (1, 2):
         lines = [xy[[a, b]] for a, b in waits if moment.state[a] == state]
         canvas.stroke(lines, STATES[state], alpha=0.85, width=(2 if pane.few else 1.4) * max(0.7, u), clip=clip)

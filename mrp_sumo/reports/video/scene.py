@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import BLOCKED, WAITING, RunRecord
@@ -176,14 +177,12 @@ def _beyond_gap(x: FloatArray, edge: float) -> float:
     return float(every[int(np.argmax(np.diff(every))) + 1]) if np.diff(every).max() > 4 else float(x[0])
 
 
-def _ways(record: RunRecord, plan: object) -> tuple[tuple[Way, ...], ...]:
+def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[Way, ...], ...]:
     """What each robot was to do, by time: the plan, and what came instead while it drove."""
-    from mrp_sumo.core.plan import Plan
-
     num_robots, execution, xy = record.fleet.num_robots, record.execution, record.graph.xy
     found: list[list[Way]] = [[] for _ in range(num_robots)]
     columns: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
-    if not isinstance(plan, Plan) or len(execution.arrived_s) != len(plan.vertex):
+    if plan is None or len(execution.arrived_s) != len(plan.vertex):
         return tuple(() for _ in range(num_robots))
     for a, b in pairwise(plan.first.tolist()):
         columns.append((plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]))
