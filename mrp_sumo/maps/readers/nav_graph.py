@@ -23,8 +23,9 @@ Document = Mapping[str, Any]
 
 SHORTEST_LANE_M = 1e-3
 PLAIN_NAME = re.compile(
-    r"(?!(?:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z][A-Za-z0-9_]{0,40}\Z", re.IGNORECASE
+    r"(?!(?:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z][A-Za-z0-9_-]{0,40}\Z", re.IGNORECASE
 )  # needs no quotes in YAML
+SHORT_LINE = 64  # characters that always fit on a line, however deep
 NUMBERS = ("speed_limit", "merge_radius")
 
 
@@ -129,8 +130,8 @@ def _lines(document: Document) -> Iterator[str]:
 
     def options(given: Options) -> str:
         key = repr(given)
-        if key not in flow and len(given) == 1 and isinstance(name := given.get("name"), str) and PLAIN_NAME.match(name):
-            return f"{{name: {name}}}"
+        if key not in flow and (plain := _plain(given)):
+            return plain
         if key not in flow:  # as deep as in the document, for long lines break by their indentation
             text = _dumped({"levels": {"L": {"vertices": [[0, given]]}}})
             flow[key] = text.split("      - ", 1)[1].rstrip("\n")
@@ -149,6 +150,18 @@ def _lines(document: Document) -> Iterator[str]:
                 if rest:
                     yield f"      - {options(rest[0] or {})}\n"
     yield _dumped(after)
+
+
+def _plain(given: Options) -> str:
+    """Options that need neither quotes nor a second line; '' for others."""
+    parts = []
+    for key in sorted(given):
+        value = given[key]
+        if not PLAIN_NAME.match(key) or not (isinstance(value, bool) or (isinstance(value, str) and PLAIN_NAME.match(value))):
+            return ""
+        parts.append(f"{key}: {str(value).lower() if isinstance(value, bool) else value}")
+    found = ", ".join(parts)
+    return f"{{{found}}}" if 0 < len(found) < SHORT_LINE else ""
 
 
 def _dumped(document: Document) -> str:
