@@ -44,7 +44,7 @@ def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_
         cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
         ax.add_collection(PolyCollection(list(cells), facecolor=LIGHT["floor"], edgecolor=LIGHT["floor"], lw=0.3, zorder=0), autolim=False)
         return
-    once = (nav.reverse < 0) | (nav.tail < nav.head)
+    once = ((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head])  # rides are on no floor
     ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
     ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
     named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]

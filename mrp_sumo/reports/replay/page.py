@@ -388,7 +388,7 @@ def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: Floa
     if is_grid_map(record):
         parts["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
     else:
-        once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
+        once = np.flatnonzero(((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head]))  # without rides
         ends = np.column_stack((nav.xy[nav.tail[once]] - low, nav.xy[nav.head[once]] - low, nav.reverse[once] < 0))
         parts["lanes"] = _flat(ends)
         kind = [next((name for option, name in STATION_KINDS if options.get(option)), "") for options in nav.vertex_options]
