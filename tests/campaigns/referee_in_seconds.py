@@ -168,8 +168,10 @@ class Motion:
 
 
 @lru_cache(maxsize=4096)
-def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ...], moment: float | None = None) -> Motion:
-    """By linear programs, run by run; as far along as it can be at a moment, or in sum."""
+def motion(
+    problem: Problem, robot: int, way: tuple[tuple[int, float, float], ...], moment: float | None = None, *, loose: bool = False
+) -> Motion:
+    """By linear programs, run by run; as far along as it can be at a moment, or in sum; `loose`: with all that the referee grants."""
     fleet, graph = problem.fleet, problem.graph
     top, accel, decel = (float(x[robot]) for x in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2))
     xy = graph.xy[[v for v, _, _ in way]]
@@ -188,7 +190,7 @@ def motion(problem: Problem, robot: int, way: tuple[tuple[int, float, float], ..
         passes = [way[k][1] for k in range(a + 1, b + 1)]
         lengths = np.hypot(*along[a:b].T)
         since = moment - begin if moment is not None and begin < moment < passes[-1] else None
-        error, t, s = run(tuple(p - begin for p in passes), tuple(lengths.tolist()), top, accel, decel, at_rest, slack, since)
+        error, t, s = run(tuple(p - begin for p in passes), tuple(lengths.tolist()), top, accel, decel, at_rest, slack, since, loose)
         worst = max(worst, error)
         if not np.isfinite(error):
             break
@@ -214,6 +216,7 @@ def run(
     at_rest: float,
     slack: float,
     farthest_at: float | None,
+    loose: bool,
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """(least error of a lane, moments, places) of a run from rest, with visits at these moments; farthest at one, or in sum."""
     nothing = np.zeros(0)
@@ -248,7 +251,7 @@ def run(
     error = float(found.fun)
     if error > slack:
         return error, nothing, nothing
-    bounds[-1] = (0.0, error + 1e-5)
+    bounds[-1] = (0.0, slack if loose else error + 1e-5)
     sums = np.concatenate([np.cumsum(np.ones(n + 1)[::-1])[::-1], [0.0]])  # of all places, about
     aim = sums if farthest_at is None else np.append(farthest[0], 0.0)
     found = linprog(-aim, A_ub=less, b_ub=bound, bounds=bounds)
@@ -314,7 +317,7 @@ def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: li
         least, k = float(distance.min()), int(distance.argmin())
         if (i, j) in said and least > apart + band and (then := distance_at(problem, said[i, j], ways)) > apart + band:
             found.append(f"{describe_meeting(said[i, j], problem)}; sampled, they stay {least:.3f} m apart, {then:.3f} m then")
-        if (i, j) not in said and least < apart - band:
+        if (i, j) not in said and least < apart - band and not apart_if_loose(problem, (i, j), ways, t, apart - band):
             found.append(f"robots {i} and {j} come {least:.3f} m close at {t[k]:.2f} s, and the referee says nothing")
         near = np.flatnonzero(distance < 2 * float(fleet.radius_m[0]))
         if len(near) and (i, j) not in said:
@@ -322,6 +325,13 @@ def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: li
             if shapely.intersects(*shapes).any():
                 found.append(f"the footprints of robots {i} and {j} overlap, and the referee says nothing")
     return found
+
+
+def apart_if_loose(problem: Problem, robots: tuple[int, int], ways: list[Visits], t: np.ndarray, least_m: float) -> bool:
+    """Whether two robots keep apart with all that the referee grants: it takes them to be a little farther along."""
+    there = [motion(problem, robot, tuple(ways[robot]), loose=True) for robot in robots]
+    xy = [np.stack([np.interp(t, m.t_s, m.xy[:, axis]) for axis in (0, 1)], 1) for m in there]
+    return bool(np.hypot(*(xy[0] - xy[1]).T).min() >= least_m)
 
 
 def distance_at(problem: Problem, meeting: Meeting, ways: list[Visits]) -> float:
