@@ -16,6 +16,7 @@ from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.vda_log import write_vda
 
 SCHEMAS = Path(__file__).resolve().parents[3] / "shared" / "reference" / "data" / "vda5050"
+LIFT = SCHEMAS.parents[2] / "maps" / "corpus" / "cardboardcode+rmf_gym_lite" / "simple_lift.building.yaml"
 # a corridor with a way round; two robots carry things, and are replanned with every task
 LANES = """from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways
 a,b,0,0,4,0,yes
@@ -220,3 +221,18 @@ def test_other_versions_are_refused():
 
 def test_serials_are_no_paths_and_each_another():
     assert serials_of(["../../etc", "a b", "a_b", ".."]) == ["_.._etc", "a_b", "a_b_2", "robot"]
+
+
+@pytest.mark.skipif(not LIFT.is_file(), reason="the corpus of maps is not there")
+def test_positions_are_in_the_frame_of_the_level_that_they_name(tmp_path):
+    """A robot that rides is on the other level's map at once, at the same place, and nobody is faster than its type."""
+    work = {"map": str(LIFT), "robots": 2, "planner": "lacam", "seed": 1, "execution": {"engine": "kinematic"}, "record": {"bag": False}}
+    (tmp_path / "ride.yaml").write_text(yaml.safe_dump(work))
+    assert main(["run", str(tmp_path / "ride.yaml"), "--out", str(tmp_path / "run")]) == 0
+    record = load_run(tmp_path / "run").record
+    write_vda(tmp_path / "vda", record, "3.0")
+    messages = [json.loads(line) for line in (tmp_path / "vda" / "messages.jsonl").read_text().splitlines()]
+    assert faults(messages) == []
+    places = [m["payload"]["mobileRobotPosition"] for m in of(messages, "visualization")]
+    assert {place["mapId"] for place in places} == set(record.levels.name)
+    assert max(place["x"] for place in places) < record.levels.shift_m[:, 0].max()

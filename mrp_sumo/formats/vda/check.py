@@ -123,7 +123,7 @@ class _Vehicle:
     passed: int = -1  # sequence number of the last node
     online: bool = False
     top_mps: float = math.inf
-    seen: tuple[float, float, float] | None = None  # time and place
+    seen: tuple[float, float, float, object] | None = None  # time, place and map
 
 
 def check(lines: Iterable[str]) -> Iterator[Fault]:
@@ -399,14 +399,14 @@ class _Message:
             yield f"at ({x:g}, {y:g}), {off:.2f} m off the way from '{self.payload['lastNodeId'][:WORDS]}'"
 
     def _motion(self, place: Mapping[str, Any]) -> Iterator[str]:
-        """No vehicle is faster than its factsheet says."""
+        """No vehicle is faster than its factsheet says, unless a lift takes it to another map."""
         x, y, vehicle = float(place["x"]), float(place["y"]), self.vehicle
-        if vehicle.seen is not None:
+        if vehicle.seen is not None and vehicle.seen[3] == place.get("mapId"):
             since_s = self.t_s - vehicle.seen[0]
             far = math.hypot(x - vehicle.seen[1], y - vehicle.seen[2])
             if far > SPARE * vehicle.top_mps * since_s + 0.2:
                 yield f"{far:.2f} m from where it was {since_s:.2f} s before, faster than {vehicle.top_mps:g} m/s"
-        vehicle.seen = self.t_s, x, y
+        vehicle.seen = self.t_s, x, y, place.get("mapId")
 
     def _visualization(self) -> Iterator[str]:
         payload, vehicle = self.payload, self.vehicle
