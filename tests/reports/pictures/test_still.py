@@ -19,6 +19,7 @@ def test_still_is_drawn_and_the_same_again(folder, tmp_path, capsys):
 
 
 def test_a_name_is_no_formula(folder, tmp_path):
+    from mrp_sumo.io.grants import read_grants, write_grants
     from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
 
     shutil.copytree(folder, tmp_path / "run")
@@ -26,7 +27,10 @@ def test_a_name_is_no_formula(folder, tmp_path):
         path.write_text(path.read_text().replace("robot_0", "$x^$"))
     path = tmp_path / "run" / "trajectory.parquet"
     samples = read_trajectory(path)
-    write_trajectory(path, samples, ("$x^$", *samples.robot_name[1:]), {})
+    names = ("$x^$", *samples.robot_name[1:])
+    write_trajectory(path, samples, names, {})
+    grants = tmp_path / "run" / "grants.parquet"
+    write_grants(grants, read_grants(grants, samples.robot_name), names)
     assert main(["render", str(tmp_path / "run"), "--at", "0", "--out", str(tmp_path / "x.svg")]) == 0
 
 
