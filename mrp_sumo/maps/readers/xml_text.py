@@ -81,7 +81,7 @@ def parse_xml(source: Text) -> Element:
     MapError
         As the module refuses; with the line.
     """
-    parser = expat.ParserCreate()
+    parser = expat.ParserCreate("utf-8")  # what the text was read as, whatever it says
     parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
     roots: list[Element] = []
     stack: list[Element] = []

@@ -55,6 +55,7 @@ def test_a_cabin_of_a_site_joins_its_levels(load):
         ("[2.0, 0.0]", '["2", 0.0]', "levels.1.anchors.1.Translate2D[0]: found '2', expected a number"),
         ('"Disable"', '"Never"', "navigation.guided.lanes.61.reverse: found Never, expected Same, Disable or Different"),
         ('{"Only": [71]}', '"None"', "navigation.guided.lanes.61.graphs: found None, expected All, Only or AllExcept"),
+        ('"levels": {', '"levels": {}, "other": {', "anchors[0]: anchor 0 is not there"),
         ('"L2"', '"L1"', "levels.2.properties.name: 'L1' is the name of another level, too"),
     ],
 )

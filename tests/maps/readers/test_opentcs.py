@@ -55,6 +55,7 @@ def test_lengths_that_differ_from_the_drawing_are_reported(load):
         ('name="P2" ', 'name="P1" ', "plant.xml:4: the name 'P1' is taken by line 3"),
         ("<model version", '<!DOCTYPE model [<!ENTITY a "b">]><model version', "plant.xml:2: a document type or an entity"),
         ("</model>", "", "not XML: no element found"),
+        ('encoding="UTF-8"?>\n<model version="7', 'encoding="P1"?>\n<model name="x" version="7', "not XML: duplicate attribute"),
         ('type="HALT_POSITION"/>', 'type="HALT_POSITION">' + "<a>" * 40, "nested deeper than 30 elements"),
     ],
 )
