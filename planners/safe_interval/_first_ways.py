@@ -60,14 +60,15 @@ def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[Way | No
     """A way around those only that have been raised as often, or around nobody; and who has lost his way by that."""
     with_way = [r for r, way in enumerate(timetable.way) if way is not None]
     lower = [r for r in with_way if raised[r] < raised[robot]]
+    lost: list[int] = []  # whom the starts of others, protected again for a moment, kept from their ways
     for others in (lower, with_way) if len(lower) < len(with_way) else (lower,):
         removed = [(r, way) for r in others if (way := timetable.remove(r)) is not None]
         found = _first_way(timetable, robot)
         if found is None:
-            _put_back(timetable, removed)
+            lost += _put_back(timetable, removed)
             continue
         timetable.add(robot, found)
-        evicted = _put_back(timetable, removed)
+        evicted = lost + _put_back(timetable, removed)
         timetable.remove(robot)
         return found, evicted
     return None, []

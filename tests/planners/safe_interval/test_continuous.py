@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from campaigns.noise import Worlds
 from scipy.spatial.distance import pdist
 from worlds import BURGER, CART, cross, graph_of, line, random_grid, square_grid
 
@@ -20,6 +21,7 @@ from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.search._motion import stepped_run, turn_steps
+from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.resources import resources_of
 from planners.safe_interval._moves import moves_of
 from planners.safe_interval._search import FAR, step_of_run, steps_left
@@ -208,3 +210,15 @@ def test_robots_in_sumo_are_where_they_are_planned_to_be(tmp_path, seed):
 def test_bad_parameters_are_refused():
     with pytest.raises(ScenarioError, match="step_length_s is 2"):
         planner("continuous", {"step_length_s": 2.0})
+
+
+def test_who_is_kept_from_its_way_by_a_start_that_is_protected_again_looks_for_another(tmp_path):
+    """Others make room for a robot in vain and go back to their ways; one of them crosses the start of another that is still away."""
+    graph = Worlds(None, tmp_path).graph(("tangle", "543"))
+    fleet = fleet_of(BURGER, 20)
+    start, goal = uniform_draw(graph, 20, 543, fleet.separation_m)
+    step_s = float(np.ceil((graph.length_m.max() / BURGER.max_speed_mps + 1.0) / 0.1)) * 0.1
+    problem = Problem(graph, fleet, start, goal, np.arange(20), step_s, 543)
+    result = planner("continuous", {}).plan(problem, 60.0)
+    assert result.status is Status.SOLVED
+    assert judge_in_seconds(problem, result.plan).drivable
