@@ -118,11 +118,9 @@ def test_that_there_is_no_such_map_comes_first(capsys):
 
 def test_lanes_without_room_for_a_robot_are_reported(capsys):
     assert main(["import", "office", "--check"]) == 0
-    assert capsys.readouterr().out == "office.building.yaml: nothing to report\n"
+    assert "too close" not in capsys.readouterr().out
     assert main(["import", "office", "--check", "--robot", "forklift"]) == 0
-    assert capsys.readouterr().out.startswith(
-        "office.building.yaml: note: 10 vertices are closer than 0.98 m to a wall, too close for 'forkl"
-    )
+    assert "office.building.yaml: note: 10 vertices are closer than 0.98 m to a wall, too close for 'forkl" in capsys.readouterr().out
     assert main(["import", "office", "--json", "--robot", "forklift"]) == 0
     room = json.loads(capsys.readouterr().out)["clearance"]
     assert (room["robot"], room["lanes"], room["vertices"], len(room["notes"])) == ("forklift", 0, 10, 1)

@@ -21,6 +21,7 @@ class Broadcast:
         self._samples = bytearray()
         self._sample_bytes = 1
         self._messages: list[str] = []
+        self._last = ""  # message, after all samples
         self._over = False
         self._viewers = 0
         self._paused = False
@@ -37,7 +38,11 @@ class Broadcast:
     def say(self, name: str, value: Any) -> None:
         """Add a message."""
         with self._changed:
-            self._messages.append(f"event: {name}\ndata: {json.dumps(value, allow_nan=False, separators=(',', ':'))}\n\n")
+            self._messages.append(_event(name, value))
+
+    def say_last(self, name: str, value: Any) -> None:
+        """Have a message that viewers get when they have all samples and other messages."""
+        self._last = _event(name, value)
 
     def sample(self, data: bytes, lasts_s: float) -> None:
         """Add a sample, and wait until it is time for the next, `lasts_s` of simulated time later."""
@@ -104,6 +109,8 @@ class Broadcast:
                 if samples:
                     yield "", samples
                 elif over:
+                    if self._last:
+                        yield self._last, b""
                     return
                 else:
                     yield ":\n\n", b""  # finds out whether anybody is still there
@@ -112,3 +119,7 @@ class Broadcast:
             with self._changed:
                 self._viewers -= 1
                 self._changed.notify_all()
+
+
+def _event(name: str, value: Any) -> str:
+    return f"event: {name}\ndata: {json.dumps(value, allow_nan=False, separators=(',', ':'))}\n\n"

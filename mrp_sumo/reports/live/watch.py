@@ -61,7 +61,7 @@ class LiveView:
                 "facts": about.facts,
                 "metrics": about.metrics,
             }
-            self.broadcast.say("end", said)
+            self.broadcast.say_last("end", said)
         else:
             self.server.stage = f"{result.status.replace('_', ' ')}: {result.note}"
         self.close()

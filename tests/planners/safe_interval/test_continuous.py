@@ -22,6 +22,7 @@ from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.search._motion import stepped_run, turn_steps
 from mrp_sumo.traffic.draw import uniform_draw
+from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import resources_of
 from planners.safe_interval._moves import moves_of
 from planners.safe_interval._search import FAR, step_of_run, steps_left
@@ -221,4 +222,4 @@ def test_who_is_kept_from_its_way_by_a_start_that_is_protected_again_looks_for_a
     problem = Problem(graph, fleet, start, goal, np.arange(20), step_s, 543)
     result = planner("continuous", {}).plan(problem, 60.0)
     assert result.status is Status.SOLVED
-    assert judge_in_seconds(problem, result.plan).drivable
+    assert judge(problem, result.plan).valid
