@@ -1,12 +1,12 @@
 """Plan files on the command line: which format one is in, reading and writing it."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.errors import MrpSumoError, PlanError, nearest, sentence
 from mrp_sumo.files.reading import require_regular, shortened
+from mrp_sumo.files.writing import written_whole
 
 if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan
@@ -81,12 +81,8 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _replacing(path: Path, fill: Callable[[Path], object]) -> None:
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        fill(partial)
-        partial.replace(path)
+        with written_whole(path) as part:
+            fill(part)
     except OSError as error:
         raise PlanError(f"{shortened(path)}: {sentence(error)}") from None
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)

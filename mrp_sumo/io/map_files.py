@@ -3,7 +3,6 @@
 Refuses suffixes it does not know, and several levels in formats that have one.
 """
 
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from mrp_sumo.core.graph import NavGraph, PlanGraph
 from mrp_sumo.errors import MapError, nearest, sentence
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.files.writing import written_whole
 from mrp_sumo.maps import lif_file, opentcs_file
 from mrp_sumo.maps.geojson import write_geojson
 from mrp_sumo.maps.grid import paper_cells
@@ -49,17 +49,12 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     if suffix is None:
         found = "".join(path.suffixes[-2:]) or path.name
         raise MapError(f"{path.name}: no map format ends in '{found}'{nearest(found, SUFFIXES)}")
-    partial = path.with_name(f".{path.name.removesuffix(suffix)}.partial{suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        losses = _graphs_left_out(map_) + _WRITE[suffix](map_, partial, cell_m)
-        partial.replace(path)
+        with written_whole(path) as part:
+            return _graphs_left_out(map_) + _WRITE[suffix](map_, part, cell_m)
     except OSError as error:
         raise MapError(f"{shortened(path)}: {sentence(error)}") from None
-    finally:
-        with suppress(OSError):  # such as a read-only disk, which has been reported
-            partial.unlink(missing_ok=True)
-    return losses
 
 
 def _write_nav_graph(map_: Map, path: Path, cell_m: float) -> list[str]:

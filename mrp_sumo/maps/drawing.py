@@ -8,11 +8,11 @@ Refuses two stations on one spot or of one name, and lanes between unknown stati
 import json
 import re
 from collections.abc import Sequence
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
 from mrp_sumo.errors import MapError
+from mrp_sumo.files.writing import written_whole
 
 Point = tuple[float, float]
 
@@ -132,13 +132,8 @@ class Drawing:
 
     def write(self, path: Path) -> None:
         """Write the file, whole or not at all."""
-        part = path.with_name(path.name + ".part")
-        try:
+        with written_whole(path) as part:
             part.write_text(self.text(), encoding="utf-8")
-            part.replace(path)
-        finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
 
     def _corner(self, point: Point) -> int:
         """Number of the point among those that walls, floors, doors and measurements share."""

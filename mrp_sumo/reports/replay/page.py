@@ -11,7 +11,6 @@ import json
 import math
 import re
 import zlib
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.files.writing import written_whole
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import DAMAGE, load_run
@@ -132,13 +132,10 @@ def write_page(page: str, out: Path) -> Path:
     """Write a page, whole or not at all. Raises MrpSumoError where it cannot be written."""
     if out.is_dir():
         raise MrpSumoError(f"{out}: is a folder, expected a file such as {out / 'replay.html'}")
-    part = out.with_name(f".{out.name}.part")
     try:
-        part.write_text(page, encoding="utf-8")
-        part.replace(out)
+        with written_whole(out) as part:
+            part.write_text(page, encoding="utf-8")
     except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
         raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
     return out
 

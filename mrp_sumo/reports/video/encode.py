@@ -4,7 +4,6 @@ Files are written whole or not at all. Refuses other suffixes, and MP4 where PyA
 """
 
 from collections.abc import Iterator
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from PIL import Image
 
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.files.writing import written_whole
 from mrp_sumo.reports.pictures.floor import LIGHT
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Pixels
@@ -62,18 +62,13 @@ def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str,
     """
     if kind == "":
         return _write_frames(frames, path)
-    part = path.with_name(f".{path.name}.part")
     write = {".mp4": _write_mp4, ".gif": _write_gif, ".webp": _write_webp}[kind]
     try:
-        with part.open("wb"):  # says plainly why a place cannot be written
-            pass
-        write(frames, poster, part, fps)
-        part.replace(path)
+        with written_whole(path) as part:
+            part.touch()  # says plainly why a place cannot be written
+            write(frames, poster, part, fps)
     except OSError as error:
         raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
     return None
 
 
