@@ -1,16 +1,17 @@
 """Kernels that sort the vertices where a robot of PIBT may go next.
 
-Nearest to the goal first. Ties are broken by hindrance, how many neighbours a robot would hinder there (Okumura,
-"Engineering LaCAM*", AAMAS 2024), then by chance. A robot that makes way for a swap takes them in the opposite order. Where
-somebody waits until nobody is near, robots go last.
+Nearest to the goal first. Ties are broken by the way that a robot has of its own, then by hindrance, how many neighbours a robot would
+hinder there (Okumura, "Engineering LaCAM*", AAMAS 2024), then by chance. A robot that makes way for a swap takes them in the opposite
+order. Where somebody waits until nobody is near, robots go last.
 """
 
 from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN, extend, read_code
-from planners.configuration._pibt_instance import is_on_way, nearer, prefers
+from planners.configuration._pibt_instance import nearer, next_on_way, prefers
 from planners.configuration._pibt_swap import swap_partner
 
 IN_THE_WAY = 1e12  # beyond any other key
+ON_WAY = 32.0  # more than any hindrance, less than a step
 
 
 @kernel
@@ -25,13 +26,14 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
         if unknown:
             extend(world.first_packed, world.head_packed, world.goal[i], i, v, world.code, world.queue, world.bound)
     num = b - a + 1
+    onward = next_on_way(world, i, v)
     for k in range(num):
         u = world.head[a + k] if k < num - 1 else v
         key = rng.random() + (world.guide[i, u] if world.guided else 64.0 * nearer(world, i, u, v))
         if hindrance and num > 2:
             key += _num_hindered(world, scratch, i, u)
-        if is_on_way(world, i, v, u):
-            key -= 32.0
+        if u == onward:
+            key -= ON_WAY
         if world.near and scratch.wished[u] >= 0 and scratch.wished[u] != i:
             key += IN_THE_WAY
         p = k

@@ -26,7 +26,7 @@ class PibtInstance(NamedTuple):
     two_way: bool  # every lane has its opposite: robots can swap in corridors
     guided: bool  # robots go by `guide`, not by steps
     guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
-    way: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [1, 1] where there are none
+    way: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [0, 1] where there are none
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
     near: bool  # there are clashes
@@ -69,10 +69,10 @@ def prefers(world, robot, u, v):
 
 
 @kernel
-def is_on_way(world, robot, v, u):
-    """Whether the robot's way leads from v to u."""
+def next_on_way(world, robot, v):
+    """The vertex after v on the robot's way, -1 where v is not on it, or the robot has none."""
     if len(world.way) != len(world.goal) or world.packed:
-        return False
-    start = world.way[robot, 0]
-    step = np.int64(world.table[robot, start]) - np.int64(world.table[robot, v])
-    return 0 <= step < world.way.shape[1] - 1 and world.way[robot, step] == v and world.way[robot, step + 1] == u
+        return np.int64(-1)
+    way = world.way[robot]
+    step = np.int64(world.table[robot, way[0]]) - np.int64(world.table[robot, v])
+    return np.int64(way[step + 1]) if 0 <= step < len(way) - 1 and way[step] == v else np.int64(-1)
