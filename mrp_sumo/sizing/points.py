@@ -1,6 +1,6 @@
 """A fleet size and its runs: throughput after the warm-up, served and punctual orders, each with limits."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -47,14 +47,10 @@ class Point:
         return sum(record["status"] not in ("completed", "time_limit") for record in self.records)
 
     @cached_property
-    def _times(self) -> list[dict[str, FloatArray]]:
-        return [{name: run[name] for name in TIMES} for run in self.observed]
-
-    @cached_property
     def series(self) -> FloatArray:
         """[BINS] orders done in each part of the horizon, the mean over runs (Welch's picture)."""
         edges = np.linspace(0, self.horizon_s, BINS + 1)
-        counts = [np.histogram(times["done_s"][np.isfinite(times["done_s"])], edges)[0] for times in self._times]
+        counts = [np.histogram(run["done_s"][np.isfinite(run["done_s"])], edges)[0] for run in self.observed]
         return np.mean(counts, 0) if counts else np.zeros(BINS)
 
     @cached_property
@@ -72,8 +68,7 @@ class Point:
     def per_h(self) -> FloatArray:
         """[R] orders done an hour after the warm-up, run by run; NaN for a run that broke."""
         span_s = self.horizon_s - self.warm_up_s
-        rates = iter(float(((t["done_s"] > self.warm_up_s) & (t["done_s"] <= self.horizon_s)).sum()) for t in self._times)
-        return np.array([next(rates) / span_s * HOUR_S if r.get("observed") else np.nan for r in self.records])
+        return self._by_run(lambda t: ((t["done_s"] > self.warm_up_s) & (t["done_s"] <= self.horizon_s)).sum() / span_s * HOUR_S)
 
     @property
     def throughput(self) -> Interval:
@@ -89,30 +84,30 @@ class Point:
         within_s
             After they come, orders without a due time are due.
         """
-        found = []
-        times = iter(self._times)
-        for record in self.records:
-            if not record.get("observed"):
-                found.append(np.nan)
-                continue
-            t = next(times)
+
+        def share(t: Mapping[str, FloatArray]) -> float:
             due_s = np.where(np.isfinite(t["due_s"]), t["due_s"], t["released_s"] + within_s)
             settled = (t["released_s"] >= SETTLE * self.horizon_s) & (t["released_s"] <= self.horizon_s)
             asked = settled & (due_s <= self.horizon_s)
             enough = asked.any() and asked.sum() >= TELLING * settled.sum()
-            found.append(float((t["done_s"][asked] <= due_s[asked]).mean()) if enough else np.nan)
-        return np.array(found)
+            return float((t["done_s"][asked] <= due_s[asked]).mean()) if enough else np.nan
+
+        return self._by_run(share)
+
+    def _by_run(self, measure: Callable[[Mapping[str, Any]], float]) -> FloatArray:
+        """[R] a measure of what each run has left, NaN for one that broke."""
+        return np.array([measure(record["observed"]) if record.get("observed") else np.nan for record in self.records], np.float64)
 
     @property
     def has_due_times(self) -> bool:
         """Whether orders are due at some time."""
-        return any(bool(np.isfinite(t["due_s"]).any()) for t in self._times)
+        return any(bool(np.isfinite(t["due_s"]).any()) for t in self.observed)
 
     @property
     def p95_s(self) -> Interval:
         """95th percentile of the time from release to done."""
         values = []
-        for t in self._times:
+        for t in self.observed:
             done = (t["done_s"] > self.warm_up_s) & np.isfinite(t["done_s"])
             values.append(float(np.quantile((t["done_s"] - t["released_s"])[done], 0.95)) if done.any() else np.nan)
         return t_mean(values)
