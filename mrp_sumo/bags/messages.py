@@ -75,7 +75,7 @@ class Messages:
         self.robots = ros_names(record.fleet.robot_name)
         self.generation = generation
         self.level_names = record.graph.level_names or ("L1",)
-        self.shift_m = record.levels.shift_m if record.levels else np.zeros((len(self.level_names), 2))  # [K, 2] of levels in `map`
+        self.shift_m = record.shift_m  # of levels in `map`
         self.plan = record.plan  # in force: the writer moves on to later ones
 
     def serialised(self, message: Any) -> bytes:

@@ -97,11 +97,11 @@ def _require_plain(of_line: argparse.Namespace, options: argparse.Namespace) -> 
         raise MrpSumoError("a problem of the League of Robot Runners is planned alone, without --many")
     if options.trust:
         return
-    named = [of_line.planner, of_line.assignment, *(str(value) for _, value in pairs(of_line))]
-    mine = [options.planner, options.assignment, *(str(value) for _, value in pairs(options))]
-    programs = [name for name in named if name and name not in mine and program_of(name, Path())]
-    commands = [key for key, _ in pairs(of_line)[len(options.set) :] if key.endswith("command")]
-    if of_line.trust or of_line.command != options.command or programs or commands:
+    own = pairs(of_line)[len(options.set) :]  # those of the command line come first
+    mine = (options.planner, options.assignment)
+    named = [*(name for name in (of_line.planner, of_line.assignment) if name and name not in mine), *(str(value) for _, value in own)]
+    programs = any(program_of(name, Path()) for name in named)
+    if of_line.trust or of_line.command != options.command or programs or any(key.endswith("command") for key, _ in own):
         raise MrpSumoError("names a program to run, which a list may not unless --trust stands on the command line")
 
 

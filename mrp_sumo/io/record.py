@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +40,11 @@ class RunRecord:
     costmap: "Costmap | None" = None  # walls
     levels: "Levels | None" = None  # where robots change them
     constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names, that metrics were computed with
+
+    @cached_property
+    def shift_m(self) -> FloatArray:
+        """[K, 2] how far each level is moved to lie beside the others."""
+        return self.levels.shift_m if self.levels else np.zeros((max(1, len(self.graph.level_names)), 2))
 
 
 def record_of(

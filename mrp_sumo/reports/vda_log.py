@@ -269,7 +269,7 @@ class Vehicle:
             made = None
         v = visit.vertex
         sequence, released = 2 * (k - self.begin), k <= self.granted
-        xy = (graph.xy[v] - self._shift_m(graph.level[v])).tolist()
+        xy = (graph.xy[v] - self.record.shift_m[graph.level[v]]).tolist()
         return node(graph.label(v), sequence, released, xy, graph.level_names[graph.level[v]], [made[0]] if made else ())
 
     def _edge(self, k: int) -> Json:
@@ -287,7 +287,7 @@ class Vehicle:
         graph, sequence = self.record.graph, 2 * (self.reached - self.begin)
         nodes, edges = states_of(self.order, sequence) if self.order else ([], [])
         pose, velocity, driving = self._motion(t_s)
-        away_m = float(np.hypot(*(graph.xy[at] - self._shift_m(graph.level[at]) - (pose["x"], pose["y"])))) if pose else 0.0
+        away_m = float(np.hypot(*(graph.xy[at] - self.record.shift_m[graph.level[at]] - (pose["x"], pose["y"])))) if pose else 0.0
         power, level = self.dialect.power(self._percent(t_s), any(a <= t_s < b for a, b in self.charging))
         asked = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
         done = [self._action_state(made, t_s) for made in self._of_order()]
@@ -347,7 +347,7 @@ class Vehicle:
             turn = float(np.arctan2(np.sin(turn), np.cos(turn)))
             x, y = x + share * (float(execution.x_m[j, r]) - x), y + share * (float(execution.y_m[j, r]) - y)
             yaw, omega = yaw + share * turn, turn / span
-        (x, y), level = (x, y) - self._shift_m(on), self.record.graph.level_names[on]
+        (x, y), level = (x, y) - self.record.shift_m[on], self.record.graph.level_names[on]
         velocity = {"vx": round(speed, 6), "vy": 0.0, "omega": round(omega, 6)}
         return self.dialect.place(float(x), float(y), yaw, level), velocity, abs(speed) >= STANDING_MPS
 
@@ -356,11 +356,6 @@ class Vehicle:
         if self.execution.level is None:
             return int(self.record.graph.level[self.way[self.reached].vertex])
         return int(self.execution.level[sample, self.robot])
-
-    def _shift_m(self, level: int) -> FloatArray:
-        """How far a level is moved to lie beside the others; messages have positions in its own frame."""
-        levels = self.record.levels
-        return levels.shift_m[level] if levels else np.zeros(2)
 
     def _percent(self, t_s: float) -> float:
         log = self.execution.batteries
