@@ -47,4 +47,4 @@ grep -q 'mrp-sumo\[video\]' refusal.txt
 cd "$project"
 if [ "${1:-}" = --keep ]; then mkdir -p "$2" && cp "$wheel" "$2"; fi
 echo "wheel: $(du -h "$wheel" | cut -f1), environment: $(du -sh "$scratch/env" | cut -f1)"
-du -sm "$scratch"/env/lib/python*/site-packages/* | sort -rn | head -10 | awk '{sub(".*/", "", $2); printf "  %5d MB  %s\n", $1, $2}'
+du -sm "$scratch"/env/lib/python*/site-packages/* | sort -rn | awk 'NR <= 10 {sub(".*/", "", $2); printf "  %5d MB  %s\n", $1, $2}'
