@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.batch import duration, stoppable
 from mrp_sumo.errors import BatchError, MrpSumoError
 
@@ -29,6 +30,7 @@ UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo capacity`."""
     parser.add_argument("scenario", help="scenario file, or the name of a bundled scenario such as warehouse_lifelong")
+    scenario_choice.set_argument(parser)
     parser.add_argument(
         "--demand", metavar="RATE", help="orders that are to be served, such as 180/h (default: the scenario's, at its busiest)"
     )
@@ -107,7 +109,7 @@ def question_of(options: argparse.Namespace) -> "Question":
     from mrp_sumo.sizing.study import asked
 
     return asked(
-        read_scenario(find_scenario(options.scenario)),
+        scenario_choice.with_set(options, read_scenario(find_scenario(options.scenario))),
         robots=_sizes(options.robots) if options.robots else None,
         demand_per_h=_rate_per_h(options.demand) if options.demand else None,
         on_time=_share(options.on_time) if options.on_time else None,
@@ -132,6 +134,8 @@ def _sizes(text: str) -> tuple[int, int]:
 def _command(options: argparse.Namespace) -> str:
     """The command line that asks the same, whatever it is asked with."""
     parts = ["mrp-sumo", "capacity", options.scenario]
+    for pair in options.set:
+        parts += ["--set", pair]
     for name in ("demand", "on_time", "robots", "budget", "horizon", "confirm", "seed"):
         if (value := getattr(options, name)) is not None:
             parts += [f"--{name.replace('_', '-')}", str(value)]

@@ -20,13 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--robots", type=int, metavar="N", help="the first N robots, or as many drawn")
     add("--planner", metavar="NAME", help="another planner, with its default parameters; FILE.py:CLASS for one of your own")
-    add(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="any key of the scenario, such as execution.on_deadlock=stop, or a parameter of the planner, such as w=1.5; may be repeated",
-    )
+    set_argument(parser)
     add(
         "--command",
         metavar="TEMPLATE",
@@ -35,6 +29,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--trust", action="store_true", help="run the programs that the scenario names: plug-in files, external planners")
     add("--time-limit", type=float, metavar="S", help="wall time of the planner in s")
     add("--seed", type=int, metavar="N", help="of planner, draws and disturbances")
+
+
+def set_argument(parser: argparse.ArgumentParser) -> None:
+    """`--set`, which `with_set` reads."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="any key of the scenario, such as execution.on_deadlock=stop, or a parameter of the planner, such as w=1.5; may be repeated",
+    )
 
 
 def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
@@ -52,7 +57,19 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     if options.trust:
         trust_everything()
     chosen = read_scenario(find_scenario(options.scenario)) if options.scenario is not None else _of_instance(options)
-    file = changed(chosen, _named(options))
+    return with_set(options, changed(chosen, _named(options)))
+
+
+def with_set(options: argparse.Namespace, file: "ScenarioFile") -> "ScenarioFile":
+    """The scenario with what `--set` says instead.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, with the option.
+    """
+    from mrp_sumo.io.scenario import changed
+
     return changed(file, _set(options, file))
 
 

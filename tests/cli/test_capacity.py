@@ -7,6 +7,7 @@ import pytest
 from mrp_sumo.cli.main import main
 
 SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3min", "--quick", "--budget", "3s", "--json"]
+SMALL += ["--set", "execution.dispatcher=hungarian"]
 
 
 def told(capsys, *arguments):
@@ -23,10 +24,11 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     assert set(answer["limit"]) == {"kind", "name", "utilisation"}
     assert [set(row) for row in answer["curve"]] == [{"robots", "throughput_per_h", "low", "high", "replications"}] * len(answer["curve"])
     assert [row["robots"] for row in answer["curve"]] == [1, 2] and answer["seeds"][0] == 3000
-    assert answer["command"].startswith("mrp-sumo capacity warehouse_lifelong")
+    assert answer["command"].startswith("mrp-sumo capacity warehouse_lifelong --set execution.dispatcher=hungarian ")
     page = (tmp_path / "out" / "capacity.html").read_bytes()
     assert answer["sentence"].encode() in page and b"<script" not in page
     records = sorted((tmp_path / "out" / "runs").rglob("*.json"))
+    assert all('"dispatcher":"hungarian"' in record.read_text() for record in records)
     for record in records[::4]:
         record.unlink()
     code, again = told(capsys, *SMALL, "--out", str(tmp_path / "out"), "--workers", "1")
@@ -43,6 +45,7 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
         (["warehouse_lifelong", "--budget", "1s"], "--budget 1s: too little to say anything"),
         (["warehouse_lifelong", "--what-if", "stations.pak: +1"], "'pak' is no station or group (did you mean 'pack'?)"),
         (["warehouse_lifelong", "--what-if", "planer: pibt"], "unknown key (did you mean 'planner'?)"),
+        (["warehouse_lifelong", "--set", "planner=lakam"], "--set planner: unknown planner 'lakam' (did you mean 'lacam'?)"),
         (["warehouse_lifelong", "--engine", "sumo", "--confirm", "sumo"], "every run is driven in SUMO already"),
         (["warehouse_lifelong", "--demand", "fast"], "expected orders in a time, such as 180/h"),
     ],
