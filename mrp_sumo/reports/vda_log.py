@@ -17,6 +17,7 @@ import numpy as np
 from mrp_sumo.core.execution import Execution, GrantLog
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.formats.vda.errors import error
 from mrp_sumo.formats.vda.messages import (
     KINDS,
     STANDING_MPS,
@@ -28,6 +29,7 @@ from mrp_sumo.formats.vda.messages import (
     line_of,
     node,
     serials_of,
+    state,
     states_of,
 )
 from mrp_sumo.io.record import RunRecord
@@ -288,33 +290,26 @@ class Vehicle:
         nodes, edges = states_of(self.order, sequence) if self.order else ([], [])
         pose, velocity, driving = self._motion(t_s)
         away_m = float(np.hypot(*(graph.xy[at] - self.record.shift_m[graph.level[at]] - (pose["x"], pose["y"])))) if pose else 0.0
-        power, level = self.dialect.power(self._percent(t_s), any(a <= t_s < b for a, b in self.charging))
         asked = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
-        done = [self._action_state(made, t_s) for made in self._of_order()]
-        levels = 1 if self.dialect.is_new else 0
-        return {
-            "orderId": self.order_id,
-            "orderUpdateId": self.update,
-            "lastNodeId": graph.label(at),
-            "lastNodeSequenceId": sequence,
-            "nodeStates": nodes,
-            "edgeStates": edges,
-            **({self.dialect.place_key: pose} if pose else {}),
-            "velocity": velocity,
-            "driving": driving,
-            "paused": False,
-            "newBaseRequest": bool(nodes) and not nodes[0]["released"],
-            "distanceSinceLastNode": round(away_m, 6),
-            **({"actionStates": done, "instantActionStates": [asked]} if self.dialect.is_new else {"actionStates": [asked, *done]}),
-            power: level,
-            "operatingMode": "AUTOMATIC",
-            "errors": [
-                {"errorType": kind, "errorLevel": ERRORS[kind][levels], "errorDescription": text, "errorReferences": []}
+        return state(
+            self.dialect,
+            order=(self.order_id, self.update),
+            last=(graph.label(at), sequence),
+            nodes=nodes,
+            edges=edges,
+            place=pose,
+            velocity=velocity,
+            driving=driving,
+            away_m=away_m,
+            actions=[self._action_state(made, t_s) for made in self._of_order()],
+            instants=[asked],
+            power=(self._percent(t_s), any(a <= t_s < b for a, b in self.charging)),
+            errors=[
+                error(kind, ERRORS[kind][self.dialect.is_new], text, {})
                 for begin_s, until_s, kind, text in self.errors
                 if begin_s <= t_s < until_s
             ],
-            "safetyState": self.dialect.safety,
-        }
+        )
 
     def _of_order(self) -> list[tuple[Json, float, float]]:
         """The actions in the order."""

@@ -188,7 +188,7 @@ class _Message:
         needed = HEADER | NEEDED[self.rules][self.kind]
         if self.rules == "2" and self.kind in ("visualization", "factsheet"):  # whose headers may lack these
             needed = {key: kind for key, kind in needed.items() if key in self.payload or key not in ("headerId", "timestamp")}
-        wrong = list(_members(self.payload, needed, "", ALLOWED[self.rules].get(self.kind)))
+        wrong = list(members(self.payload, needed, "", ALLOWED[self.rules].get(self.kind)))
         yield from wrong
         yield from self._header()
         if not wrong and (judge := getattr(self, f"_{self.kind}", None)):
@@ -231,7 +231,7 @@ class _Message:
 
     def _instantActions(self) -> Iterator[str]:
         for i, given in enumerate(self.payload["actions"]):
-            wrong = list(_members(given, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, f"actions[{i}]"))
+            wrong = list(members(given, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, f"actions[{i}]"))
             yield from wrong
             if not wrong:
                 if given["actionId"] in self.vehicle.instant:
@@ -245,7 +245,7 @@ class _Message:
             text
             for what, given, needed in (("node", nodes, NODE), ("edge", edges, EDGE | ends))
             for i, one in enumerate(given)
-            for text in _members(one, needed, f"{what}s[{i}]", ALLOWED[self.rules][what])
+            for text in members(one, needed, f"{what}s[{i}]", ALLOWED[self.rules][what])
         ]
         if not nodes:
             wrong.append("nodes: an order has one at least")
@@ -320,7 +320,7 @@ class _Message:
         for one in both:
             place = (vehicle.order_id, one["sequenceId"])
             for given in one["actions"]:
-                wrong = list(_members(given, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, "actions"))
+                wrong = list(members(given, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, "actions"))
                 yield from wrong
                 if not wrong and vehicle.actions.setdefault(given["actionId"], place) != place:
                     yield f"actionId '{given['actionId'][:WORDS]}' was used before"
@@ -369,7 +369,7 @@ class _Message:
         vehicle = self.vehicle
         for key in ("actionStates", "instantActionStates"):
             for i, one in enumerate(self.payload.get(key) or ()):
-                wrong = list(_members(one, {"actionId": TEXT, "actionStatus": TEXT}, f"{key}[{i}]"))
+                wrong = list(members(one, {"actionId": TEXT, "actionStatus": TEXT}, f"{key}[{i}]"))
                 yield from wrong
                 if wrong:
                     continue
@@ -417,7 +417,7 @@ class _Message:
             yield from self._motion(place)
 
 
-def _members(given: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:
+def members(given: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:
     """What is wrong with the members of an object; with `allowed`, also those of an unknown name."""
     if not isinstance(given, Mapping):
         yield f"{at}: expected an object"

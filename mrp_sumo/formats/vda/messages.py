@@ -43,11 +43,11 @@ class Dialect:
         head = "vda5050/v3" if self.is_new else "uagv/v2"
         return f"{head}/{manufacturer}/{serial}/{kind}"
 
-    def place(self, x_m: float, y_m: float, yaw_rad: float, map_id: str) -> Json:
-        """Where a vehicle is."""
+    def place(self, x_m: float, y_m: float, yaw_rad: float, map_id: str, *, known: bool = True) -> Json:
+        """Where a vehicle is, and whether it knows that itself."""
         return {
             **{"x": _short(x_m), "y": _short(y_m), "theta": _angle(yaw_rad), "mapId": map_id},
-            "localized" if self.is_new else "positionInitialized": True,
+            "localized" if self.is_new else "positionInitialized": known,
         }
 
     @property
@@ -60,9 +60,9 @@ class Dialect:
             return "powerSupply", {"stateOfCharge": _short(percent), "charging": charging}
         return "batteryState", {"batteryCharge": _short(percent), "charging": charging}
 
-    @property
-    def safety(self) -> Json:
-        return {"activeEmergencyStop" if self.is_new else "eStop": "NONE", "fieldViolation": False}
+    def safety(self, stopped: bool, violated: bool) -> Json:
+        """The safety state of a vehicle; an emergency stop has to be acknowledged at it."""
+        return {"activeEmergencyStop" if self.is_new else "eStop": "MANUAL" if stopped else "NONE", "fieldViolation": violated}
 
     def edge(
         self, name: str, sequence: int, released: bool, ends: tuple[str, str], length_m: float, limit_mps: float, backward: bool = False
@@ -121,14 +121,80 @@ def action(kind: str, name: str, blocking: str = "NONE", **parameters: Any) -> J
     return found
 
 
+def state(
+    dialect: Dialect,
+    *,
+    order: tuple[str, int],
+    last: tuple[str, int],
+    nodes: list[Json],
+    edges: list[Json],
+    place: Json,
+    velocity: Json,
+    driving: bool,
+    away_m: float,
+    actions: list[Json],
+    instants: list[Json],
+    power: tuple[float, bool],
+    errors: list[Json],
+    paused: bool = False,
+    stopped: bool = False,
+    violated: bool = False,
+    loads: list[Json] | None = None,
+) -> Json:
+    """What a vehicle reports.
+
+    Parameters
+    ----------
+    order
+        Its identifier and that of the update.
+    last
+        Name and sequence number of the last node.
+    nodes, edges
+        What is left of the order (`states_of`).
+    place
+        Where the vehicle is (`Dialect.place`); empty where that is not known.
+    away_m
+        From the last node.
+    actions, instants
+        States of the order's actions and of instant ones.
+    power
+        Per cent of the battery, and whether it charges.
+    stopped, violated
+        Whether an emergency stop is active, and whether something is in a protective field.
+    loads
+        None: the vehicle does not know.
+    """
+    supply, level = dialect.power(*power)
+    return {
+        "orderId": order[0],
+        "orderUpdateId": order[1],
+        "lastNodeId": last[0],
+        "lastNodeSequenceId": last[1],
+        "nodeStates": nodes,
+        "edgeStates": edges,
+        **({dialect.place_key: place} if place else {}),
+        "velocity": velocity,
+        **({} if loads is None else {"loads": loads}),
+        "driving": driving,
+        "paused": paused,
+        "newBaseRequest": bool(nodes) and not nodes[0]["released"],
+        "distanceSinceLastNode": round(away_m, 6),
+        **({"actionStates": actions, "instantActionStates": instants} if dialect.is_new else {"actionStates": [*instants, *actions]}),
+        supply: level,
+        "operatingMode": "AUTOMATIC",
+        "errors": errors,
+        "safetyState": dialect.safety(stopped, violated),
+    }
+
+
 def states_of(order: Mapping[str, Any], passed: int) -> tuple[list[Json], list[Json]]:
     """What a state says of the nodes and edges of an order that come after a sequence number."""
-    nodes = [
-        {key: n[key] for key in ("nodeId", "sequenceId", "released", "nodePosition")} for n in order["nodes"] if n["sequenceId"] > passed
-    ]
+    kept = ("nodeId", "sequenceId", "released", "nodePosition")
+    nodes = [{key: n[key] for key in kept if key in n} for n in order["nodes"] if n["sequenceId"] > passed]
     edges = [{key: e[key] for key in ("edgeId", "sequenceId", "released")} for e in order["edges"] if e["sequenceId"] > passed]
     for n in nodes:  # positions of states have no more than these
-        n["nodePosition"] = {key: n["nodePosition"][key] for key in ("x", "y", "theta", "mapId") if key in n["nodePosition"]}
+        if "nodePosition" in n:
+            n["nodePosition"] = {key: n["nodePosition"][key] for key in ("x", "y", "theta", "mapId") if key in n["nodePosition"]}
     return nodes, edges
 
 

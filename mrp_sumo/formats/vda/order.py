@@ -1,0 +1,302 @@
+"""Orders and instant actions of VDA 5050 as a vehicle receives them: from bytes that may be anything to checked values, or a refusal.
+
+Nothing is taken on trust: sizes are bounded, every member that is used has its type and range, and what is wrong is named by its JSON path.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LIST, NODE, NUMBER, OBJECT, TEXT, WORDS, members
+from mrp_sumo.formats.vda.errors import MALFORMED, TOO_LARGE, RefusalError
+from mrp_sumo.formats.vda.messages import Dialect, Json
+
+LONGEST_PAYLOAD = 2**20  # bytes
+LONGEST_ID = 200  # characters
+MOST_NODES = 1000
+MOST_ACTIONS = 100  # of a node, an edge, or a message of instant actions
+MOST_PARAMETERS = 50
+LARGEST = 2**32  # of numbers
+BLOCKING = {"2.1": ("NONE", "SOFT", "HARD"), "3.0": ("NONE", "SINGLE", "SOFT", "HARD")}
+ACTION = {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}
+OPTIONAL: dict[str, dict[str, Any]] = {  # members that may be there, with their types
+    "node": {"nodePosition": OBJECT, "nodeDescription": TEXT, "nodeDescriptor": TEXT},
+    "edge": {
+        **dict.fromkeys(("maxSpeed", "maximumSpeed", "maxRotationSpeed", "maximumRotationSpeed", "length", "orientation"), NUMBER),
+        **dict.fromkeys(("maxHeight", "minHeight", "maximumMobileRobotHeight", "minimumLoadHandlingDeviceHeight"), NUMBER),
+        **dict.fromkeys(("orientationType", "edgeDescription", "edgeDescriptor"), TEXT),
+        **{"rotationAllowed": FLAG, "reachOrientationBeforeEntering": FLAG, "trajectory": OBJECT, "corridor": OBJECT},
+    },
+    "position": {"theta": NUMBER, "allowedDeviationTheta": NUMBER, "mapDescription": TEXT, "mapDescriptor": TEXT},
+    "action": {"actionParameters": LIST, "actionDescription": TEXT, "actionDescriptor": TEXT, "retriable": FLAG},
+    "order": {"zoneSetId": TEXT, "orderDescription": TEXT, "orderDescriptor": TEXT},
+}
+
+
+@dataclass(frozen=True)
+class Action:
+    """Something to do at a node, on an edge, or at once."""
+
+    kind: str
+    name: str
+    blocking: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def stops(self) -> bool:
+        """Whether the vehicle stands while it is done."""
+        return self.blocking in ("SOFT", "HARD")
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node of an order."""
+
+    name: str
+    sequence: int
+    released: bool
+    actions: tuple[Action, ...]
+    position: Mapping[str, Any] | None  # x, y, theta and mapId, as sent
+    deviation_m: float  # from the position that still counts as being there
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An edge of an order."""
+
+    name: str
+    sequence: int
+    released: bool
+    actions: tuple[Action, ...]
+    limit_mps: float  # inf: none
+    length_m: float  # NaN: not said
+    ends: tuple[str, str] | None  # names of its nodes, which 2.1 says
+    has_trajectory: bool
+
+
+@dataclass(frozen=True)
+class Order:
+    """An order, or an update of one."""
+
+    name: str
+    update: int
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+    zone_set: str
+    document: Json  # as it was sent
+
+    @property
+    def references(self) -> dict[str, object]:
+        return {"orderId": self.name, "orderUpdateId": self.update}
+
+
+def read_document(payload: bytes) -> Json:
+    """The object that a message is.
+
+    Raises
+    ------
+    RefusalError
+        For what is too large, not JSON, or no object.
+    """
+    if len(payload) > LONGEST_PAYLOAD:
+        raise RefusalError(TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
+    try:
+        found = json.loads(payload, parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        raise RefusalError(MALFORMED, "not JSON") from None
+    if not isinstance(found, dict):
+        raise RefusalError(MALFORMED, "expected an object")
+    return found
+
+
+def check_header(document: Json, dialect: Dialect, manufacturer: str, serial: str) -> None:
+    """Refuse messages of another version, or for another vehicle."""
+    _require(document, HEADER, "")
+    for key, expected in (("manufacturer", manufacturer), ("serialNumber", serial)):
+        if document[key] != expected:
+            raise RefusalError(MALFORMED, f"{key} is '{document[key][:WORDS]}', expected '{expected}'", {"headerId": document["headerId"]})
+    major = dialect.version.partition(".")[0]
+    if document["version"].partition(".")[0] != major:
+        raise RefusalError(MALFORMED, f"version is '{document['version'][:WORDS]}', expected {major}.x")
+
+
+def read_order(document: Json, dialect: Dialect) -> Order:
+    """An order by its members, each by itself; `check_sequence` sees how they fit.
+
+    Raises
+    ------
+    RefusalError
+        For the first that is missing or of another type, with its JSON path.
+    """
+    _require(document, {"orderId": TEXT, "orderUpdateId": int, "nodes": LIST, "edges": LIST}, "", OPTIONAL["order"])
+    references = {"orderId": document["orderId"][:LONGEST_ID], "orderUpdateId": document["orderUpdateId"]}
+    try:
+        _require_id(document["orderId"], "orderId")
+        for key in ("nodes", "edges"):
+            if len(document[key]) > MOST_NODES:
+                raise RefusalError(TOO_LARGE, f"{key}: {len(document[key])}, expected {MOST_NODES} at most")
+        return Order(
+            document["orderId"],
+            document["orderUpdateId"],
+            tuple(_node(one, f"nodes[{i}]", dialect) for i, one in enumerate(document["nodes"])),
+            tuple(_edge(one, f"edges[{i}]", dialect) for i, one in enumerate(document["edges"])),
+            document.get("zoneSetId", ""),
+            document,
+        )
+    except RefusalError as refusal:
+        refusal.references = {**references, **refusal.references}
+        raise
+
+
+def check_sequence(order: Order) -> None:
+    """Refuse an order whose nodes and edges do not follow each other, or whose base is not what comes first.
+
+    Raises
+    ------
+    RefusalError
+        With the JSON path.
+    """
+    for text in _disorder(order):
+        raise RefusalError(MALFORMED, text, order.references)
+
+
+def read_actions(document: Json, dialect: Dialect) -> list[Action]:
+    """The actions of a message of instant actions.
+
+    Raises
+    ------
+    RefusalError
+        For the first that is wrong; none is taken then.
+    """
+    _require(document, {"actions": LIST}, "")
+    return list(_actions(document["actions"], "actions", dialect))
+
+
+def _disorder(order: Order) -> Iterator[str]:
+    nodes, edges = order.nodes, order.edges
+    if not nodes:
+        yield "nodes: an order has one at least"
+        return
+    if len(edges) != len(nodes) - 1:
+        yield f"edges: {len(edges)}, expected {len(nodes) - 1} for {len(nodes)} nodes"
+        return
+    begin = nodes[0].sequence
+    if begin % 2:
+        yield f"nodes[0].sequenceId is {begin}, expected an even number"
+    for i, node in enumerate(nodes):
+        if node.sequence != begin + 2 * i:
+            yield f"nodes[{i}].sequenceId is {node.sequence}, expected {begin + 2 * i}"
+        if node.released and i and not nodes[i - 1].released:
+            yield f"nodes[{i}].released is true behind one that is not: the base is what comes first"
+    if not nodes[0].released:
+        yield "nodes[0].released is false: an order begins in its base"
+    for i, edge in enumerate(edges):
+        if edge.sequence != begin + 2 * i + 1:
+            yield f"edges[{i}].sequenceId is {edge.sequence}, expected {begin + 2 * i + 1}"
+        if edge.released != nodes[i + 1].released:
+            yield f"edges[{i}].released is {str(edge.released).lower()}, though its nodes say otherwise"
+        for key, name, end in zip(("startNodeId", "endNodeId"), edge.ends or (), (nodes[i].name, nodes[i + 1].name)):
+            if name != end:
+                yield f"edges[{i}].{key} is '{name[:WORDS]}', but the node there is '{end[:WORDS]}'"
+    both: list[Node | Edge] = [*nodes, *edges]
+    names = [action.name for one in both for action in one.actions]
+    if len(set(names)) != len(names):
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        yield f"actionId '{twice[:WORDS]}' is there twice"
+
+
+def _node(one: Any, at: str, dialect: Dialect) -> Node:
+    _require(one, NODE, at, OPTIONAL["node"])
+    _require_id(one["nodeId"], f"{at}.nodeId")
+    position, deviation_m = one.get("nodePosition"), 0.0
+    if position is not None:
+        inside = f"{at}.nodePosition"
+        _require(position, {"x": NUMBER, "y": NUMBER, "mapId": TEXT}, inside, OPTIONAL["position"])
+        _require_id(position["mapId"], f"{inside}.mapId")
+        theta = position.get("theta", 0.0)
+        if abs(theta) > 3.14159265359:  # as the schemas say
+            raise RefusalError(MALFORMED, f"{inside}.theta is {theta:g}, expected -pi to pi: radians")
+        deviation_m = _deviation(position, inside, dialect)
+        position = {key: position[key] for key in ("x", "y", "theta", "mapId") if key in position}
+    actions = tuple(_actions(one["actions"], f"{at}.actions", dialect))
+    return Node(one["nodeId"], one["sequenceId"], one["released"], actions, position, deviation_m)
+
+
+def _deviation(position: Json, at: str, dialect: Dialect) -> float:
+    """A radius in 2.1; of the ellipse of 3.0 its shorter half axis."""
+    key = "allowedDeviationXY"
+    if key not in position:
+        return 0.0
+    if dialect.is_new:
+        _require(position, {key: OBJECT}, at)
+        _require(position[key], {"a": NUMBER, "b": NUMBER, "theta": NUMBER}, f"{at}.{key}")
+        found = min(position[key]["a"], position[key]["b"])
+    else:
+        _require(position, {key: NUMBER}, at)
+        found = position[key]
+    if found < 0:
+        raise RefusalError(MALFORMED, f"{at}.{key} is {found:g}, expected 0 or more")
+    return float(found)
+
+
+def _edge(one: Any, at: str, dialect: Dialect) -> Edge:
+    ends = {} if dialect.is_new else {"startNodeId": TEXT, "endNodeId": TEXT}
+    _require(one, EDGE | ends, at, OPTIONAL["edge"])
+    _require_id(one["edgeId"], f"{at}.edgeId")
+    limit_mps = float(one.get("maximumSpeed" if dialect.is_new else "maxSpeed", math.inf))
+    if limit_mps <= 0:
+        raise RefusalError(MALFORMED, f"{at}: a highest speed of {limit_mps:g} m/s, expected more than 0")
+    return Edge(
+        one["edgeId"],
+        one["sequenceId"],
+        one["released"],
+        tuple(_actions(one["actions"], f"{at}.actions", dialect)),
+        limit_mps,
+        float(one.get("length", math.nan)),
+        None if dialect.is_new else (one["startNodeId"], one["endNodeId"]),
+        one.get("trajectory") is not None,
+    )
+
+
+def _actions(found: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
+    if len(found) > MOST_ACTIONS:
+        raise RefusalError(TOO_LARGE, f"{at}: {len(found)}, expected {MOST_ACTIONS} at most")
+    for i, one in enumerate(found):
+        _require(one, ACTION, f"{at}[{i}]", OPTIONAL["action"])
+        for key in ("actionId", "actionType"):
+            _require_id(one[key], f"{at}[{i}].{key}")
+        if one["blockingType"] not in BLOCKING[dialect.version]:
+            kinds = ", ".join(BLOCKING[dialect.version])
+            raise RefusalError(MALFORMED, f"{at}[{i}].blockingType is '{one['blockingType'][:WORDS]}', expected one of {kinds}")
+        parameters: dict[str, Any] = {}
+        listed = one.get("actionParameters", [])
+        if len(listed) > MOST_PARAMETERS:
+            raise RefusalError(TOO_LARGE, f"{at}[{i}].actionParameters: {len(listed)}, expected {MOST_PARAMETERS} at most")
+        for k, pair in enumerate(listed):
+            _require(pair, {"key": TEXT}, f"{at}[{i}].actionParameters[{k}]")
+            if "value" not in pair:
+                raise RefusalError(MALFORMED, f"{at}[{i}].actionParameters[{k}].value is missing")
+            parameters[pair["key"]] = pair["value"]
+        yield Action(one["actionType"], one["actionId"], one["blockingType"], parameters)
+
+
+def _require(found: Any, needed: Mapping[str, Any], at: str, optional: Mapping[str, Any] | None = None) -> None:
+    """Refuse an object that lacks a member, has one of another type, or a number without end."""
+    present = {key: kind for key, kind in (optional or {}).items() if isinstance(found, dict) and key in found}
+    for text in members(found, {**needed, **present}, at):
+        raise RefusalError(MALFORMED, text)
+    for key, kind in {**needed, **present}.items():
+        value = found[key]
+        if kind in (int, NUMBER) and not abs(value) <= LARGEST:
+            raise RefusalError(MALFORMED, f"{at}{'.' if at else ''}{key} is {str(value)[:WORDS]}, expected at most {LARGEST}")
+
+
+def _require_id(text: str, at: str) -> None:
+    if not text or len(text) > LONGEST_ID:
+        raise RefusalError(MALFORMED, f"{at} has {len(text)} characters, expected 1 to {LONGEST_ID}")
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(text)
