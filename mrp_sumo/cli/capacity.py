@@ -53,8 +53,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CHANGE",
-        help="try a change on the same orders: 'one_way: [v3, v17]', 'stations.pack: +1', 'robot: amr_600', 'planner: lacam', or any key; "
-        "'auto' tries the obvious ones; may be given several times",
+        help="try a change on the same orders: 'one_way: [v3, v17]', 'doubled: [v3, v17]', 'stations.pack: +1', 'robot: amr_600', "
+        "'planner: lacam', or any key; 'auto' tries the obvious ones; may be given several times",
     )
     parser.add_argument("--replays", action="store_true", help="make replay pages of a run at the knee and of one at the collapse")
     parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")

@@ -67,8 +67,8 @@ class MapCache:
         reader = choice.reader and resolved(choice.reader, folder)
         return self._once((path.resolve(), state.st_mtime_ns, state.st_size, choice, reader, cell_m, robot_radius_m), make)
 
-    def graph(self, map_: "Map", choice: "Discretisation") -> "PlanGraph":
-        """The nav graph of a map as it is planned on."""
+    def graph(self, map_: "Map", choice: "Discretisation", doubled: frozenset[int] = frozenset()) -> "PlanGraph":
+        """The nav graph of a map as it is planned on, with some lanes of a roadmap as two tracks."""
         from mrp_sumo.core.graph import PlanGraph
         from mrp_sumo.maps.grid import paper_grid
         from mrp_sumo.maps.roadmap import cut_lanes
@@ -78,9 +78,11 @@ class MapCache:
             return nav
 
         def make() -> PlanGraph:
-            return paper_grid(nav, choice.cell_m) if choice.kind == "grid" else cut_lanes(nav, choice.cell_m, choice.lanes == "two_way")
+            if choice.kind == "grid":
+                return paper_grid(nav, choice.cell_m)
+            return cut_lanes(nav, choice.cell_m, choice.lanes == "two_way" or doubled)
 
-        return self._once((id(nav), choice), make, nav)
+        return self._once((id(nav), choice, doubled), make, nav)
 
     def narrow(self, map_: "Map", graph: "PlanGraph", robot: "RobotType") -> "Narrow":
         """Where walls leave a type of robot no room on a plan graph."""

@@ -97,7 +97,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
     cell_m = scenario.discretisation.cell_m
     map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
-    graph = maps.graph(map_, scenario.discretisation)
+    graph = maps.graph(map_, scenario.discretisation, _doubled(file, map_.nav))
     _require_fit(file, map_.nav, graph, model)
     _require_brakes(file, graph, model)
     graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, model))
@@ -351,6 +351,22 @@ def _closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Clos
     return tuple(found)
 
 
+def _doubled(file: ScenarioFile, nav: NavGraph) -> frozenset[int]:
+    """Lanes of the stretches that get a second track."""
+    found: set[int] = set()
+    for i, names in enumerate(file.scenario.discretisation.doubled):
+        key = ("discretisation", "doubled", i)
+        if isinstance(nav, PlanGraph):
+            raise ScenarioError(f"{file.at(*key)}: '{nav.name}' is a grid, whose aisles are as wide as they are drawn")
+        start, goal = _as_drawn(file, nav, key, names)
+        route = shortest_route(nav, np.ones(nav.num_lanes, np.bool_), start, goal)
+        if route is None or len(route) < 2:
+            raise ScenarioError(f"{file.at(*key)}: no way leads from '{names[0]}' to '{names[1]}'")
+        steps = set(pairwise(route))
+        found |= {k for k, step in enumerate(zip(nav.tail.tolist(), nav.head.tolist())) if step in steps}
+    return frozenset(found)
+
+
 def _with_one_ways(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> PlanGraph:
     """The graph without the lanes that go against a one-way: those beside its route, too, where a lane is two cells wide."""
     open_ = np.ones(graph.num_lanes, np.bool_)
@@ -541,8 +557,13 @@ def _require_headings(file: ScenarioFile, problem: Problem) -> None:
         )
 
 
-def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: list[str]) -> IntArray:
+def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: Sequence[str]) -> IntArray:
     """[N] plan vertices by the names of stations."""
+    return np.array(graph.vertex_of_station[_as_drawn(file, nav, key, names)], np.int64)
+
+
+def _as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], names: Sequence[str]) -> list[int]:
+    """Vertices of the nav graph by their names."""
     faults, found = [], []
     for i, name in enumerate(names):
         vertex = nav.vertex_of_name.get(name)
@@ -550,10 +571,10 @@ def _looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[s
             known = [n for n in nav.vertex_name if n]
             faults.append(f"{file.at(*key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
         else:
-            found.append(int(graph.vertex_of_station[vertex]))
+            found.append(vertex)
     if faults:
         raise ScenarioError(*faults)
-    return np.array(found, np.int64)
+    return found
 
 
 def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, problem: Problem, model: RobotType) -> ExecutionSettings:

@@ -87,6 +87,9 @@ class Discretisation(_Strict):
     lanes: Literal["single_track", "two_way"] = Field(
         "single_track", description="Of a roadmap: can robots meet on a bidirectional lane? On a grid they can, lanes are two cells wide."
     )
+    doubled: tuple[tuple[str, str], ...] = Field(
+        (), description="Of a roadmap: along the shortest way between two vertices robots can meet, as with two_way everywhere."
+    )
     clearance: Literal["refuse", "prune", "ignore"] = Field(
         "ignore",
         description="What to do with lanes and cells where walls leave the robots no room: 'refuse' the scenario, 'prune': leave them out. "
@@ -97,6 +100,8 @@ class Discretisation(_Strict):
     def _lanes_of_a_roadmap(self) -> "Discretisation":
         if self.kind == "grid" and self.lanes == "two_way":
             raise ValueError("lanes: two_way is for kind roadmap; lanes of a grid are two cells wide already")
+        if self.doubled and (self.kind == "grid" or self.lanes == "two_way"):
+            raise ValueError("doubled is for kind roadmap with single tracks; here robots can meet on every lane already")
         return self
 
 

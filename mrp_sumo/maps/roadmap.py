@@ -4,18 +4,19 @@ Refuses cells that are not above 0 or so short that no plan could be computed on
 """
 
 import math
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 
 from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.chains import chains_of
+from mrp_sumo.maps.chains import Chains, chains_of
 
 MAX_VERTICES = 2_000_000
 
 
-def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
+def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = False) -> PlanGraph:
     """Cut every lane into `max(1, round(length / cell_m))` equal steps; rides in lifts stay whole.
 
     The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between
@@ -30,8 +31,8 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
     cell_m
         Length of a step, about; and how far apart the two tracks of a two-way lane are.
     two_way
-        Whether robots may meet on a lane: a lane and its reverse become two tracks. Lanes of one step, and
-        those through lifts, remain single tracks.
+        Whether robots may meet on a lane: a lane and its reverse become two tracks; of all lanes, or of these.
+        Lanes of one step, and those through lifts, remain single tracks.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool = False) -> PlanGraph:
     check_cell(cell_m)
     drawn, chains = nav, chains_of(nav)
     nav = chains.nav if chains else nav
-    cuts = _cuts(nav, cell_m, two_way)
+    cuts = _cuts(nav, cell_m, _meeting(drawn, chains, two_way))
     on_lane, along_m = cuts.lane, cuts.share * nav.length_m[cuts.lane]
     places = _places(nav, cuts, cell_m)
     if chains:
@@ -97,13 +98,20 @@ class _Cuts(NamedTuple):
     share: FloatArray  # [C] of the owner's length that lies before it
 
 
-def _cuts(nav: NavGraph, cell_m: float, two_way: bool) -> _Cuts:
+def _meeting(drawn: NavGraph, chains: Chains | None, two_way: bool | Collection[int]) -> BoolArray:
+    """[L of what is cut] whether robots may meet on a lane; on a curve, if on one of its pieces."""
+    if isinstance(two_way, bool):
+        return np.full((chains.nav if chains else drawn).num_lanes, two_way)
+    lanes = np.array(sorted(two_way), np.int64)
+    either = np.isin(np.arange(drawn.num_lanes), np.concatenate([lanes, drawn.reverse[lanes]]))
+    return np.logical_or.reduceat(either[chains.piece], chains.first[:-1]) if chains else either
+
+
+def _cuts(nav: NavGraph, cell_m: float, two_way: BoolArray) -> _Cuts:
     num_vertices, num_lanes = nav.num_vertices, nav.num_lanes
     steps = np.where(nav.is_ride, 1, np.maximum(np.rint(nav.length_m / cell_m), 1))
     lane = np.arange(num_lanes)
-    apart = np.zeros(num_lanes, np.bool_)
-    if two_way:
-        apart = (nav.reverse >= 0) & (steps > 1)
+    apart = two_way & (nav.reverse >= 0) & (steps > 1)
     shared = (nav.reverse >= 0) & (nav.reverse < lane) & ~apart
     owner = np.where(shared, nav.reverse, lane)
     own = owner == lane

@@ -1,6 +1,7 @@
 """What would help: changes of a scenario, written as users write them, and which of them are obvious.
 
     one_way: [v3, v17]      lanes along the shortest way from the first vertex to the second go in that direction only
+    doubled: [v3, v17]      lanes along the shortest way between two vertices get a second track (of roadmaps)
     stations.pack: +1       one more place of a station, or one more station of a group, at the nearest vertex of the map that has no use
     robot: amr_600          and planner, policy, dispatcher: another one
     planner.parameters.w: 1.2    any other key of a scenario
@@ -29,7 +30,9 @@ SHORT = {  # words for keys
     "policy": ("execution", "policy", "name"),
     "dispatcher": ("execution", "dispatcher", "name"),
     "one_way": ("execution", "one_way"),
+    "doubled": ("discretisation", "doubled"),
 }
+BETWEEN_VERTICES = ("one_way", "doubled")
 NUM_STATIONS = 3  # that are tried by themselves
 OTHERS = {"planner": ("lacam", "lns2"), "dispatcher": ("hungarian", "nearest"), "policy": ("adg_switch",)}
 
@@ -53,11 +56,12 @@ def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:
         raise MrpSumoError(f"{option}: expected a key and a value, such as 'planner: lacam' or 'stations.pack: +1'")
     if key.startswith("stations."):
         return _one_more(option, key.removeprefix("stations."), rest.strip(), question, nav)
-    if key == "one_way":
+    if key in BETWEEN_VERTICES:
         if not (isinstance(value, list) and len(value) == 2):
-            raise MrpSumoError(f"{option}: expected two vertices, such as 'one_way: [v3, v17]'")
-        listed = [list(pair) for pair in question.file.scenario.execution.one_way]
-        return {SHORT[key]: (option, [*listed, [str(v) for v in value]])}
+            raise MrpSumoError(f"{option}: expected two vertices, such as '{key}: [v3, v17]'")
+        scenario = question.file.scenario
+        now = scenario.execution.one_way if key == "one_way" else scenario.discretisation.doubled
+        return {SHORT[key]: (option, [*map(list, now), [str(v) for v in value]])}
     place: tuple[str, ...] = SHORT.get(key) or tuple(key.split("."))
     if key not in SHORT and (fault := unknown_key(key)):
         raise MrpSumoError(f"{option}: {fault}")
@@ -65,7 +69,7 @@ def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:
 
 
 def obvious(question: Question, found: Reasons) -> tuple[str, ...]:
-    """What is worth trying for a fleet: the busiest stations once more, the worst aisle one-way, another planner, policy, dispatcher."""
+    """What is worth trying for a fleet: the busiest stations once more, the worst aisle otherwise, another planner, policy, dispatcher."""
     scenario, tasks = question.file.scenario, question.file.scenario.tasks
     assert tasks is not None
     grown = []
@@ -76,7 +80,9 @@ def obvious(question: Question, found: Reasons) -> tuple[str, ...]:
     changes = [f"stations.{name}: +1" for name in grown[:NUM_STATIONS]]
     aisle = next((place for place in found.places if place.kind == "aisle"), None)
     if aisle:
-        changes.append("one_way: [{}]".format(", ".join(aisle.name.split(BETWEEN))))
+        single = scenario.discretisation.kind == "roadmap" and scenario.discretisation.lanes == "single_track"
+        ends = ", ".join(aisle.name.split(BETWEEN))
+        changes += [f"{change}: [{ends}]" for change in BETWEEN_VERTICES if change == "one_way" or single]
     now = {
         "planner": scenario.planner.name,
         "policy": scenario.execution.policy.name,

@@ -57,6 +57,7 @@ NAMED: dict[str, list[Any]] = {
     "execution.recovery.replanner": [None, "lacam", "cbs"],
     "execution.mutex_groups": [{"middle": ["crossing_2_2", "crossing_3_2"]}],
     "execution.one_way": [[["crossing_2_1", "crossing_4_1"]]],
+    "discretisation.doubled": [[["crossing_2_1", "crossing_4_1"]]],
     "execution.disturbances.name": ["nav2_like"],
     "execution.disturbances.closures.between": [["crossing_2_1", "crossing_4_1"], ["crossing_2_2", "crossing_3_2"]],
     "execution.disturbances.outages.lift": ["lift_1"],

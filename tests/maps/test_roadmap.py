@@ -30,6 +30,14 @@ def test_two_way_lanes_are_two_tracks_that_keep_right():
     assert graph.length_m.tolist() == pytest.approx(straight.tolist())
 
 
+def test_some_lanes_alone_become_two_tracks():
+    nav = nav_graph(name="line", xy=[[0, 0], [1.2, 0], [2.4, 0]], lanes=[[0, 1], [1, 0], [1, 2], [2, 1]])
+    (first,) = (k for k in range(4) if (nav.tail[k], nav.head[k]) == (1, 0))
+    graph = cut_lanes(nav, 0.4, two_way={first})
+    assert sorted(graph.xy[3:, 1].tolist()) == pytest.approx([-0.2, -0.2, 0, 0, 0.2, 0.2])
+    assert (graph.reverse >= 0).sum() == 6  # of the three steps that stay single
+
+
 def test_two_way_leaves_one_way_lanes_lanes_of_one_step_and_lifts_as_they_are():
     xy, lanes = [[0, 0], [2, 0], [2.4, 0], [9, 0]], [[0, 1], [1, 2], [2, 1], [2, 3], [3, 2]]
     nav = nav_graph(name="mixed", xy=xy, lanes=lanes, lane_options=[{}] * 3 + [{"lift": "goods"}] * 2)
