@@ -6,6 +6,7 @@ Plans: .json (this program's; needs --map), .yaml (libMultiRobotPlanning), .txt 
 """
 
 import argparse
+import json
 from pathlib import Path
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
@@ -17,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("destination", metavar="DST", type=Path, help="the file to write")
     parser.add_argument("--map", type=Path, metavar="FILE", help="of a plan: the grid or roadmap it is on (.map or YAML)")
     parser.add_argument("--format", metavar="NAME", help="of a plan: json, yaml, paths, lacam or smart (default: by the suffix)")
+    parser.add_argument("--json", action="store_true", help="print what was written and lost as JSON")
     add_choice(parser)
 
 
@@ -27,13 +29,13 @@ def run(options: argparse.Namespace) -> int:
 
     if is_plan(Path(options.source)):
         _convert_plan(Path(options.source), options.destination, options.format, options.map)
-        print(f"{options.destination}: written")
+        losses = []
+    else:
+        losses = write_map(chosen_map(options.source, options), options.destination, options.cell)
+    if options.json:
+        print(json.dumps({"written": str(options.destination), "lost": losses}, indent=2))
         return 0
-    map_ = chosen_map(options.source, options)
-    losses = write_map(map_, options.destination, options.cell)
-    print(f"{options.destination}: written")
-    for loss in losses:
-        print(f"lost: {loss}")
+    print("\n".join([f"{options.destination}: written", *(f"lost: {loss}" for loss in losses)]))
     return 0
 
 

@@ -1,6 +1,7 @@
 """Make a map of any size for scale studies, as a building file that imports like any other."""
 
 import argparse
+import json
 from inspect import signature
 from pathlib import Path
 
@@ -23,6 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--spacing", dest="spacing_m", type=float, metavar="M", help="metres between vertices (grid, ring: 2; random: 4)")
     parser.add_argument("--seed", type=int, metavar="S", help="of a random map (default: 0)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help=f"to write; ends in {SUFFIX}")
+    parser.add_argument("--json", action="store_true", help="print how large it is as JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -47,7 +49,14 @@ def run(options: argparse.Namespace) -> int:
         drawing.write(path)
     except OSError as error:
         raise MapError(f"--out {path}: {sentence(error)}") from None
-    room = len(drawing.stations) // VERTICES_A_ROBOT
-    facts = f"{len(drawing.stations)} vertices, {len(drawing.lanes)} edges, {drawing.width_m:.1f} x {drawing.height_m:.1f} m"
-    print(f"{path}: {facts}, room for {room} robots")
+    facts = {
+        "written": str(path),
+        "vertices": len(drawing.stations),
+        "edges": len(drawing.lanes),
+        "width_m": round(drawing.width_m, 3),
+        "height_m": round(drawing.height_m, 3),
+        "room_for_robots": len(drawing.stations) // VERTICES_A_ROBOT,
+    }
+    words = "{written}: {vertices} vertices, {edges} edges, {width_m:.1f} x {height_m:.1f} m, room for {room_for_robots} robots"
+    print(json.dumps(facts, indent=2) if options.json else words.format(**facts))
     return 0

@@ -5,6 +5,7 @@ kept in the user's configuration, $XDG_CONFIG_HOME/mrp-sumo/trusted.
 """
 
 import argparse
+import json
 from pathlib import Path
 
 from mrp_sumo.errors import MrpSumoError
@@ -15,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", nargs="?", metavar="DIR", type=Path, help="trust this folder from now on")
     parser.add_argument("--list", action="store_true", help="print the folders that are trusted")
     parser.add_argument("--forget", metavar="DIR", type=Path, help="trust this folder no longer")
+    parser.add_argument("--json", action="store_true", help="print the list as JSON, as it is afterwards")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -24,10 +26,13 @@ def run(options: argparse.Namespace) -> int:
     if [options.folder is not None, options.list, options.forget is not None].count(True) != 1:
         raise MrpSumoError("expected either DIR, --list or --forget DIR")
     if options.folder is not None:
-        print(f"trusted: programs that files in {trust_folder(options.folder)} name")
+        lines = [f"trusted: programs that files in {trust_folder(options.folder)} name"]
     elif options.forget is not None:
-        print(f"no longer trusted: {forget_folder(options.forget)}")
+        lines = [f"no longer trusted: {forget_folder(options.forget)}"]
     else:
-        for folder in trusted_folders():
-            print(folder)
+        lines = [str(folder) for folder in trusted_folders()]
+    if options.json:
+        lines = [json.dumps({"trusted": [str(folder) for folder in trusted_folders()]}, indent=2)]
+    for line in lines:
+        print(line)
     return 0

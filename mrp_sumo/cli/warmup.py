@@ -4,6 +4,7 @@ Takes a minute or two on a machine that has never done it, seconds afterwards. N
 """
 
 import argparse
+import json
 import multiprocessing
 import os
 import sys
@@ -18,6 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo warmup`."""
     parser.add_argument("planner", nargs="*", help=f"planners to prepare, or '{EXECUTION}' (default: all)")
     parser.add_argument("--quiet", action="store_true", help="print nothing")
+    parser.add_argument("--json", action="store_true", help="print the seconds that each took as JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -34,7 +36,9 @@ def run(options: argparse.Namespace) -> int:
         if sys.stderr.isatty() and not options.quiet:
             _show_until(preparing)
         spent = preparing.get()
-    if not options.quiet:
+    if options.json:
+        print(json.dumps({name: round(time_s, 3) for name, time_s in zip(names, spent)}, indent=2))
+    elif not options.quiet:
         for name, time_s in zip(names, spent):
             print(f"{name:<12} {time_s:6.1f} s")
     return 0

@@ -1,5 +1,7 @@
 """`mrp-sumo convert`."""
 
+import json
+
 import pytest
 
 from mrp_sumo.cli.main import main
@@ -42,3 +44,14 @@ def test_bad_destinations_end_with_one_line(cross, tmp_path, capsys):
     assert main(["convert", str(cross), str(tmp_path / "cross.xyz")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert [f.name for f in tmp_path.iterdir()] == ["cross.nav.yaml"]
+
+
+def test_small_commands_say_as_json_what_they_did(tmp_path, capsys):
+    for arguments, keys in (
+        (["convert", "office", str(tmp_path / "office.map")], {"written", "lost"}),
+        (["generate", "ring", "--vertices", "12", "--out", str(tmp_path / "ring.building.yaml")], {"written", "vertices", "edges"}),
+        (["trust", "--list"], {"trusted"}),
+        (["warmup", "astar"], {"astar"}),
+    ):
+        assert main([*arguments, "--json"]) == 0
+        assert keys <= set(json.loads(capsys.readouterr().out))
