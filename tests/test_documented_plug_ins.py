@@ -66,6 +66,7 @@ def test_dispatcher_of_the_page_brings_robots_back(files):
     assert [reply.reason for reply in run.execution.replies] == ["patrol"]
 
 
+@pytest.mark.slow
 def test_planner_of_the_page_satisfies_the_protocol(files):
     """With `ClassVar` attributes, and strictly typed."""
     text = sample("onebyone.py")

@@ -68,6 +68,7 @@ def test_foxgloves_reader_for_browsers_accepts_the_bag(bag, tmp_path):
     assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
 
 
+@pytest.mark.slow
 def test_the_rosbag_of_ros_1_accepts_the_converted_bag(bag):
     converter = Path(sys.executable).with_name("rosbags-convert")
     if (
@@ -248,6 +249,7 @@ def test_hashes_of_rmf_types_are_those_of_ros():
         assert typestore(generation).hash_rihs01("rmf_fleet_msgs/msg/FleetState").startswith(f"RIHS01_{digest}")
 
 
+@pytest.mark.slow
 def test_a_writer_that_is_killed_leaves_complete_chunks(tmp_path):
     """What was complete stays readable: a stream reader takes it, though there is no index."""
     from mcap.stream_reader import StreamReader

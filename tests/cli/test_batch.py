@@ -138,6 +138,7 @@ def test_compare_passes_a_folder_against_itself_and_fails_a_costlier_one(study, 
     assert json.loads(capsys.readouterr().out)["differences"][0]["num_worse"] == 6
 
 
+@pytest.mark.slow
 def test_worst_runs_are_kept_and_linked_in_the_report(study, capsys):
     suite, out = study / "study.yaml", study / "out"
     results = mrp_sumo.load_results(out)
@@ -156,6 +157,7 @@ def test_worst_runs_are_kept_and_linked_in_the_report(study, capsys):
     assert worst[:8] in shown and worst not in shown  # nobody reads twenty digits
 
 
+@pytest.mark.slow
 def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_path):
     (tmp_path / "long.yaml").write_text(SUITE.replace("name: study", "name: long").replace("3000..3002", "3000..3400"))
     command = [
@@ -208,6 +210,7 @@ def test_name_of_a_batch_is_a_folder_of_its_own(tmp_path, name, capsys, monkeypa
     assert len(error.splitlines()) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sql",
     [

@@ -15,6 +15,7 @@ def told(capsys, *arguments):
     return code, capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     code, first = told(capsys, *SMALL, "--out", str(tmp_path / "out"))
     assert code == 0

@@ -21,6 +21,7 @@ def office(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [0, 2000])
 @pytest.mark.parametrize(
     "command",

@@ -72,6 +72,7 @@ def driven(folder, commands, before):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_without_permission_nothing_is_written_and_one_line_says_so(folder):
     (folder / "place").chmod(0o555)
     try:

@@ -111,6 +111,7 @@ def test_module_is_the_command():
     assert done.stdout == f"mrp-sumo {ms.__version__}\n"
 
 
+@pytest.mark.slow
 def test_every_line_of_the_tour_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```", TOUR.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)

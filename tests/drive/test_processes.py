@@ -35,6 +35,7 @@ def digests(num_processes):
         return pool.map(digest, CASES, chunksize=1)
 
 
+@pytest.mark.slow
 def test_two_processes_drive_as_one_does():
     here = [digest(case) for case in CASES]
     assert len(set(here)) == len(CASES)

@@ -362,6 +362,7 @@ def killed_again_and_again(tmp_path, times, seed):
     return kills, grown, told_by(tmp_path / "whole"), told_by(out)
 
 
+@pytest.mark.slow
 def test_batch_that_is_killed_at_random_moments_ends_with_the_same_results(tmp_path):
     kills, grown, whole, killed = killed_again_and_again(tmp_path, 2, seed=5)
     assert kills == 2

@@ -13,6 +13,8 @@ from batches import DRIVER, make, suite, told_by, workers_find_fake_runs  # noqa
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.cluster import Cluster, make_here
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("distributed")
 
 

@@ -130,6 +130,7 @@ def test_metric_that_is_none_is_refused_before_anything_runs(world, capsys, monk
     assert not (world / "refused").exists()
 
 
+@pytest.mark.slow
 def test_metric_of_a_batch_is_a_column_for_the_runs_whose_folders_are_kept(tmp_path, capsys):
     (tmp_path / "mine.py").write_text(MINE)
     suite = "base: {map: office, planner: pibt, robots: {count: 2}}\ngrid_search: {seed: 0..2}\n"

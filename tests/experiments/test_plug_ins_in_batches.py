@@ -6,6 +6,8 @@ from mrp_sumo.cli.main import main
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.io.results import read_plan, records_in
 
+pytestmark = pytest.mark.slow
+
 PLANNER = """
 from dataclasses import dataclass
 from typing import ClassVar

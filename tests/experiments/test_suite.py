@@ -205,6 +205,7 @@ def test_every_fault_of_an_axis_is_told_at_once(tmp_path):
     assert all(line.startswith("study.yaml:") for line in error.value.lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SUITES, ids=lambda path: path.stem)
 def test_bundled_suite_has_runs(path):
     file = read_suite(find_suite(path.stem))

@@ -11,6 +11,7 @@ from mrp_sumo.experiments.suite import read_suite
 from mrp_sumo.io.results import records_in
 
 
+@pytest.mark.slow
 def test_a_crash_of_sumo_in_the_middle_of_a_run_is_its_result(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     monkeypatch.setattr(batches, "code_version", lambda: "1")  # whatever is edited meanwhile

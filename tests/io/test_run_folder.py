@@ -161,6 +161,7 @@ def test_numbers_become_plain_and_arrays_stay_in_a_line():
     assert '"a": [0, 1, 2],' in text.splitlines()[1]
 
 
+@pytest.mark.slow
 def test_a_writer_that_is_killed_leaves_no_run_and_the_next_one_tidies_up(tmp_path):
     code = (
         "import os, sys\nsys.path.insert(0, sys.argv[2])\n"

@@ -14,6 +14,8 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.maps.facts import facts
 from mrp_sumo.maps.load import load_map
 
+pytestmark = pytest.mark.slow
+
 SMALL = """
 name: small
 levels:

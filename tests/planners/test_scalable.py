@@ -120,6 +120,7 @@ def test_parameters_have_to_make_sense(made, field):
         replace(made(), **{field: 0})
 
 
+@pytest.mark.slow
 def test_kernels_say_the_same_without_the_compiler():
     """In new processes: one as Python, one from the cache of compiled code."""
     script = """

@@ -132,6 +132,7 @@ def test_too_little_memory_is_refused():
         make("step_planners", "epibt", {"memory_mb": 1}).begin(problem, 0)
 
 
+@pytest.mark.slow
 def test_kernels_as_plain_python_answer_the_same():
     ask = "from test_step_wise import crowd, letters, ran\nprint(letters(ran(crowd(1), 12)), letters(ran(crowd(3, share=0.8), 6, depth=1)))"
     paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1]), str(Path(__file__).parents[2])])

@@ -309,6 +309,7 @@ def test_report_of_a_run_has_its_charts(run_folder):
     assert {r["robot"] for r in table(page, "robots")} == {f"robot_{i}" for i in range(5)}
 
 
+@pytest.mark.slow
 def test_report_of_run_folders_links_the_replay_of_the_worst(run_folder, tmp_path):
     for name in ("good", "bad"):
         (tmp_path / name).mkdir()
@@ -367,6 +368,7 @@ def test_a_run_with_a_damaged_file_is_told_in_one_line(run_folder, tmp_path, cap
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_damaged_run_beside_others_is_told_and_the_rest_is_reported(run_folder, tmp_path):
     for name in ("good", "bad"):
         (tmp_path / name).mkdir()
@@ -408,6 +410,7 @@ HEADLESS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 @pytest.mark.parametrize("what", ["study", "run"])
 def test_nothing_on_the_page_is_wider_than_a_phone(study, run_folder, tmp_path, what):

@@ -48,6 +48,7 @@ def answer(root, cache):
     return tuple(map(int, printed(root, cache, CALL).split()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("file", "old", "new"), [("_callee.py", "return THREE", "return 5"), ("_constants.py", "= 3", "= 5")])
 def test_caller_is_compiled_again_after_its_callee_changed(copied, tmp_path, file, old, new):
     root = copied("one")
@@ -69,11 +70,13 @@ def test_sources_with_the_fields_that_kernels_find_by_number_count_too(tmp_path)
     assert len(states) == 3
 
 
+@pytest.mark.slow
 def test_copies_of_the_same_sources_share_their_kernels(copied, tmp_path):
     assert answer(copied("one"), tmp_path / "cache") == (6, 0)
     assert answer(copied("other"), tmp_path / "cache") == (6, 1)
 
 
+@pytest.mark.slow
 def test_caller_is_compiled_from_a_loaded_callee_and_loaded_without_it(copied, tmp_path):
     root = copied("one")
     callee = "from planners._callee import steps; print(steps(), sum(steps.stats.cache_hits.values())); "
@@ -82,6 +85,7 @@ def test_caller_is_compiled_from_a_loaded_callee_and_loaded_without_it(copied, t
     assert answer(root, tmp_path / "cache") == (6, 1)
 
 
+@pytest.mark.slow
 def test_loaded_kernel_makes_arrays_and_raises_errors(copied, tmp_path):
     root = copied("one")
     (root / "planners/_callee.py").write_text(
@@ -96,6 +100,7 @@ def test_loaded_kernel_makes_arrays_and_raises_errors(copied, tmp_path):
         assert printed(root, tmp_path / "cache", call) == f"[0. 0.] {loaded}\n('less than none', -1)\n"
 
 
+@pytest.mark.slow
 def test_kernel_works_where_nothing_can_be_written(copied, tmp_path):
     (tmp_path / "cache").write_text("a file, not a folder")
     assert answer(copied("one"), tmp_path / "cache") == (6, 0)

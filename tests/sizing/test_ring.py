@@ -9,6 +9,8 @@ from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.io.scenario import scenario_of
 from mrp_sumo.sizing.observe import observation
 
+pytestmark = pytest.mark.slow
+
 SIDE_M, SPEED_MPS, TURN_RATE, ACCEL = 4.0, 0.22, 2.84, 2.5
 LAP_S = 4 * (SIDE_M / SPEED_MPS + 3.1416 / 2 / TURN_RATE + SPEED_MPS / ACCEL)  # it stops to turn at every corner
 MOVE_UP_S = 0.8 / SPEED_MPS + SPEED_MPS / ACCEL  # from the place to wait

@@ -149,6 +149,7 @@ def crowd(seed):
     return Problem(graph, fleet_of(ROBOT, len(start)), start, goal, np.arange(len(start)), 1.0, seed)
 
 
+@pytest.mark.slow
 def test_answer_from_the_incumbent_is_valid_and_within_the_bound_of_the_tree():
     told = [(crowd(seed), planner("eecbs", {"w": 1.2}).plan(crowd(seed), 120.0)) for seed in range(4)]
     assert any(result.stats["from_incumbent"] for _, result in told)

@@ -53,6 +53,7 @@ CLAIMS = (
 )
 
 
+@pytest.mark.slow
 def test_page_does_what_people_expect(tmp_path):  # one test: the browser is started once, whoever runs it
     chromium, node = shutil.which("chromium"), shutil.which("node")
     if not chromium or not node or not (Path(MODULES) / "playwright-core").is_dir():

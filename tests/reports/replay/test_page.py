@@ -192,6 +192,7 @@ def test_run_writes_the_page_where_asked(tmp_path):
     assert head["name"] == "office_5"
 
 
+@pytest.mark.slow
 def test_serve_answers_until_interrupted(folder):
     command = [sys.executable, "-c", "from mrp_sumo.cli.main import main; raise SystemExit(main())", "replay", str(folder), "--serve"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "BROWSER": "true"}) as server:
