@@ -21,7 +21,7 @@ FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"drive", "metrics", "io"},
     {"bags"},
     {"experiments"},
-    {"sizing"},
+    {"sizing", "wire"},
     {"reports"},
     {"door"},
     {"cli"},
@@ -36,6 +36,7 @@ HOMES = {
     "gymnasium": ("mrp_sumo/door/environment.py",),
     "pettingzoo": ("mrp_sumo/door/environment.py",),
     "pydantic": ("mrp_sumo/io/", "mrp_sumo/experiments/"),
+    "paho": ("mrp_sumo/wire/mqtt.py",),
     "pyarrow": ("mrp_sumo/io/", "mrp_sumo/reports/exports.py"),
 }
 HEAVY = ("libsumo", "rosbags", "ortools", "matplotlib", "pydantic", "pyarrow", "numba", "scipy", "numpy", "pandas", "yaml", "pettingzoo")

@@ -33,6 +33,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "reproduce": ("mrp_sumo.cli.reproduce", "make a run or a batch again and say whether every byte is the same"),
     "export": ("mrp_sumo.cli.export", "make a ROS 2 or ROS 1 bag, CSV, GeoJSON or FCD of a run"),
     "analyze": ("mrp_sumo.cli.analyze", "compute MRP-Bench's metrics of any bag with /fleet_states"),
+    "vda5050": ("mrp_sumo.cli.vda5050", "let robots be VDA 5050 vehicles at an MQTT broker, or drive such vehicles"),
     "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),
     "render": ("mrp_sumo.cli.render", "draw a run at a moment as a picture"),
     "list": ("mrp_sumo.cli.listing", "list planners, policies, metrics, maps, robots, scenarios, suites, ... with their parameters"),
@@ -43,7 +44,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "completion": ("mrp_sumo.cli.completion", "print what lets bash, zsh or fish complete commands and options"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
-SLOW = ("run", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo")  # to start, for their libraries
+SLOW = ("run", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 
 

@@ -85,6 +85,7 @@ class Sender:
     dialect: Dialect
     serial: str
     manufacturer: str = MANUFACTURER
+    epoch_s: float = 0.0  # when time 0 is, in s since 1970
     count: dict[str, int] = field(default_factory=dict)  # messages of each kind
 
     def message(self, kind: str, t_s: float, content: Mapping[str, Any]) -> Json:
@@ -93,7 +94,7 @@ class Sender:
         self.count[kind] = number + 1
         return {
             "headerId": number,
-            "timestamp": timestamp(t_s),
+            "timestamp": timestamp(self.epoch_s + t_s),
             "version": f"{self.dialect.version}.0",
             "manufacturer": self.manufacturer,
             "serialNumber": self.serial,

@@ -39,7 +39,9 @@ FAULTS = (BREAKDOWN, EMERGENCY_STOP, LOST, FIELD)
 class Site(Protocol):
     """The map that a vehicle has."""
 
-    maps: Sequence[str]
+    @property
+    def maps(self) -> Sequence[str]:
+        """The names of its maps."""
 
     def place(self, node: str) -> tuple[float, float, str] | None:
         """Where a node is, in m, and on which map; None for one that is unknown."""

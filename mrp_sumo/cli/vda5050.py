@@ -1,0 +1,143 @@
+"""Let the robots of a scenario be VDA 5050 vehicles at an MQTT broker, for a fleet manager to drive; or be the master of such vehicles.
+
+As a fleet (the default), every robot stands at its start and takes orders and instant actions; what drives them is your fleet manager.
+As a master, the scenario's planner and dispatcher drive the vehicles at the broker whose serial numbers are the robots' names, and a run
+folder is written. This program calls the broker and listens nowhere. See docs/fleet_manager.md. Needs the extra `vda5050`.
+"""
+
+import argparse
+import math
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrp_sumo.cli import scenario_choice
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.set_up import SetUp
+    from mrp_sumo.wire.fleet import Fault
+    from mrp_sumo.wire.mqtt import Broker
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo vda5050`."""
+    add = parser.add_argument
+    add("scenario", help="scenario file, or the name of a bundled scenario such as office_9")
+    add("--broker", required=True, metavar="HOST[:PORT]", help="MQTT broker")
+    add("--version", default="2.1", metavar="VERSION", help="of VDA 5050: 2.1 (default) or 3.0")
+    add("--manufacturer", default="mrp_sumo", metavar="NAME", help="in topics and headers (default: mrp_sumo)")
+    add("--speed", type=float, default=1.0, metavar="N", help="simulated seconds a second (default: 1, real time)")
+    add("--duration", type=float, metavar="S", help="end after S simulated seconds (default: with Ctrl+C)")
+    add("--state-period", type=float, default=1.0, metavar="S", help="report every S seconds, besides what happens (default: 1)")
+    add("--visualization-period", type=float, default=1.0, metavar="S", help="of the topic visualization (default: 1; 0: none)")
+    add(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="ROBOT:KIND@S[+S]",
+        help="breakdown, emergencyStop, localizationLost or fieldViolation from a time on, for so long; may be repeated",
+    )
+    add("--log", type=Path, metavar="FILE", help="write all messages, one a line; a file that is there is not replaced")
+    add("--tls", action="store_true", help="connect by TLS")
+    add("--ca", type=Path, metavar="FILE", help="certificates of the authorities to trust (default: the system's)")
+    add("--cert", type=Path, metavar="FILE", help="a certificate of one's own, and")
+    add("--key", type=Path, metavar="FILE", help="its key")
+    add("--user", default="", metavar="NAME", help="user name at the broker, and")
+    add("--password-file", type=Path, metavar="FILE", help="a file whose first line is the password")
+    scenario_choice.arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Connect, simulate, say good-bye."""
+    from mrp_sumo.drive import warm
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.experiments.map_cache import MapCache
+    from mrp_sumo.experiments.run import interrupts
+    from mrp_sumo.experiments.set_up import set_up
+    from mrp_sumo.formats.vda.messages import SERIAL, Dialect
+    from mrp_sumo.wire.fleet import Reporting, VirtualFleet
+    from mrp_sumo.wire.link import Link
+    from mrp_sumo.wire.mqtt import Connections, VehicleLink, encoded
+    from mrp_sumo.wire.pace import Logged, Pace
+
+    broker, dialect = _broker(options), Dialect(options.version)
+    for option, least in (("speed", 0.001), ("duration", 0.001), ("state_period", 0.001), ("visualization_period", 0.0)):
+        found = getattr(options, option)
+        if found is not None and not least <= found < math.inf:
+            raise MrpSumoError(f"--{option.replace('_', '-')}: found {found:g}, expected {least:g} or more")
+    if not SERIAL.fullmatch(options.manufacturer):
+        raise MrpSumoError(f"--manufacturer {options.manufacturer[:80]}: expected letters, digits and _ . : -")
+    warm.prepare()
+    with ExitStack() as stack:
+        maps = stack.enter_context(MapCache())
+        setup = set_up(scenario_choice.chosen_scenario(options), maps)
+        faults = [_fault(text, setup) for text in options.fault]
+        reporting = Reporting(options.state_period, options.visualization_period, options.manufacturer, time.time())
+        connections = Connections(broker, dialect, options.manufacturer)
+        vehicles = VehicleLink(connections)
+        link: Link = vehicles
+        fleet: VirtualFleet
+        if options.log is not None:
+            log = stack.enter_context(options.log.open("x", encoding="utf-8"))
+            link = Logged(vehicles, log, dialect, options.manufacturer, lambda: fleet.now_s)
+        network = maps.network(setup.problem.graph)
+        fleet = VirtualFleet(setup, network, link, dialect, reporting, faults)
+        stack.callback(link.close)
+        for vehicle in fleet.vehicles:
+            online, will = encoded(fleet.connection(vehicle, "ONLINE")), encoded(fleet.last_will(vehicle))
+            vehicles.join(vehicle.sender.serial, online, will)
+            if isinstance(link, Logged):
+                link.note(vehicle.sender.serial, "connection", online)
+        topic = dialect.topic("+", "+", options.manufacturer)
+        print(f"{len(fleet.vehicles)} vehicles at {broker}, {topic} (Ctrl+C ends)", flush=True)
+        stack.enter_context(fleet)
+        stopped = stack.enter_context(interrupts())
+        until_s, pace = options.duration or math.inf, Pace(options.speed)
+        cpu_s, begun_s = time.process_time(), time.monotonic()
+        while fleet.now_s < until_s - 1e-9 and not (stopped and stopped()):
+            fleet.step(pace.wait(fleet.now_s, link.receive))
+        fleet.leave()
+        share = (time.process_time() - cpu_s) / max(time.monotonic() - begun_s, 1e-9)
+        print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
+        if pace.behind_s > 0.5:
+            print(f"mrp-sumo: up to {pace.behind_s:.1f} s behind the clock", file=sys.stderr)
+    return 0
+
+
+def _broker(options: argparse.Namespace) -> "Broker":
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.wire.mqtt import broker_at, password_of
+
+    for name in ("ca", "cert", "key"):
+        if getattr(options, name) is not None and not options.tls:
+            raise MrpSumoError(f"--{name} is for --tls")
+    if (options.cert is None) != (options.key is None):
+        raise MrpSumoError("--cert and --key belong together")
+    if options.password_file is not None and not options.user:
+        raise MrpSumoError("--password-file is for --user")
+    files = {"ca": options.ca, "certificate": options.cert, "key": options.key}
+    return broker_at(options.broker, tls=options.tls, user=options.user, password=password_of(options.password_file), **files)
+
+
+def _fault(text: str, setup: "SetUp") -> "Fault":
+    """A fault that `ROBOT:KIND@S[+S]` asks for."""
+    from mrp_sumo.errors import MrpSumoError, nearest
+    from mrp_sumo.formats.vda.vehicle import FAULTS
+    from mrp_sumo.wire.fleet import Fault
+
+    names = setup.problem.fleet.robot_name
+    robot, _, rest = text.rpartition("@")[0].rpartition(":")
+    when = text.rpartition("@")[2].split("+")
+    try:
+        begin_s, lasts_s = float(when[0]), float(when[1]) if len(when) == 2 else math.inf
+    except ValueError:
+        begin_s = lasts_s = math.nan
+    if not robot or len(when) > 2 or not 0 <= begin_s < math.inf or not lasts_s > 0:
+        raise MrpSumoError(f"--fault {text[:80]}: expected ROBOT:KIND@SECONDS or ROBOT:KIND@SECONDS+SECONDS")
+    if robot not in names:
+        raise MrpSumoError(f"--fault {text[:80]}: '{robot[:40]}' is not a robot{nearest(robot, names)}")
+    if rest not in FAULTS:
+        raise MrpSumoError(f"--fault {text[:80]}: '{rest[:40]}' is no fault{nearest(rest, FAULTS)}")
+    return Fault(names.index(robot), rest, begin_s, begin_s + lasts_s)

@@ -1,0 +1,383 @@
+"""A virtual fleet: every robot of a scenario is a vehicle of VDA 5050 that drives what its master releases.
+
+What is released becomes visits in a ledger like that of a run, and a controller grants them. So a vehicle that is released into another
+one waits before it, as one with a scanner does, and reports that it is blocked: bodies never overlap, however bad the master. Simulated
+time goes on by a step each time `step` is called; whoever calls it keeps the pace.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, PlanGraph, frozen
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.batteries import Batteries
+from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.disturbances import NONE
+from mrp_sumo.drive.facilities import facilities_of
+from mrp_sumo.drive.fit import check_groups, check_room
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.reroute import Replan, Reroute
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.world import World
+from mrp_sumo.engines.kinematic.engine import KinematicEngine
+from mrp_sumo.engines.protocol import Engine
+from mrp_sumo.engines.sumo.engine import sumo_engine
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.set_up import SetUp
+from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
+from mrp_sumo.formats.vda.order import Edge, Node
+from mrp_sumo.formats.vda.vehicle import FAULTS, Body, Vehicle
+from mrp_sumo.io.scenario import robot_type
+from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.search.route import shortest_route
+from mrp_sumo.traffic.resources import resources_of
+from mrp_sumo.wire.link import Link, Received
+from mrp_sumo.wire.mqtt import encoded
+
+DETOUR = 1.5  # an edge of an order may follow lanes of so many times the straight distance, and
+DETOUR_M = 1.0  # this more
+SPIN_RAD = 1e-3  # a body that turns by less in a step does not turn
+
+
+class Fault(NamedTuple):
+    """A fault that is asked for: of a vehicle, from when, until when."""
+
+    robot: int
+    kind: str
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Reporting:
+    """How often vehicles report, in simulated time."""
+
+    state_s: float = 1.0  # besides what happens; the standard has 30 s at most
+    view_s: float = 1.0  # visualization; 0: none
+    manufacturer: str = MANUFACTURER
+    epoch_s: float = 0.0  # the time of day at which simulated time begins, in s since 1970
+
+
+class GraphSite:
+    """The map of a run as its vehicles know it. See `formats.vda.vehicle.Site`."""
+
+    def __init__(self, graph: PlanGraph, shift_m: Mapping[str, tuple[float, float]]) -> None:
+        self._graph = graph
+        self.shift_m = np.array([shift_m.get(name, (0.0, 0.0)) for name in graph.level_names]).reshape(-1, 2)
+        self.maps = graph.level_names
+        self._vertex = {graph.label(v): v for v in range(graph.num_vertices)}
+        self._open = frozen(np.ones(graph.num_lanes, np.bool_))
+        self._routes: dict[tuple[str, str], tuple[int, ...] | None] = {}
+
+    def place(self, node: str) -> tuple[float, float, str] | None:
+        """See Site."""
+        v = self._vertex.get(node)
+        if v is None:
+            return None
+        level = int(self._graph.level[v])
+        x, y = (self._graph.xy[v] - self.shift_m[level]).tolist()
+        return x, y, self._graph.level_names[level]
+
+    def is_joined(self, tail: str, head: str) -> bool:
+        """See Site. Nodes of an order may lie farther apart than vertices do, as long as lanes lead there without a detour."""
+        return self.route(tail, head) is not None
+
+    def route(self, tail: str, head: str) -> tuple[int, ...] | None:
+        """Vertices after one node up to another; None where no lanes lead there."""
+        if tail == head:
+            return ()
+        a, b = self._vertex[tail], self._vertex[head]
+        if self._graph.lane_between(a, b) >= 0:
+            return (b,)
+        if (tail, head) not in self._routes:
+            self._routes[tail, head] = self._longer_route(a, b)
+        return self._routes[tail, head]
+
+    def _longer_route(self, a: int, b: int) -> tuple[int, ...] | None:
+        graph = self._graph
+        found = shortest_route(graph, self._open, a, b)
+        if found is None:
+            return None
+        lanes = [graph.lane_between(tail, head) for tail, head in pairwise(found)]
+        straight_m = float(np.hypot(*(graph.xy[b] - graph.xy[a])))
+        within = float(graph.length_m[lanes].sum()) <= DETOUR * straight_m + DETOUR_M or bool(graph.is_ride[lanes].any())
+        return tuple(found[1:]) if within else None
+
+
+@dataclass
+class Way:
+    """What a body has been sent to: nodes of its order, with the numbers of their visits along its whole way."""
+
+    rank: list[int] = field(default_factory=list)
+    sequence: list[int] = field(default_factory=list)
+    limit_mps: list[float] = field(default_factory=list)  # on the edge to each
+
+
+class VirtualFleet:
+    """R vehicles and their bodies. A context: the engine ends with it."""
+
+    def __init__(
+        self, setup: SetUp, network: Path, link: Link, dialect: Dialect, reporting: Reporting, faults: Sequence[Fault] = ()
+    ) -> None:
+        """Put the robots of a scenario at their starts, with nothing to do.
+
+        Raises
+        ------
+        ExecutionError
+            When they do not fit where they stand.
+        MrpSumoError
+            For a fault of a vehicle that is not there.
+        """
+        problem, settings = setup.problem, setup.settings
+        self.settings: ExecutionSettings = replace(settings, disturbances=NONE)
+        self.link, self.dialect, self.reporting = link, dialect, reporting
+        self.site = GraphSite(problem.graph, setup.map.level_shift_m)
+        check_room(problem)
+        resources = resources_of(problem.graph, problem.fleet.separation_m)
+        check_groups(problem, resources)
+        self.ledger = Ledger(problem, resources)
+        dt, radius_m = settings.step_length_s, float(problem.fleet.radius_m.max())
+        facilities = facilities_of(problem.graph, resources)
+        self.world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, radius_m, settings.seed, facilities)
+        self.policy = policy_of("open_loop")
+        self.controller = Controller(self.ledger, self.policy, self.settings, paced=False)
+        self.batteries: Batteries | None = None
+        kind = robot_type(setup.scenario.robots.type, bundled_folder("robots"), setup.file.folder)
+        if kind.battery is not None:
+            self.batteries = Batteries(kind.battery, problem.num_robots, settings.start_level, settings.seed)
+        self.serials = serials_of(problem.fleet.robot_name)
+        self.robot_of = {serial: r for r, serial in enumerate(self.serials)}
+        self.faults = sorted(faults, key=lambda fault: fault.begin_s)
+        for fault in self.faults:
+            if fault.kind not in FAULTS:
+                raise MrpSumoError(f"fault '{fault.kind}': expected one of {', '.join(FAULTS)}")
+        self.now_s, self.step_count, self.sent = 0.0, 0, 0
+        self._ways = [Way() for _ in self.serials]
+        self._to_send = np.zeros(problem.num_robots)  # when each is to report at the latest
+        self._to_show = 0.0
+        self._yaw = np.zeros(problem.num_robots)
+        self._engine_context = _engine(problem, self.settings, network)
+        at = [problem.graph.label(int(v)) for v in problem.start]
+        self.vehicles = [
+            Vehicle(Sender(dialect, serial, reporting.manufacturer, epoch_s=reporting.epoch_s), self.site, place, self._body_at(place))
+            for serial, place in zip(self.serials, at)
+        ]
+
+    @property
+    def problem(self) -> Problem:
+        return self.ledger.problem
+
+    def __enter__(self) -> "VirtualFleet":
+        self.bodies: Engine = self._engine_context.__enter__()
+        robots = range(self.problem.num_robots)
+        self._append({r: Reroute(*_nothing(), leave_s=math.inf) for r in robots})
+        self.bodies.place(self.ledger.visits)
+        for vehicle in self.vehicles:
+            self._publish(vehicle, "factsheet", self._factsheet(vehicle))
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._engine_context.__exit__(kind, error, trace)
+
+    def greet(self) -> None:
+        """Say that the vehicles are there; with MQTT the connections do that."""
+        for vehicle in self.vehicles:
+            self._publish(vehicle, "connection", self.connection(vehicle, "ONLINE"))
+
+    def leave(self) -> None:
+        """Say that the vehicles go, as they mean to."""
+        for vehicle in self.vehicles:
+            self._publish(vehicle, "connection", self.connection(vehicle, "OFFLINE"))
+
+    def connection(self, vehicle: Vehicle, said: str) -> Json:
+        """A payload of the topic connection."""
+        return vehicle.sender.message("connection", self.now_s, {"connectionState": said})
+
+    def last_will(self, vehicle: Vehicle) -> Json:
+        """What the broker says when a connection breaks; it does not count as sent."""
+        said = self.connection(vehicle, "CONNECTION_BROKEN" if self.dialect.is_new else "CONNECTIONBROKEN")
+        vehicle.sender.count["connection"] -= 1
+        return said
+
+    def step(self, messages: Sequence[Received]) -> None:
+        """Take messages, report, and let a step of time pass."""
+        for serial, kind, payload in messages:
+            self.vehicles[self.robot_of[serial]].receive(kind, payload, self.now_s)
+        self.world.update(self.now_s, self.ledger.state.grants)
+        self.controller.advance(self.now_s, self.bodies, self.world.conditions, observe=self.step_count > 0)
+        self._observe()
+        self._report()
+        if self._send_on():
+            self.controller.advance(self.now_s, self.bodies, self.world.conditions, observe=False)
+        self._hold()
+        self.controller.command(self.bodies)
+        state = self.ledger.state
+        self.bodies.step((state.grants.command_mps > 0) | (state.motion.speed_mps > 0))
+        self.step_count += 1
+        self.now_s = round(self.step_count * self.settings.step_length_s, 9)
+        if self.ledger.is_full:
+            self.ledger.entries = self.ledger.entries[-1:]
+            self.ledger.forget()
+            self.bodies.divert((), self.ledger.visits)
+
+    def _observe(self) -> None:
+        """Tell the vehicles what has become of their bodies, and what time does."""
+        state, visits, now_s = self.ledger.state, self.ledger.visits, self.now_s
+        graph, motion = self.problem.graph, state.motion
+        level = graph.level[visits.vertex[visits.reached]]
+        xy = (self.bodies.positions() - self.site.shift_m[level]).tolist()
+        turned = ((motion.yaw_rad - self._yaw + np.pi) % (2 * np.pi) - np.pi) / self.settings.step_length_s
+        self._yaw = motion.yaw_rad.copy()
+        if self.batteries is not None:
+            charging = np.array([vehicle.charging for vehicle in self.vehicles])
+            for robot in self.batteries.observe(now_s, motion, charging):
+                self.vehicles[robot].is_empty = True
+        rank = visits.rank[visits.reached].tolist()
+        ends = (visits.reached == visits.granted) & (motion.speed_mps == 0) & ~state.grants.on_lane
+        speed, yaw, levels = motion.speed_mps.tolist(), motion.yaw_rad.tolist(), level.tolist()
+        stuck, other = state.waits.stuck.tolist(), state.grants.other.tolist()
+        for r, vehicle in enumerate(self.vehicles):
+            spin = float(turned[r]) if abs(turned[r]) > SPIN_RAD else 0.0
+            vehicle.body = Body(xy[r][0], xy[r][1], yaw[r], graph.level_names[levels[r]], speed[r], spin)
+            if self.batteries is not None:
+                vehicle.percent = float(100 * self.batteries.level[r])
+            way = self._ways[r]
+            passed = 0
+            while passed < len(way.rank) and way.rank[passed] <= rank[r]:
+                passed += 1
+            if passed:
+                vehicle.reach(way.sequence[passed - 1], now_s)
+                del way.rank[:passed], way.sequence[:passed], way.limit_mps[:passed]
+            vehicle.blocked_by = self._blocked_by(other[r]) if stuck[r] and way.rank and not vehicle.holds else ""
+            if vehicle.cancels and ends[r] and visits.next[visits.granted[r]] < 0:
+                vehicle.stand(graph.label(int(visits.vertex[visits.reached[r]])))
+                self._ways[r] = Way()
+            vehicle.advance(now_s)
+        while self.faults and self.faults[0].begin_s <= now_s + 1e-9:
+            fault = self.faults.pop(0)
+            self.vehicles[fault.robot].fail(fault.kind, fault.end_s)
+
+    def _blocked_by(self, other: int) -> str:
+        return f"waits for {self.serials[other]}" if other >= 0 else "the way is not free"
+
+    def _send_on(self) -> bool:
+        """Send bodies along what has been released since, and those whose orders are cancelled no farther. Returns whether any were."""
+        ways: dict[int, Reroute] = {}
+        for r, vehicle in enumerate(self.vehicles):
+            if vehicle.cancels:
+                if (cut := self._cut(r)) is not None:
+                    ways[r] = cut
+            elif new := vehicle.new_way():
+                ways[r] = self._longer(r, vehicle, new)
+                vehicle.sent(new)
+        if ways:
+            self._append(ways)
+            self.controller.divert(sorted(ways), [], self.bodies)
+        return bool(ways)
+
+    def _longer(self, robot: int, vehicle: Vehicle, new: Sequence[tuple[Node, Edge]]) -> Reroute:
+        """A robot's way beyond what it has been granted, with more nodes at its end."""
+        visits, way = self.ledger.visits, self._ways[robot]
+        granted = int(visits.granted[robot])
+        vertices = self.ledger.column("vertex")[self.ledger.ids(robot, granted)[1:]].tolist()
+        rank, at = int(visits.rank[granted]) + len(vertices), int(visits.vertex[visits.last[robot]])
+        label = self.problem.graph.label
+        for node, edge in new:
+            route = self.site.route(label(at), node.name)
+            assert route is not None, "the vehicle has checked that"
+            vertices += route
+            rank += len(route)
+            at = route[-1] if route else at
+            way.rank.append(rank)
+            way.sequence.append(node.sequence)
+            way.limit_mps.append(edge.limit_mps)
+        return _way_along(vertices, self.now_s)
+
+    def _cut(self, robot: int) -> Reroute | None:
+        """A robot's way no farther than it has been granted, or to the end of the lane that it is on; None where that is so already."""
+        visits, grants = self.ledger.visits, self.ledger.state.grants
+        granted = int(visits.granted[robot])
+        ahead = self.ledger.ids(robot, granted)[1:]
+        kept = ahead[: int(grants.on_lane[robot])]
+        return None if len(kept) == len(ahead) else _way_along(self.ledger.column("vertex")[kept].tolist(), self.now_s)
+
+    def _append(self, ways: Mapping[int, Reroute]) -> None:
+        ends = {r: int(way.vertex[-1]) for r, way in ways.items() if len(way.vertex)}
+        at = self.ledger.visits.vertex[self.ledger.visits.granted]
+        ends |= {r: int(at[r]) for r, way in ways.items() if not len(way.vertex)}
+        self.ledger.append(Replan(ways, "replan", ends=ends), self.policy, self.now_s)
+
+    def _hold(self) -> None:
+        """Bodies stand still where their vehicles have them, and keep the limits of their edges."""
+        hold_until, factor = self.world.hold_until, self.world.factor
+        top = self.controller.kinematics.speed_mps
+        for r, vehicle in enumerate(self.vehicles):
+            hold_until[r] = math.inf if vehicle.holds else 0.0
+            limit = self._ways[r].limit_mps
+            factor[r] = min(1.0, limit[0] / top[r]) if limit else 1.0
+
+    def _report(self) -> None:
+        """Send what is due."""
+        shows = self.reporting.view_s > 0 and self.now_s >= self._to_show - 1e-9
+        due: BoolArray = self.now_s >= self._to_send - 1e-9
+        for r, vehicle in enumerate(self.vehicles):
+            if vehicle.news or due[r]:
+                self._publish(vehicle, "state", vehicle.state(self.now_s))
+                self._to_send[r] = self.now_s + self.reporting.state_s
+            if vehicle.asked_for_factsheet:
+                vehicle.asked_for_factsheet = False
+                self._publish(vehicle, "factsheet", self._factsheet(vehicle))
+            if shows:
+                self._publish(vehicle, "visualization", vehicle.view(self.now_s))
+        if shows:
+            self._to_show = max(self._to_show + self.reporting.view_s, self.now_s)
+
+    def _publish(self, vehicle: Vehicle, kind: str, payload: Json) -> None:
+        self.link.publish(vehicle.sender.serial, kind, encoded(payload))
+        self.sent += 1
+
+    def _factsheet(self, vehicle: Vehicle) -> Json:
+        fleet, r = self.problem.fleet, self.robot_of[vehicle.sender.serial]
+        said = factsheet(
+            self.dialect,
+            length_m=float(fleet.length_m[r]),
+            width_m=float(fleet.width_m[r]),
+            speed_mps=float(fleet.max_speed_mps[r]),
+            accel_mps2=float(fleet.accel_mps2[r]),
+            decel_mps2=float(fleet.decel_mps2[r]),
+        )
+        return vehicle.sender.message("factsheet", self.now_s, said)
+
+    def _body_at(self, node: str) -> Body:
+        place = self.site.place(node)
+        assert place is not None
+        return Body(place[0], place[1], 0.0, place[2])
+
+
+def _engine(problem: Problem, settings: ExecutionSettings, network: Path) -> AbstractContextManager[Engine]:
+    if settings.engine == "kinematic":
+        return nullcontext(KinematicEngine(problem.graph, problem.fleet, settings.step_length_s))
+    return sumo_engine(problem.graph, problem.fleet, network, settings.step_length_s, settings.seed)
+
+
+def _way_along(vertices: Sequence[int], now_s: float) -> Reroute:
+    """A way whose times mean nothing: nobody keeps an order."""
+    count = len(vertices)
+    if not count:
+        return Reroute(*_nothing(), leave_s=math.inf)
+    depart_s = np.full(count, now_s)
+    depart_s[-1] = np.inf
+    return Reroute(np.array(vertices, np.int64), np.full(count, now_s), depart_s, leave_s=now_s)
+
+
+def _nothing() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)

@@ -1,0 +1,136 @@
+"""Vehicles at a real broker, on the loopback: what is said when connections come and go, and what is refused."""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+from wire.worlds import scenario
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.formats.vda.messages import Dialect
+from mrp_sumo.wire.link import Received
+from mrp_sumo.wire.mqtt import Broker, Connections, MasterLink, VehicleLink, broker_at
+
+pytest.importorskip("amqtt")
+
+
+def free_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def broker(tmp_path_factory):
+    """A broker that lets `fleet` in, with the password `secret`."""
+    folder, port = tmp_path_factory.mktemp("broker"), free_port()
+    from pwdlib import PasswordHash
+    from pwdlib.hashers.argon2 import Argon2Hasher
+
+    (folder / "passwords").write_text(f"fleet:{PasswordHash((Argon2Hasher(),)).hash('secret')}\n")
+    plugins = {"amqtt.plugins.authentication.FileAuthPlugin": {"password_file": str(folder / "passwords")}}
+    settings = {"listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}}, "plugins": plugins}
+    (folder / "broker.yaml").write_text(yaml.safe_dump(settings))
+    command = [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(folder / "broker.yaml")]
+    with (folder / "log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
+        for _ in range(200):
+            try:
+                socket.create_connection(("127.0.0.1", port), 0.1).close()
+                break
+            except OSError:
+                time.sleep(0.05)
+        yield Broker("127.0.0.1", port, "fleet", "secret")
+        process.terminate()
+
+
+def heard(link, wanted, seconds=5.0):
+    """What comes in until all that is wanted has, by vehicle and kind."""
+    found, until = [], time.monotonic() + seconds
+    while time.monotonic() < until and not wanted <= {(one.serial, one.kind) for one in found}:
+        found += link.receive(0.05)
+    return found
+
+
+def test_broken_connection_is_said_by_the_broker(broker):
+    dialect = Dialect("3.0")
+    vehicles = VehicleLink(Connections(broker, dialect, "maker"))
+    for serial in ("one", "two"):
+        vehicles.join(serial, b'"online"', b'"broken"')
+    master = MasterLink(Connections(broker, dialect, "maker"), frozenset(("one", "two")))
+    master.join()
+    both = {("one", "connection"), ("two", "connection")}
+    assert {one.payload for one in heard(master, both)} == {b'"online"'}
+    master.publish("two", "order", b"7")
+    assert heard(vehicles, {("two", "order")}) == [Received("two", "order", b"7")]
+    vehicles.connections._clients["one"].socket().shutdown(socket.SHUT_RDWR)
+    assert Received("one", "connection", b'"broken"') in heard(master, {("one", "connection")})
+    assert Received("one", "connection", b'"online"') in heard_while(master, vehicles)
+    vehicles.close()
+    master.close()
+
+
+def heard_while(master, vehicles):
+    """What the master hears while vehicles come back."""
+    found, until = [], time.monotonic() + 5.0
+    while time.monotonic() < until and not found:
+        vehicles.receive(0.05)
+        found += master.receive(0.05)
+    return found
+
+
+def test_fleet_at_a_broker_from_the_command_line(broker, tmp_path, capsys):
+    scenario(tmp_path)
+    (tmp_path / "password").write_text("secret\n")
+    at = ["--broker", f"127.0.0.1:{broker.port}", "--user", "fleet", "--password-file", str(tmp_path / "password")]
+    log = tmp_path / "messages.jsonl"
+    command = ["vda5050", str(tmp_path / "carts.yaml"), *at, "--duration", "3", "--speed", "10", "--log", str(log)]
+    assert main(command) == 0
+    assert "2 vehicles" in capsys.readouterr().out
+    assert main(["validate", "--vda5050", str(log)]) == 0
+    kinds = {json.loads(line)["topic"].rpartition("/")[2] for line in log.read_text().splitlines()}
+    assert kinds == {"connection", "factsheet", "state", "visualization"}
+
+
+def test_wrong_password_is_a_line(broker, tmp_path, capsys):
+    scenario(tmp_path)
+    assert main(["vda5050", str(tmp_path / "carts.yaml"), "--broker", f"127.0.0.1:{broker.port}", "--user", "fleet"]) == 2
+    line = capsys.readouterr().err
+    assert "does not let 'robot_0' in: " in line and line.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--broker", "127.0.0.1:1"], "no connection to the broker 127.0.0.1:1: connection refused"),
+        (["--broker", "127.0.0.1:99999"], "--broker 127.0.0.1:99999: expected HOST or HOST:PORT"),
+        (["--broker", "x", "--version", "1.1"], "VDA 5050 1.1: expected 2.1 or 3.0"),
+        (["--broker", "x", "--speed", "0"], "--speed: found 0"),
+        (["--broker", "x", "--ca", "a.pem"], "--ca is for --tls"),
+        (["--broker", "x", "--tls", "--key", "a.pem"], "--cert and --key belong together"),
+        (["--broker", "x", "--password-file", "none"], "--password-file is for --user"),
+        (["--broker", "x", "--user", "u", "--password-file", "none"], "none: no such file"),
+        (["--broker", "x", "--manufacturer", "a/b"], "--manufacturer a/b: expected letters"),
+        (["--broker", "x", "--fault", "robot_0:explosion@3"], "'explosion' is no fault"),
+        (["--broker", "x", "--fault", "robot_9:breakdown@3"], "'robot_9' is not a robot"),
+        (["--broker", "x", "--fault", "robot_0:breakdown@soon"], "expected ROBOT:KIND@SECONDS"),
+        (["--broker", "127.0.0.1:1", "--tls", "--ca", "carts.yaml"], "TLS: carts.yaml"),
+    ],
+)
+def test_bad_input_is_a_line(options, said, tmp_path, monkeypatch, capsys):
+    scenario(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert main(["vda5050", "carts.yaml", *options]) == 2
+    line = capsys.readouterr().err
+    assert said in line and line.count("\n") == 1
+
+
+def test_addresses():
+    assert [(b.host, b.port) for b in map(broker_at, ("h", "h:1", "[::1]:2", "::1"))] == [("h", 1883), ("h", 1), ("::1", 2), ("::1", 1883)]
+    assert broker_at("h", tls=True).port == 8883
+    with pytest.raises(MrpSumoError):
+        broker_at(":3")
