@@ -1,12 +1,13 @@
 """Measures `ccbs` on the literature's roadmaps, beside the published figures.
 
-    python tools/bench_ccbs.py                             sparse, 25 robots, 25 tasks of 30 s, optimal
+    python tools/bench_ccbs.py                             sparse, 25 robots, 25 tasks of 30 CPU-s, optimal
     python tools/bench_ccbs.py --w 1.05 --robots 20        within 5 %, 20 robots
     python tools/bench_ccbs.py --roadmap dense --tasks 1 2 another roadmap, some of its tasks
     python tools/bench_ccbs.py --json                      a line a task, for machines
 
 The roadmaps are those of Andreychuk et al. (MIT licence): a zip of `<roadmap>/map.xml` and `<roadmap>/<k>_task.xml`, with `--zip`.
-Robots are discs of 0.353553 m at unit speed.
+Robots are discs of 0.353553 m at unit speed. Solved is what takes no more CPU time than the limit; a run may take `SLACK` times as long by
+the clock, so that other work on the machine changes little.
 """
 
 import argparse
@@ -28,6 +29,7 @@ ROADMAPS = Path(__file__).resolve().parents[2] / "shared/reference/data/ccbs/roa
 DISC = RobotType("disc", 0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.0)
 RADIUS_M = 0.353553
 LEAST_M = 1e-6  # two vertices are at one place
+SLACK = 3.0
 PUBLISHED = {"sparse": (25, 25, 23, 17, 6), "dense": (25, 25, 24, 19, 7), "super-dense": (25, 23, 14, 9, 1)}  # of 25, 5 to 25 robots
 
 
@@ -65,15 +67,16 @@ def main() -> None:
     graph = read_roadmap(archive.read(f"{options.roadmap}/map.xml"))
     chosen = planner("ccbs", {"motion": "unit", "radius_m": RADIUS_M, "w": options.w})
     chosen.prepare()
-    solved = 0
+    ratios = []  # of cost to bound, of the solved
     for k in options.tasks:
         start, goal = read_tasks(archive.read(f"{options.roadmap}/{k}_task.xml"), options.robots)
         problem = Problem(graph, fleet_of(DISC, len(start)), start, goal, np.arange(len(start)), 1.0)
         begun = time.process_time()
-        result = chosen.plan(problem, options.time_limit)
+        result = chosen.plan(problem, SLACK * options.time_limit)
         cpu_s, stats = time.process_time() - begun, result.stats
-        solved += result.plan is not None
         cost_s, bound_s = stats.get("cost_s"), stats["lower_bound_s"]
+        if cost_s is not None and cpu_s <= options.time_limit:
+            ratios.append(cost_s / bound_s)
         row = {"task": k, "status": str(result.status), "cost_s": cost_s, "bound_s": bound_s, "nodes": stats["nodes"], "cpu_s": cpu_s}
         if options.json:
             print(json.dumps(row), flush=True)
@@ -83,7 +86,9 @@ def main() -> None:
             )
     if not options.json:
         best = dict(zip(range(5, 26, 5), PUBLISHED[options.roadmap])).get(options.robots, "-")
-        print(f"solved {solved} of {len(options.tasks)}; best published, optimal, in 30 s: {best} of 25")
+        solved = f"solved {len(ratios)} of {len(options.tasks)} in {options.time_limit:g} CPU-s"
+        print(f"{solved}; cost / bound at most {max(ratios, default=1.0):.4f}")
+        print(f"best published, optimal, in 30 s: {best} of 25")
 
 
 if __name__ == "__main__":

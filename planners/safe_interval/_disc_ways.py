@@ -1,57 +1,62 @@
-"""Kernel: what the ways of discs leave to another one."""
+"""Kernels: what the ways of other discs forbid one."""
 
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._discs import Rules, arrival, collide, passes, stands_at
+from planners.safe_interval._discs import arrival, collide, passes, stands_at
 
 
 @kernel
-def rules_around(lanes, ways, others, reach, room):
-    """All that a robot may not do so as not to conflict with the ways of others [N]. Without the room, `count` is -1."""
-    rules = Rules(
-        np.zeros(2, np.int64),
-        np.zeros(room, np.int64),
-        np.zeros(room),
-        np.zeros(room),
-        np.zeros(room, np.int64),
-        np.zeros(room),
-        np.zeros(room),
-    )
-    move, stay = np.zeros((3, room)), np.zeros((3, room))
-    for other in others:
-        for k in range(ways.first[other], ways.first[other + 1] + 1):
-            begin = arrival(lanes, ways, other, k)
-            last = k == ways.first[other + 1]
-            end = np.inf if last else ways.left[k]
-            u = stands_at(lanes, ways, other, k)
-            num_moves, num_stays = rules.count[0], rules.count[1]
-            if num_moves + 2 * len(lanes.tail) > room or num_stays + len(lanes.first) > room:
-                rules.count[0] = -1
-                return rules
-            for e in range(len(lanes.tail)):
-                low, high = passes(lanes, e, u, reach)
-                if high > low:
-                    move[0, num_moves], move[1, num_moves], move[2, num_moves] = e, begin - high, end - low
-                    num_moves += 1
-                if not last:
-                    low, high = collide(lanes, ways.lane[k], e, reach)
-                    if high > low:
-                        move[0, num_moves], move[1, num_moves], move[2, num_moves] = e, end + low, end + high
-                        num_moves += 1
+def forbidden_by(lanes, ways, way, reach, room):
+    """What nobody may do so as not to conflict with a way: [2, 3, N] of departures and stays, see `Rules`, and how many of each.
+
+    Without the room, the numbers are -1.
+    """
+    rows, num_moves, num_stays = np.zeros((2, 3, room)), 0, 0
+    for k in range(ways.first[way], ways.first[way + 1] + 1):
+        begin = arrival(lanes, ways, way, k)
+        last = k == ways.first[way + 1]
+        end = np.inf if last else ways.left[k]
+        u = stands_at(lanes, ways, way, k)
+        for e in range(len(lanes.tail)):
+            if num_moves + 2 > room:
+                return rows, -1, -1
+            low, high = passes(lanes, e, u, reach)
+            if high > low:
+                rows[0, 0, num_moves], rows[0, 1, num_moves], rows[0, 2, num_moves] = e, begin - high, end - low
+                num_moves += 1
             if not last:
-                for v in range(len(lanes.first) - 1):
-                    low, high = passes(lanes, ways.lane[k], v, reach)
-                    if high > low:
-                        stay[0, num_stays], stay[1, num_stays], stay[2, num_stays] = v, end + high, end + low
-                        num_stays += 1
-            rules.count[0], rules.count[1] = num_moves, num_stays
-    for kind in range(2):
-        num = rules.count[kind]
-        rows = stay if kind else move
-        by_time = np.argsort(rows[1, :num], kind="mergesort")
-        order = by_time[np.argsort(rows[0, by_time], kind="mergesort")]
-        where, first, second = (rules.vertex, rules.begins, rules.lasts) if kind else (rules.lane, rules.not_from, rules.not_until)
-        for i in range(num):
-            where[i], first[i], second[i] = np.int64(rows[0, order[i]]), rows[1, order[i]], rows[2, order[i]]
-    return rules
+                low, high = collide(lanes, ways.lane[k], e, reach)
+                if high > low:
+                    rows[0, 0, num_moves], rows[0, 1, num_moves], rows[0, 2, num_moves] = e, end + low, end + high
+                    num_moves += 1
+        if last:
+            break
+        for v in range(len(lanes.first) - 1):
+            if num_stays + 1 > room:
+                return rows, -1, -1
+            low, high = passes(lanes, ways.lane[k], v, reach)
+            if high > low:
+                rows[1, 0, num_stays], rows[1, 1, num_stays], rows[1, 2, num_stays] = v, end + high, end + low
+                num_stays += 1
+    return rows, num_moves, num_stays
+
+
+@kernel
+def by_place(rows, num_places):
+    """[N] places and [N] times of [3, N] rows, sorted by both: into places first, then within each, where few are."""
+    num = rows.shape[1]
+    next_of = np.zeros(num_places + 1, np.int64)
+    for i in range(num):
+        next_of[np.int64(rows[0, i]) + 1] += 1
+    next_of = np.cumsum(next_of)
+    place, first, second = np.zeros(num, np.int64), np.zeros(num), np.zeros(num)
+    for i in range(num):
+        p, t = np.int64(rows[0, i]), rows[1, i]
+        k = next_of[p]
+        next_of[p] += 1
+        while k > 0 and place[k - 1] == p and first[k - 1] > t:
+            place[k], first[k], second[k] = p, first[k - 1], second[k - 1]
+            k -= 1
+        place[k], first[k], second[k] = p, t, rows[2, i]
+    return place, first, second

@@ -14,7 +14,9 @@ from planners.safe_interval._conflict_tree import Conflict
 
 MOST = 1024  # conflicts of one way
 ORDERS = 60  # of robots that are tried
-NEIGHBOURHOOD, NEIGHBOURHOODS = 6, 500  # most robots in one, and how many are tried
+NEIGHBOURHOOD, NEIGHBOURHOODS = 9, 1000  # most robots in one, and how many are tried
+ANY = 0.2  # that a neighbourhood is any robots
+WORSE = 0.005  # of the cost: the mean by which ways may be worse that are kept, at first
 MOST_NODES = 400  # of a tree over two robots
 MOST_RULES = 128  # a robot gets in a tree of two
 PER_PAIR = 4  # with each other, the first ones
@@ -37,7 +39,8 @@ class UnitMotion:
         self._arrival: list[float] = []  # of each way
         self._starts, self._goals = problem.start, problem.target
         self._rules = _discs.new_rules(MOST_RULES, MOST_RULES)
-        self._room = 1 << 14
+        self._room = 1 << 12
+        self._forbidden: dict[int, tuple[FloatArray, FloatArray]] = {}  # by ways, to others
         self._pair = _disc_pairs.new_pair(MOST_NODES, 64 * MOST_NODES)
         self._found, self._of = np.zeros((MOST, 3), np.int64), np.zeros(MOST, np.int64)
 
@@ -100,7 +103,7 @@ class UnitMotion:
         return float(_disc_pairs.least_cost(self._lanes, *given, self._pair, self._rules, self._scratch))
 
     def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
-        """Ways without conflicts, not the best: prioritised planning, then neighbourhoods planned again, the better ones kept."""
+        """Ways without conflicts, not the best: prioritised planning, then neighbourhoods planned again, annealed."""
         num_robots = len(self._start)
         order = np.argsort([-self._left_s[r, v] for r, v in enumerate(self._start)], kind="stable").tolist()
         for k in range(ORDERS):
@@ -112,36 +115,63 @@ class UnitMotion:
             order = rng.permutation(num_robots).tolist() if k % 8 == 7 else [failed, *(r for r in order if r != failed)]
         else:
             return None
-        ideal = [self.search(robot, self.nothing) for robot in range(num_robots)]
-        for _ in range(NEIGHBOURHOODS):
-            cost_s = sum(map(self.cost_s, found.values()))
-            if cost_s <= enough_s or perf_counter() > deadline_s:
+        ideal = [way for robot in range(num_robots) if (way := self.search(robot, self.nothing)) is not None]
+        best, cost_s = found, sum(map(self.cost_s, found.values()))
+        best_s = cost_s
+        for k in range(NEIGHBOURHOODS):
+            if best_s <= enough_s or perf_counter() > deadline_s:
                 break
-            late = np.array([self.cost_s(found[robot]) - self._left_s[robot, v] for robot, v in enumerate(self._start)]) + 1e-6
-            robot = int(rng.choice(num_robots, p=late / late.sum()))
-            others = [r for r in range(num_robots) if r != robot]
-            blockers = {c.other for c in self.conflicts(robot, ideal[robot] or 0, others, [found[r] for r in others])}
-            chosen = [robot, *rng.permutation(sorted(blockers) or others)[: rng.integers(1, NEIGHBOURHOOD)].tolist()]
-            rest = {r: way for r, way in found.items() if r not in chosen}
-            other, failed = self._in_order(rng.permutation(chosen).tolist(), rest)
-            if failed is None and sum(map(self.cost_s, other.values())) < cost_s:
-                found = other
-        return [found[robot] for robot in range(num_robots)]
+            robots = self._neighbourhood(found, ideal, rng)
+            other, failed = self._in_order(robots, {r: way for r, way in found.items() if r not in robots})
+            other_s = sum(map(self.cost_s, other.values()))
+            if failed is None and other_s < cost_s + rng.exponential(WORSE * cost_s * (1 - k / NEIGHBOURHOODS)):
+                found, cost_s = other, other_s
+            if cost_s < best_s:
+                best, best_s = found, cost_s
+        return [best[robot] for robot in range(num_robots)]
+
+    def _neighbourhood(self, ways: dict[int, int], ideal: list[int], rng: np.random.Generator) -> list[int]:
+        """Robots to be planned again, in this order: a late one and some of those in its ideal way, or any."""
+        num_robots = len(ways)
+        if rng.random() < ANY:
+            return list(map(int, rng.permutation(num_robots)[: rng.integers(2, NEIGHBOURHOOD + 1)]))
+        late = np.array([self.cost_s(ways[robot]) - self._left_s[robot, v] for robot, v in enumerate(self._start)]) + 1e-6
+        robot = int(rng.choice(num_robots, p=late / late.sum()))
+        others = [r for r in range(num_robots) if r != robot]
+        blockers = {c.other for c in self.conflicts(robot, ideal[robot], others, [ways[r] for r in others])}
+        chosen = rng.permutation(sorted(blockers) or others)[: rng.integers(1, NEIGHBOURHOOD)]
+        return list(map(int, rng.permutation([robot, *chosen])))
 
     def _in_order(self, robots: list[int], ways: dict[int, int]) -> tuple[dict[int, int], int | None]:
         """The ways, and those of more robots, each around all before it; and the robot that has found none."""
         ways = dict(ways)
         for robot in robots:
-            while True:
-                rules = _disc_ways.rules_around(self._lanes, self._ways, np.array(list(ways.values()), np.int64), self.reach_m, self._room)
-                if rules.count[0] >= 0:
-                    break
-                self._room *= 4
-            way = self.search(robot, rules)
+            way = self.search(robot, self._around(list(ways.values())))
             if way is None:
                 return ways, robot
             ways[robot] = way
         return ways, None
+
+    def _around(self, ways: list[int]) -> _discs.Rules:
+        """What a robot may not do among others on these ways."""
+        rows = [self._forbidden_by(way) for way in ways]
+        columns = [
+            column
+            for kind, places in enumerate((len(self._lanes.tail), len(self._lanes.first) - 1))
+            for column in _disc_ways.by_place(np.hstack([np.zeros((3, 0)), *(row[kind] for row in rows)]), places)
+        ]
+        return _discs.Rules(np.array([len(columns[0]), len(columns[3])]), *columns)
+
+    def _forbidden_by(self, way: int) -> tuple[FloatArray, FloatArray]:
+        """[3, K] departures and [3, M] stays, see `_disc_ways.forbidden_by`."""
+        if way not in self._forbidden:
+            while True:
+                rows, num_moves, num_stays = _disc_ways.forbidden_by(self._lanes, self._ways, way, self.reach_m, self._room)
+                if num_moves >= 0:
+                    break
+                self._room *= 4
+            self._forbidden[way] = rows[0, :, :num_moves].copy(), rows[1, :, :num_stays].copy()
+        return self._forbidden[way]
 
     def plan(self, their_ways: Sequence[int]) -> Plan:
         ways, visits = self._ways, []
