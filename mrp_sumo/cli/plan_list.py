@@ -109,5 +109,6 @@ def _in_a_line(place: str, summary: dict[str, Any]) -> str:
     cost, flowtime_s, cpu_s = (summary[key] for key in ("cost", "flowtime_s", "planning_cpu_s"))
     sum_of_costs = f"cost {cost:g}" if cost is not None else f"flowtime {flowtime_s:.6g} s" if flowtime_s is not None else "no plan"
     times = f"{summary['planning_time_s']:.3g} s" + ("" if cpu_s is None else f", {cpu_s:.3g} s CPU")
-    words = (place, summary["planner"], f"{summary['robots']} robots", summary["status"], sum_of_costs, times, summary["message"])
+    robots = f"{summary['robots']} robot{'s' if summary['robots'] != 1 else ''}"
+    words = (place, summary["planner"], robots, summary["status"], sum_of_costs, times, summary["message"])
     return "  ".join(word for word in words if word)

@@ -22,6 +22,9 @@ from types import FrameType
 from typing import Any
 
 from campaigns.driver import Trial
+from lif_worlds import LIF
+from map_worlds import CSV, LINK, MODEL, ROUTE, SITE
+from step_wise_worlds import ROUND, write_problem
 
 from mrp_sumo.cli.main import COMMANDS, main
 
@@ -79,6 +82,39 @@ until: plan
 limits: {wall_s: 60, memory_mb: 2000}
 views: {cost: 'select planner, avg(soc_steps) from results group by planner'}
 """
+LIFELONG = """\
+map: small.building.yaml
+discretisation: {cell_m: 0.5}
+robots: {count: 2, type: cart.yaml}
+planner: {name: lacam, budget: 2000}
+tasks:
+  stations: {shelf: {places: [crossing_1_1], queue: [crossing_1_2]}}
+  groups: {corner: [crossing_3_3, crossing_1_3]}
+  streams:
+    - name: order
+      arrivals: {rate_per_h: 300, profile: [1, 0.5]}
+      stops: [shelf, corner]
+      zipf: 0.6
+      service: [{constant_s: 2}, {triangular_s: [1, 2, 4]}]
+    - {name: more, arrivals: {open: 1}, stops: [corner], due_after_s: 60, priority: 1}
+  parking: [corner]
+execution:
+  dispatcher: hungarian
+  engine: kinematic
+  time_limit_s: 40
+  planning: {budget_s: 1, window_s: 10}
+  one_way: [[crossing_2_1, crossing_3_1]]
+"""
+FROM_FILE = (
+    "map: small.building.yaml\ndiscretisation: {cell_m: 0.5}\nrobots: {count: 2, type: cart.yaml}\nplanner: pibt\ntasks: orders.csv\n"
+)
+FROM_FILE += "execution: {engine: kinematic, time_limit_s: 40}\n"
+ORDERS = "release_s,stops,name,priority\n1,crossing_1_1 crossing_3_3,one,2\n3,crossing_1_3,,\n"
+REQUESTS = """[{"unix_millis_earliest_start_time": 2000, "category": "delivery", "description":
+  {"pickup": {"place": "crossing_1_1"}, "dropoff": {"place": "crossing_3_3"}}, "priority": {"value": 1}},
+ {"unix_millis_earliest_start_time": 0, "category": "patrol", "description": {"places": ["crossing_1_3"], "rounds": 1}}]
+"""
+MANY = "--map small.map --scen small.scen --robots 2\n--map small.map --scen small.scen --robots 1 --planner cbs\n"
 CONFIG = "starts: {robot_0: [1.0, 1.0]}\ngoals: {robot_0: [3.0, 3.0]}\n"
 CONFIG += "cellSize: 0.35\nlocationTolerance: 0.7\nwindowSize: 10\nrecordingTimeout: 600\n"
 SHEET = "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
@@ -99,9 +135,10 @@ class Reading:
 
 
 SLOW = {"report": 0.01, "analyze": 0.05, "query": 0.05, "compare": 0.05, "render": 0.05, "run": 0.1, "export": 0.1, "import": 0.1}
-SLOW |= {"replay": 0.1, "batch": 0.3}
+SLOW |= {"replay": 0.1, "batch": 0.3, "reproduce": 0.05}
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
+MAPS = ("small.lif.json", "small.xml", "small.site.json", "route.geojson", "small.geojson", "small.net.xml", "lanes.csv", "link.json")
 ON_MAP = ("--map", "small.map", "--scen", "small.scen")
 READINGS = (
     Reading("scenario.yaml", ("plan", "scenario.yaml"), ("small.building.yaml", "cart.yaml")),
@@ -117,12 +154,25 @@ READINGS = (
     Reading("sheet.yaml", ("import", "sheet.yaml", "--out", "out"), ("room.pgm",)),
     Reading("room.pgm", ("import", "sheet.yaml", "--out", "out"), ("sheet.yaml",)),
     Reading("instance.yaml", ("plan", "--map", "instance.yaml")),
+    *(Reading(name, ("import", name, "--out", "out")) for name in MAPS),
+    *(Reading(name, ("convert", name, out)) for name, out in (("small.lif.json", "out.xml"), ("small.xml", "out.lif.json"))),
+    Reading("lifelong.yaml", ("run", "lifelong.yaml", "--out", "out"), ("small.building.yaml", "cart.yaml")),
+    Reading("lifelong.yaml", ("capacity", "lifelong.yaml", "--quick", "--dry-run"), ("small.building.yaml", "cart.yaml")),
+    *(Reading(name, ("run", "orders.yaml", "--set", f"tasks.file={name}", "--out", "out"),
+              ("small.building.yaml", "cart.yaml", "orders.yaml"))
+      for name in ("orders.csv", "requests.json")),
+    Reading("many.txt", ("plan", "--many", "many.txt"), ("small.map", "small.scen")),
+    *(Reading(name, ("plan", "x.json", "--steps", "5", "--planner", "epibt"), tuple({"x.json", "x.map", "x.agents", "x.tasks"} - {name}))
+      for name in ("x.json", "x.map", "x.agents", "x.tasks")),
+    Reading("solution.json", ("validate", "solution.json", "--problem", "x.json"), ("x.json", "x.map", "x.agents", "x.tasks")),
+    Reading("messages.jsonl", ("validate", "--vda5050", "messages.jsonl")),
     Reading("roadmap.yaml", ("plan", "--map", "roadmap.yaml")),
     *(Reading(plan, ("validate", plan, *ON_MAP), ("small.map", "small.scen")) for plan in PLANS),
     *(Reading(plan, ("convert", plan, "out.yaml", "--map", "small.map"), ("small.map",)) for plan in PLANS),
     *(Reading("run", command, ()) for command in (
         ("replay", "run"), ("render", "run", "--at", "2", "--out", "out.png"), ("export", "run", "--csv"),
         ("export", "run", "--bag", "--out", "again"),
+        ("export", "run", "--vda5050", "--out", "vda"), ("replay", "run", "run", "--out", "two.html"), ("reproduce", "run"),
         ("export", "run", "--geojson"), ("export", "run", "--fcd"), ("report", "run", "--out", "page.html"), ("analyze", "run"),
     )),
     *(Reading("run/bag", ("analyze", "run/bag")) for _ in range(3)),
@@ -428,6 +478,17 @@ def make_material(folder: Path) -> None:
         "suite.yaml": SUITE,
         "config.yaml": CONFIG,
         "sheet.yaml": SHEET,
+        "lifelong.yaml": LIFELONG,
+        "orders.yaml": FROM_FILE,
+        "orders.csv": ORDERS,
+        "requests.json": REQUESTS,
+        "many.txt": MANY,
+        "small.lif.json": json.dumps(LIF),
+        "small.xml": MODEL,
+        "small.site.json": json.dumps(SITE),
+        "route.geojson": json.dumps(ROUTE),
+        "lanes.csv": CSV,
+        "link.json": json.dumps(LINK),
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
@@ -440,21 +501,26 @@ def make_material(folder: Path) -> None:
         "roadmap:\n  undirected: true\n  vertices:\n    a: [0, 0]\n    b: [1, 0]\n    c: [1, 1]\n  edges:\n  - [a, b]\n  - [b, c]\n"
         "agents:\n- name: agent0\n  start: a\n  goal: c\n"
     )
+    write_problem(folder, ROUND, [0, 8], [[2], [6, 0], [7]])
     home = Path.cwd()
     os.chdir(folder)
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             for command in (
+                *(["convert", "small.building.yaml", name] for name in ("small.geojson", "small.net.xml")),
+                ["plan", "x.json", "--steps", "8", "--planner", "epibt", "--out", "solution.json"],
                 *(
                     ["plan", *ON_MAP, "--out", plan, "--format", kind]
                     for plan, kind in zip(PLANS, ("json", "yaml", "paths", "lacam", "smart"))
                 ),
                 ["run", "scenario.yaml", "--out", "run"],
                 ["export", "run", "--bag", "--storage", "sqlite3", "--out", "bag3"],
+                ["export", "run", "--vda5050", "--out", "vda"],
                 ["export", "run", "--ros1", "--out", "ros1.bag"],
                 ["batch", "suite.yaml", "--out", "batch", "--workers", "1"],
             ):
                 if main(command) == 2:
                     raise RuntimeError(f"the material cannot be made: {command}")
+            shutil.move("vda/messages.jsonl", "messages.jsonl")
     finally:
         os.chdir(home)
