@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
         print(json.dumps(said, allow_nan=False))
     else:
-        _print(result, out, options.verbose)
+        print_result(result, out, options.verbose)
         _print_next(result, out, options.scenario)
     if options.replay and (out / "plan.json").is_file():
         from mrp_sumo.reports.replay.page import write_replay
@@ -127,7 +127,7 @@ def progress_bar() -> "Iterator[StageReport | None]":
         yield show
 
 
-def _print(result: "RunResult", out: Path, verbose: bool) -> None:
+def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
     """A short table."""
     from rich.console import Console
     from rich.markup import escape

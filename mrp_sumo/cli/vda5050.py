@@ -10,15 +10,19 @@ import math
 import sys
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from mrp_sumo.cli import scenario_choice
 
 if TYPE_CHECKING:
+    from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.set_up import SetUp
+    from mrp_sumo.formats.vda.messages import Dialect
     from mrp_sumo.wire.fleet import Fault
-    from mrp_sumo.wire.mqtt import Broker
+    from mrp_sumo.wire.link import Link
+    from mrp_sumo.wire.mqtt import Broker, Connections
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("scenario", help="scenario file, or the name of a bundled scenario such as office_9")
     add("--broker", required=True, metavar="HOST[:PORT]", help="MQTT broker")
+    add("--as", dest="part", choices=("fleet", "master"), default="fleet", help="vehicles (the default), or what drives vehicles of others")
     add("--version", default="2.1", metavar="VERSION", help="of VDA 5050: 2.1 (default) or 3.0")
     add("--manufacturer", default="mrp_sumo", metavar="NAME", help="in topics and headers (default: mrp_sumo)")
     add("--speed", type=float, default=1.0, metavar="N", help="simulated seconds a second (default: 1, real time)")
@@ -39,6 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ROBOT:KIND@S[+S]",
         help="breakdown, emergencyStop, localizationLost or fieldViolation from a time on, for so long; may be repeated",
     )
+    add("--out", type=Path, metavar="DIR", help="run folder of a master (default: runs/<scenario>)")
     add("--log", type=Path, metavar="FILE", help="write all messages, one a line; a file that is there is not replaced")
     add("--tls", action="store_true", help="connect by TLS")
     add("--ca", type=Path, metavar="FILE", help="certificates of the authorities to trust (default: the system's)")
@@ -54,13 +60,9 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.experiments.run import interrupts
     from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.formats.vda.messages import SERIAL, Dialect
-    from mrp_sumo.wire.fleet import Reporting, VirtualFleet
-    from mrp_sumo.wire.link import Link
-    from mrp_sumo.wire.mqtt import Connections, VehicleLink, encoded
-    from mrp_sumo.wire.pace import Logged, Pace
+    from mrp_sumo.wire.mqtt import Connections
 
     broker, dialect = _broker(options), Dialect(options.version)
     for option, least in (("speed", 0.001), ("duration", 0.001), ("state_period", 0.001), ("visualization_period", 0.0)):
@@ -69,41 +71,106 @@ def run(options: argparse.Namespace) -> int:
             raise MrpSumoError(f"--{option.replace('_', '-')}: found {found:g}, expected {least:g} or more")
     if not SERIAL.fullmatch(options.manufacturer):
         raise MrpSumoError(f"--manufacturer {options.manufacturer[:80]}: expected letters, digits and _ . : -")
+    if options.part == "master" and (options.fault or options.duration):
+        raise MrpSumoError(f"--{'fault' if options.fault else 'duration'} is for --as fleet")
+    if options.part == "fleet" and options.out:
+        raise MrpSumoError("--out is for --as master")
     warm.prepare()
     with ExitStack() as stack:
         maps = stack.enter_context(MapCache())
         setup = set_up(scenario_choice.chosen_scenario(options), maps)
-        faults = [_fault(text, setup) for text in options.fault]
-        reporting = Reporting(options.state_period, options.visualization_period, options.manufacturer, time.time())
+        log = None if options.log is None else stack.enter_context(options.log.open("x", encoding="utf-8"))
         connections = Connections(broker, dialect, options.manufacturer)
-        vehicles = VehicleLink(connections)
-        link: Link = vehicles
-        fleet: VirtualFleet
-        if options.log is not None:
-            log = stack.enter_context(options.log.open("x", encoding="utf-8"))
-            link = Logged(vehicles, log, dialect, options.manufacturer, lambda: fleet.now_s)
-        network = maps.network(setup.problem.graph)
-        fleet = VirtualFleet(setup, network, link, dialect, reporting, faults)
-        stack.callback(link.close)
-        for vehicle in fleet.vehicles:
-            online, will = encoded(fleet.connection(vehicle, "ONLINE")), encoded(fleet.last_will(vehicle))
-            vehicles.join(vehicle.sender.serial, online, will)
-            if isinstance(link, Logged):
-                link.note(vehicle.sender.serial, "connection", online)
-        topic = dialect.topic("+", "+", options.manufacturer)
-        print(f"{len(fleet.vehicles)} vehicles at {broker}, {topic} (Ctrl+C ends)", flush=True)
-        stack.enter_context(fleet)
-        stopped = stack.enter_context(interrupts())
-        until_s, pace = options.duration or math.inf, Pace(options.speed)
-        cpu_s, begun_s = time.process_time(), time.monotonic()
-        while fleet.now_s < until_s - 1e-9 and not (stopped and stopped()):
-            fleet.step(pace.wait(fleet.now_s, link.receive))
-        fleet.leave()
-        share = (time.process_time() - cpu_s) / max(time.monotonic() - begun_s, 1e-9)
-        print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
-        if pace.behind_s > 0.5:
-            print(f"mrp-sumo: up to {pace.behind_s:.1f} s behind the clock", file=sys.stderr)
+        if options.part == "master":
+            return _drive(options, setup, maps, connections, dialect, log, stack)
+        return _be_driven(options, setup, maps, connections, dialect, log, stack)
+
+
+def _be_driven(
+    options: argparse.Namespace,
+    setup: "SetUp",
+    maps: "MapCache",
+    connections: "Connections",
+    dialect: "Dialect",
+    log: TextIO | None,
+    stack: ExitStack,
+) -> int:
+    """Be vehicles."""
+    from mrp_sumo.experiments.run import interrupts
+    from mrp_sumo.wire.fleet import Reporting, VirtualFleet
+    from mrp_sumo.wire.mqtt import VehicleLink, encoded
+    from mrp_sumo.wire.pace import Logged, Pace
+
+    faults = [_fault(text, setup) for text in options.fault]
+    reporting = Reporting(options.state_period, options.visualization_period, options.manufacturer, time.time())
+    vehicles = VehicleLink(connections)
+    link: Link = vehicles
+    fleet: VirtualFleet
+    if log is not None:
+        link = Logged(vehicles, log, dialect, options.manufacturer, lambda: fleet.now_s)
+    fleet = VirtualFleet(setup, maps.network(setup.problem.graph), link, dialect, reporting, faults)
+    stack.callback(link.close)
+    for vehicle in fleet.vehicles:
+        online, will = encoded(fleet.connection(vehicle, "ONLINE")), encoded(fleet.last_will(vehicle))
+        vehicles.join(vehicle.sender.serial, online, will)
+        if isinstance(link, Logged):
+            link.note(vehicle.sender.serial, "connection", online)
+    print(
+        f"{len(fleet.vehicles)} vehicles at {connections.broker}, {dialect.topic('+', '+', options.manufacturer)} (Ctrl+C ends)", flush=True
+    )
+    stack.enter_context(fleet)
+    stopped = stack.enter_context(interrupts())
+    until_s, pace = options.duration or math.inf, Pace(options.speed)
+    cpu_s, begun_s = time.process_time(), time.monotonic()
+    while fleet.now_s < until_s - 1e-9 and not (stopped and stopped()):
+        fleet.step(pace.wait(fleet.now_s, link.receive))
+    fleet.leave()
+    share = (time.process_time() - cpu_s) / max(time.monotonic() - begun_s, 1e-9)
+    print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
+    if pace.behind_s > 0.5:
+        print(f"mrp-sumo: up to {pace.behind_s:.1f} s behind the clock", file=sys.stderr)
     return 0
+
+
+def _drive(
+    options: argparse.Namespace,
+    setup: "SetUp",
+    maps: "MapCache",
+    connections: "Connections",
+    dialect: "Dialect",
+    log: TextIO | None,
+    stack: ExitStack,
+) -> int:
+    """Be the master of vehicles, and write the run."""
+    from mrp_sumo.cli.run import print_result, progress_bar
+    from mrp_sumo.experiments.run import finish
+    from mrp_sumo.experiments.solve import solve
+    from mrp_sumo.formats.vda.messages import serials_of
+    from mrp_sumo.io.run_folder import check_replaceable
+    from mrp_sumo.wire.fleet import GraphSite
+    from mrp_sumo.wire.master import driven_vehicles
+    from mrp_sumo.wire.mqtt import MasterLink
+    from mrp_sumo.wire.pace import Logged
+
+    out = options.out or Path("runs") / setup.scenario.name
+    check_replaceable(out)
+    settings = replace(setup.settings, on_deadlock="report")  # no order can say that a vehicle turns round on a lane
+    setup = replace(setup, settings=settings)
+    master = MasterLink(connections, frozenset(serials_of(setup.problem.fleet.robot_name)))
+    link: Link = master
+    begun_s = time.monotonic()
+    if log is not None:
+        link = Logged(master, log, dialect, options.manufacturer, lambda: (time.monotonic() - begun_s) * options.speed)
+    master.join()
+    stack.callback(link.close)
+    site = GraphSite(setup.problem.graph, setup.map.level_shift_m)
+    how = {"speed": options.speed, "manufacturer": options.manufacturer}
+    engine = driven_vehicles(setup.problem, site, link, dialect, settings.step_length_s, **how)
+    with progress_bar() as progress:
+        result = finish(setup, solve(setup, progress=progress), maps, progress=progress, keeps_interrupted=True, engine=engine)
+    result.write(out, maps)
+    print_result(result, out, False)
+    return 0 if result.status == "completed" else 1
 
 
 def _broker(options: argparse.Namespace) -> "Broker":

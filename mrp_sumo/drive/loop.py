@@ -54,6 +54,7 @@ def simulate(
     gui: bool = False,
     stopped: Callable[[], bool] | None = None,
     listeners: Sequence[Listener] = (),
+    engine: AbstractContextManager[Engine] | None = None,
 ) -> Execution:
     """Drive a plan.
 
@@ -73,6 +74,8 @@ def simulate(
         Asked between steps; once it says so the execution is over, with outcome INTERRUPTED.
     listeners
         Hear every moment, beside those that record.
+    engine
+        Moves the bodies instead of that of the settings.
 
     Raises
     ------
@@ -99,7 +102,7 @@ def simulate(
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
-        with _engine(problem, settings, network, gui, ways) as bodies:
+        with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
             drive.run(
                 bodies, [log, recorder, witness, grants, *reports, *listeners, *([facilities] if facilities else [])], recorder.settle

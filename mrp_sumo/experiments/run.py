@@ -6,7 +6,7 @@ an execution that does not arrive, are written like successes.
 
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from threading import current_thread, main_thread
@@ -18,6 +18,7 @@ from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
@@ -144,6 +145,7 @@ def finish(
     gui: bool = False,
     keeps_interrupted: bool = False,
     watch: Watch | None = None,
+    engine: AbstractContextManager[Engine] | None = None,
 ) -> RunResult:
     """Drive what was planned, if there is a plan, and measure it.
 
@@ -153,6 +155,8 @@ def finish(
         Of one problem; the setup says how to drive.
     maps, execute, progress, gui, keeps_interrupted, watch
         As for `carry_out`.
+    engine
+        As for `simulate`.
     """
     from mrp_sumo.metrics.audit import at_walls, audit
     from mrp_sumo.metrics.evaluate import evaluate
@@ -169,7 +173,7 @@ def finish(
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         try:
-            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watch)
+            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watch, engine)
             note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
@@ -224,6 +228,7 @@ def _execute(
     gui: bool,
     keeps_interrupted: bool,
     watch: Watch | None,
+    engine: AbstractContextManager[Engine] | None,
 ) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
     from mrp_sumo.drive import warm
@@ -242,7 +247,14 @@ def _execute(
 
         listeners = [watch(setup, solution)] if watch else []
         with interrupts() if keeps_interrupted and settings.tasks else nullcontext() as stopped:
-            run = simulate(solution.problem, plan, settings, network, progress=progress, gui=gui, stopped=stopped, listeners=listeners)
+            run = simulate(
+                *(solution.problem, plan, settings, network),
+                progress=progress,
+                gui=gui,
+                stopped=stopped,
+                listeners=listeners,
+                engine=engine,
+            )
         return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:

@@ -32,6 +32,7 @@ from mrp_sumo.formats.vda.messages import (
     state,
     states_of,
 )
+from mrp_sumo.formats.vda.orders import Orders, edge_of
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.reports.exports import replacing
 
@@ -128,14 +129,12 @@ class Vehicle:
     way: tuple[Visit, ...] = ()
     granted: int = 0  # number of the last visit that it may drive to
     reached: int = 0
-    begin: int = 0  # number of the visit with which the order begins
-    number: int = -1  # of the order
-    update: int = 0
-    last_base: int = 0  # number of the visit that ended the base when the order was sent
-    order: Json = field(default_factory=dict)  # all nodes and edges since its begin
     actions: dict[tuple[int, int], tuple[Json, float, float]] = field(default_factory=dict)  # by visit and reply: begin and end
     errors: list[tuple[float, float, str, str]] = field(default_factory=list)  # from, until, type, description
     charging: list[tuple[float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.orders = Orders(self.sender.serial)
 
     @property
     def execution(self) -> Execution:
@@ -231,69 +230,32 @@ class Vehicle:
 
     def _order(self, t_s: float) -> Json | None:
         """The order, or its update, that says what the robot may do now; nothing where that has been said."""
-        if len(self.way) < 2 and self.number < 0:
-            return None
-        at_end = self.order and self.reached == self.last_base and len(self.order["nodes"]) == self.last_base - self.begin + 1
-        done = not self.order or (at_end and all(end_s <= t_s for _, _, end_s in self._of_order()))
-        if done:
-            if len(self.way) - 1 <= self.reached:
-                return None
-            self.number, self.update, self.begin, self.last_base = self.number + 1, 0, self.reached, self.reached
-            kept: Json = {"nodes": [], "edges": []}
-        else:
-            nodes = self.last_base - self.begin
-            kept = {"nodes": self.order["nodes"][: nodes + 1], "edges": self.order["edges"][:nodes]}
-        stitch = self.last_base
-        nodes_from, edges_from = (0, 0) if done else (stitch - self.begin, stitch - self.begin)
-        whole_nodes = kept["nodes"] + [self._node(k) for k in range(self.begin + len(kept["nodes"]), len(self.way))]
-        whole_edges = kept["edges"] + [self._edge(k) for k in range(self.begin + len(kept["edges"]), len(self.way) - 1)]
-        if not done and (whole_nodes, whole_edges) == (self.order["nodes"], self.order["edges"]):
-            return None
-        if not done:
-            self.update += 1
-        self.order = {"nodes": whole_nodes, "edges": whole_edges}
-        self.last_base = min(self.granted, len(self.way) - 1)
-        return {
-            "orderId": self.order_id,
-            "orderUpdateId": self.update,
-            "nodes": whole_nodes[nodes_from:],
-            "edges": whole_edges[edges_from:],
-        }
+        done = self.orders.is_driven(self.reached) and all(end_s <= t_s for _, _, end_s in self._of_order())
+        return self.orders.next(len(self.way), self.granted, self.reached, done, self._node, self._edge)
 
-    @property
-    def order_id(self) -> str:
-        return f"{self.sender.serial}-{self.number}" if self.number >= 0 else ""
-
-    def _node(self, k: int) -> Json:
+    def _node(self, k: int, sequence: int, released: bool) -> Json:
         visit, graph = self.way[k], self.record.graph
         made = self.actions.get((k, visit.reply))
-        if k == self.begin and self.number:  # done in the order before
+        if k == self.orders.begin and self.orders.number:  # done in the order before
             made = None
         v = visit.vertex
-        sequence, released = 2 * (k - self.begin), k <= self.granted
         xy = (graph.xy[v] - self.record.shift_m[graph.level[v]]).tolist()
         return node(graph.label(v), sequence, released, xy, graph.level_names[graph.level[v]], [made[0]] if made else ())
 
-    def _edge(self, k: int) -> Json:
+    def _edge(self, k: int, sequence: int, released: bool) -> Json:
         """The edge after the visit k."""
-        graph, a, b = self.record.graph, self.way[k].vertex, self.way[k + 1].vertex
-        ends = graph.label(a), graph.label(b)
-        lane = graph.lane_between(a, b)
-        backward = graph.lane_options[lane].get("orientation_constraint") == "backward"
-        length_m, limit_mps = float(graph.length_m[lane]), float(graph.speed_mps[lane])
-        name, sequence = f"{ends[0]}->{ends[1]}", 2 * (k - self.begin) + 1
-        return self.dialect.edge(name, sequence, k < self.granted, ends, length_m, limit_mps, backward)
+        return edge_of(self.dialect, self.record.graph, self.way[k].vertex, self.way[k + 1].vertex, sequence, released)
 
     def _state(self, t_s: float) -> Json:
         at = self.way[self.reached].vertex
-        graph, sequence = self.record.graph, 2 * (self.reached - self.begin)
-        nodes, edges = states_of(self.order, sequence) if self.order else ([], [])
+        graph, sequence = self.record.graph, 2 * (self.reached - self.orders.begin)
+        nodes, edges = states_of(self.orders.document, sequence)
         pose, velocity, driving = self._motion(t_s)
         away_m = float(np.hypot(*(graph.xy[at] - self.record.shift_m[graph.level[at]] - (pose["x"], pose["y"])))) if pose else 0.0
         asked = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
         return state(
             self.dialect,
-            order=(self.order_id, self.update),
+            order=(self.orders.name, self.orders.update),
             last=(graph.label(at), sequence),
             nodes=nodes,
             edges=edges,
@@ -313,7 +275,7 @@ class Vehicle:
 
     def _of_order(self) -> list[tuple[Json, float, float]]:
         """The actions in the order."""
-        sent = {given["actionId"] for one in self.order.get("nodes", ()) for given in one["actions"]}
+        sent = {given["actionId"] for one in self.orders.nodes for given in one["actions"]}
         return [made for made in self.actions.values() if made[0]["actionId"] in sent]
 
     def _action_state(self, made: tuple[Json, float, float], t_s: float) -> Json:

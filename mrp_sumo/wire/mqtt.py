@@ -75,7 +75,7 @@ class Connections:
         except ImportError:
             raise MrpSumoError("MQTT needs paho-mqtt: pip install 'mrp-sumo[vda5050]'") from None
         self._mqtt = client
-        self._broker, self._dialect, self._manufacturer = broker, dialect, manufacturer
+        self.broker, self._dialect, self._manufacturer = broker, dialect, manufacturer
         self._clients: dict[str, Client] = {}
         self._names: dict[int, str] = {}  # of sockets that are watched
         self._topics: dict[str, tuple[str, ...]] = {}
@@ -108,9 +108,9 @@ class Connections:
         made.max_queued_messages_set(1000)
         made.connect_timeout = CONNECT_S
         made.on_connect, made.on_message = self._on_connect, self._on_message
-        if self._broker.user:
-            made.username_pw_set(self._broker.user, self._broker.password)
-        if self._broker.tls:
+        if self.broker.user:
+            made.username_pw_set(self.broker.user, self.broker.password)
+        if self.broker.tls:
             self._secure(made)
         if will is not None:
             made.will_set(will[0], will[1], qos=1, retain=True)
@@ -119,14 +119,14 @@ class Connections:
         try:
             self._connect(name)
         except (OSError, ValueError) as error:
-            raise MrpSumoError(f"no connection to the broker {self._broker}: {_why(error)}") from None
+            raise MrpSumoError(f"no connection to the broker {self.broker}: {_why(error)}") from None
         until = time.monotonic() + CONNECT_S
         while not made.is_connected() and not self._refused and time.monotonic() < until:
             self._read(0.05)
         self._write()
         if self._refused or not made.is_connected():
             why = self._refused or "no answer"
-            raise MrpSumoError(f"the broker {self._broker} does not let '{name}' in: {why}")
+            raise MrpSumoError(f"the broker {self.broker} does not let '{name}' in: {why}")
 
     def on_return(self, name: str, messages: Mapping[str, bytes]) -> None:
         """Publish these, retained, by topic, whenever the connection is made; now for the first time."""
@@ -170,7 +170,7 @@ class Connections:
         return self._dialect.topic(serial, kind, self._manufacturer)
 
     def _secure(self, client: "Client") -> None:
-        broker = self._broker
+        broker = self.broker
         for path in (broker.ca, broker.certificate, broker.key):
             if path is not None:
                 require_regular(path, 2**20)
@@ -186,7 +186,7 @@ class Connections:
 
     def _connect(self, name: str) -> None:
         client = self._clients[name]
-        client.connect(self._broker.host, self._broker.port, KEEP_ALIVE_S)
+        client.connect(self.broker.host, self.broker.port, KEEP_ALIVE_S)
         found: Any = client.socket()
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._names[found.fileno()] = name

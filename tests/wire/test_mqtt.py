@@ -1,6 +1,7 @@
 """Vehicles at a real broker, on the loopback: what is said when connections come and go, and what is refused."""
 
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -56,6 +57,7 @@ def heard(link, wanted, seconds=5.0):
     return found
 
 
+@pytest.mark.slow
 def test_broken_connection_is_said_by_the_broker(broker):
     dialect = Dialect("3.0")
     vehicles = VehicleLink(Connections(broker, dialect, "maker"))
@@ -83,6 +85,7 @@ def heard_while(master, vehicles):
     return found
 
 
+@pytest.mark.slow
 def test_fleet_at_a_broker_from_the_command_line(broker, tmp_path, capsys):
     scenario(tmp_path)
     (tmp_path / "password").write_text("secret\n")
@@ -96,6 +99,26 @@ def test_fleet_at_a_broker_from_the_command_line(broker, tmp_path, capsys):
     assert kinds == {"connection", "factsheet", "state", "visualization"}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["2.1", "3.0"])
+def test_our_master_drives_our_vehicles_through_a_broker_to_all_goals(broker, tmp_path, version):
+    scenario(tmp_path)
+    (tmp_path / "password").write_text("secret\n")
+    at = ["vda5050", str(tmp_path / "carts.yaml"), "--broker", f"127.0.0.1:{broker.port}", "--user", "fleet", "--version", version]
+    at += ["--password-file", str(tmp_path / "password"), "--speed", "10"]
+    command = [sys.executable, "-m", "mrp_sumo", *at, "--duration", "600", "--log", str(tmp_path / "fleet.jsonl")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as fleet:
+        assert "2 vehicles" in fleet.stdout.readline()
+        assert main([*at, "--as", "master", "--out", str(tmp_path / "run"), "--log", str(tmp_path / "master.jsonl")]) == 0
+        fleet.send_signal(signal.SIGINT)
+        assert fleet.wait(20) == 0
+    found = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert found["status"] == "completed" and found["audit"]["num_overlaps"] == 0
+    for name in ("fleet.jsonl", "master.jsonl"):
+        assert main(["validate", "--vda5050", str(tmp_path / name)]) == 0
+
+
+@pytest.mark.slow
 def test_wrong_password_is_a_line(broker, tmp_path, capsys):
     scenario(tmp_path)
     assert main(["vda5050", str(tmp_path / "carts.yaml"), "--broker", f"127.0.0.1:{broker.port}", "--user", "fleet"]) == 2
@@ -118,6 +141,9 @@ def test_wrong_password_is_a_line(broker, tmp_path, capsys):
         (["--broker", "x", "--fault", "robot_0:explosion@3"], "'explosion' is no fault"),
         (["--broker", "x", "--fault", "robot_9:breakdown@3"], "'robot_9' is not a robot"),
         (["--broker", "x", "--fault", "robot_0:breakdown@soon"], "expected ROBOT:KIND@SECONDS"),
+        (["--broker", "x", "--as", "master", "--fault", "robot_0:breakdown@3"], "--fault is for --as fleet"),
+        (["--broker", "x", "--out", "run"], "--out is for --as master"),
+        (["--broker", "127.0.0.1:1", "--as", "master"], "no connection to the broker 127.0.0.1:1: connection refused"),
         (["--broker", "127.0.0.1:1", "--tls", "--ca", "carts.yaml"], "TLS: carts.yaml"),
     ],
 )

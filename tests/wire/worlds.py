@@ -100,3 +100,23 @@ def carts(folder, version="3.0", faults=(), reporting=None, **changes):
         with VirtualFleet(setup, maps.network(setup.problem.graph), ours, Dialect(version), reporting, faults) as fleet:
             fleet.greet()
             yield Master(fleet, theirs, Dialect(version))
+
+
+class Coupled:
+    """A master's end of a loopback whose fleet lives a step whenever the master waits."""
+
+    def __init__(self, fleet, link):
+        self.fleet, self.link, self.said = fleet, link, []
+
+    def publish(self, serial, kind, payload):
+        self.said.append((self.fleet.now_s, serial, kind, json.loads(payload)))
+        self.link.publish(serial, kind, payload)
+
+    def receive(self, wait_s):
+        self.fleet.step(self.fleet.link.receive(0.0))
+        found = self.link.receive(0.0)
+        self.said += [(self.fleet.now_s, one.serial, one.kind, json.loads(one.payload)) for one in found]
+        return found
+
+    def close(self):
+        pass

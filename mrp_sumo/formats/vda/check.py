@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 from mrp_sumo.errors import nearest
@@ -88,6 +89,7 @@ STAMP = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z")
 OFF_ROUTE_M = 0.5  # from the straight line between the nodes around a vehicle, besides a share of its length
 OFF_SHARE = 0.25
 MOST_SILENT_S = 31.0  # between states
+MOST_LATE_S = 2.0  # that a vehicle still speaks of the order before
 SPARE = 1.5  # of the speed that a factsheet names
 LONGEST_LINE = 8 * 2**20
 WORDS = 60  # of what a message shows
@@ -114,6 +116,8 @@ class _Vehicle:
     update: int = -1
     base: dict[int, Any] = field(default_factory=dict)  # released nodes and edges by sequence number
     ahead: dict[int, Any] = field(default_factory=dict)  # those that are not
+    before: tuple[str, int, dict[int, Any], dict[int, Any]] = ("", 0, {}, {})  # the same of the order or update before
+    ordered_s: float = -math.inf  # when the last came
     old_orders: set[str] = field(default_factory=set)
     actions: dict[str, Any] = field(default_factory=dict)  # by identifier: where it is to be done
     instant: set[str] = field(default_factory=set)
@@ -310,6 +314,7 @@ class _Message:
     def _kept(self, nodes: list[Any], edges: list[Any]) -> Iterator[str]:
         """Note the order; actions have identifiers of their own."""
         payload, vehicle = self.payload, self.vehicle
+        vehicle.before, vehicle.ordered_s = (vehicle.order_id, vehicle.update, dict(vehicle.base), vehicle.ahead), self.t_s
         if payload["orderId"] != vehicle.order_id:
             vehicle.old_orders.add(vehicle.order_id)
             vehicle.base, vehicle.passed = {}, nodes[0]["sequenceId"]
@@ -337,33 +342,49 @@ class _Message:
         yield from self._action_states()
         place = payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
         if isinstance(place, Mapping) and all(type(place.get(key)) in NUMBER for key in "xy"):
-            yield from self._whereabouts(float(place["x"]), float(place["y"]))
+            if payload["orderId"] == vehicle.order_id:
+                yield from self._whereabouts(float(place["x"]), float(place["y"]))
             yield from self._motion(place)
 
     def _progress(self) -> Iterator[str]:
         payload, vehicle = self.payload, self.vehicle
-        if payload["orderId"] != vehicle.order_id:
-            yield f"orderId '{payload['orderId'][:WORDS]}', but the order is '{vehicle.order_id[:WORDS]}'"
+        order_id, update, base, ahead = vehicle.order_id, vehicle.update, vehicle.base, vehicle.ahead
+        if self._crosses_order():
+            order_id, update, base, ahead = vehicle.before
+            if not order_id:
+                return
+        if payload["orderId"] != order_id:
+            yield f"orderId '{payload['orderId'][:WORDS]}', but the order is '{order_id[:WORDS]}'"
             return
-        if payload["orderUpdateId"] != vehicle.update:
-            yield f"orderUpdateId {payload['orderUpdateId']}, but the update is {vehicle.update}"
+        if payload["orderUpdateId"] != update:
+            yield f"orderUpdateId {payload['orderUpdateId']}, but the update is {update}"
             return
         last = payload["lastNodeSequenceId"]
-        if last not in vehicle.base or last % 2:
+        if last not in base or last % 2:
             yield f"lastNodeSequenceId is {last}, which is no node of the base: it was not released"
             return
-        if vehicle.base[last].get("nodeId") != payload["lastNodeId"]:
-            yield f"lastNodeId '{payload['lastNodeId'][:WORDS]}', but node {last} is '{vehicle.base[last].get('nodeId')}'"
-        if last < vehicle.passed:
-            yield f"lastNodeSequenceId {last} follows {vehicle.passed}"
-        vehicle.passed = max(vehicle.passed, last)
-        whole = {**vehicle.base, **vehicle.ahead}
+        if base[last].get("nodeId") != payload["lastNodeId"]:
+            yield f"lastNodeId '{payload['lastNodeId'][:WORDS]}', but node {last} is '{base[last].get('nodeId')}'"
+        if order_id == vehicle.order_id:
+            if last < vehicle.passed:
+                yield f"lastNodeSequenceId {last} follows {vehicle.passed}"
+            vehicle.passed = max(vehicle.passed, last)
+        whole = {**base, **ahead}
         for key, parity in (("nodeStates", 0), ("edgeStates", 1)):
             name = "nodeId" if parity == 0 else "edgeId"
             left = [(s, whole[s].get(name), whole[s]["released"]) for s in sorted(whole) if s > last and s % 2 == parity]
             said = [(one.get("sequenceId"), one.get(name), one.get("released")) for one in payload[key] if isinstance(one, Mapping)]
             if said != left:
                 yield f"{key} are {_listed(said)}, but of the order are left {_listed(left)}"
+
+    def _crosses_order(self) -> bool:
+        """Whether a state may have been sent before the vehicle had the last order: it is of the one before, which was a moment ago."""
+        payload, vehicle = self.payload, self.vehicle
+        said = payload["orderId"], payload["orderUpdateId"]
+        is_new = self.t_s - vehicle.ordered_s > MOST_LATE_S
+        return (
+            not is_new and said != (vehicle.order_id, vehicle.update) and (said == vehicle.before[:2] or said[0] == "" == vehicle.before[0])
+        )
 
     def _action_states(self) -> Iterator[str]:
         vehicle = self.vehicle
@@ -401,12 +422,15 @@ class _Message:
     def _motion(self, place: Mapping[str, Any]) -> Iterator[str]:
         """No vehicle is faster than its factsheet says, unless a lift takes it to another map."""
         x, y, vehicle = float(place["x"]), float(place["y"]), self.vehicle
+        now_s = _seconds(self.payload.get("timestamp"))  # as the vehicle says: messages may be late
+        if now_s is None:
+            return
         if vehicle.seen is not None and vehicle.seen[3] == place.get("mapId"):
-            since_s = self.t_s - vehicle.seen[0]
+            since_s = now_s - vehicle.seen[0]
             far = math.hypot(x - vehicle.seen[1], y - vehicle.seen[2])
             if far > SPARE * vehicle.top_mps * since_s + 0.2:
                 yield f"{far:.2f} m from where it was {since_s:.2f} s before, faster than {vehicle.top_mps:g} m/s"
-        vehicle.seen = self.t_s, x, y, place.get("mapId")
+        vehicle.seen = now_s, x, y, place.get("mapId")
 
     def _visualization(self) -> Iterator[str]:
         payload, vehicle = self.payload, self.vehicle
@@ -415,6 +439,16 @@ class _Message:
         place = payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
         if isinstance(place, Mapping) and all(type(place.get(key)) in NUMBER for key in "xy"):
             yield from self._motion(place)
+
+
+def _seconds(stamp: object) -> float | None:
+    """A timestamp in s since 1970; None for what is none."""
+    if not isinstance(stamp, str) or not STAMP.fullmatch(stamp):
+        return None
+    try:
+        return datetime.fromisoformat(stamp).timestamp()
+    except ValueError:
+        return None
 
 
 def members(given: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:

@@ -253,8 +253,6 @@ class Vehicle:
 
     def _receive_order(self, order: Order, now_s: float) -> None:
         check_sequence(order)
-        if BREAKDOWN in self.faults or LOST in self.faults or self.is_empty:  # of level FATAL: nothing new is taken
-            raise RefusalError(errors.NOT_AVAILABLE, "a fault has to be mended before", order.references)
         current = self.order
         if current is not None and order.name == current.name:
             if order.update < current.update:
@@ -295,6 +293,8 @@ class Vehicle:
         if self.is_busy:
             active = self.order.name if self.order else ""
             raise RefusalError(errors.OTHER_ACTIVE, f"'{active}' is not done", order.references)
+        if BREAKDOWN in self.faults or LOST in self.faults or self.is_empty:  # of level FATAL: no new order is taken
+            raise RefusalError(errors.NOT_AVAILABLE, "a fault has to be mended before", order.references)
         if self.dialect.is_new and order.update:
             raise RefusalError(errors.MALFORMED, f"orderUpdateId is {order.update} of a new order, expected 0", order.references)
         first = order.nodes[0]
