@@ -151,7 +151,8 @@ def asked(
     refused, cost = "", math.nan
     if result.status is Status.SOLVED and result.plan is not None:
         cost = float(result.plan.end_s.sum())
-        needs = needs_of(graph, result.plan, lanes_along(graph, result.plan)[0], resources_of(graph, problem.fleet.separation_m))
+        resources = resources_of(graph, problem.fleet.separation_m)
+        needs = needs_of(graph, result.plan, lanes_along(graph, result.plan)[0], resources, problem.fleet.kind)
         try:
             schedule_of(problem, result.plan, needs)
         except PlanError as error:

@@ -202,7 +202,7 @@ def rows_of_schedules(options: argparse.Namespace) -> Iterator[Row]:
         for _ in range(2):  # the second without the loading of code
             begun = time.process_time()
             resources = resources_of(graph, problem.fleet.separation_m)
-            needs = needs_of(graph, plan, lanes_along(problem.graph, plan)[0], resources)
+            needs = needs_of(graph, plan, lanes_along(problem.graph, plan)[0], resources, problem.fleet.kind)
             needed = time.process_time()
             schedule = schedule_of(problem, plan, needs)
             done = time.process_time()

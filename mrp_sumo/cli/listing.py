@@ -82,10 +82,7 @@ def _files(what: str) -> list[Entry]:
     from mrp_sumo.io.scenario import read_scenario
 
     scenarios = [read_scenario(path).scenario for path in files]
-    return [
-        {"name": one.name, "map": one.map.file, "robots": one.robots.count or len(one.robots.starts or ()), "planner": one.planner.name}
-        for one in scenarios
-    ]
+    return [{"name": one.name, "map": one.map.file, "robots": one.robots.size, "planner": one.planner.name} for one in scenarios]
 
 
 def _formats() -> str:

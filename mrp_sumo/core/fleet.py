@@ -3,6 +3,7 @@
 Refuses sizes, speeds and accelerations that are not positive.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +44,7 @@ class RobotType:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """R robots. Arrays are [R] and read-only."""
+    """R robots of K types. Arrays are [R] unless said, and read-only."""
 
     robot_name: tuple[str, ...]
     length_m: FloatArray
@@ -53,11 +54,17 @@ class Fleet:
     decel_mps2: FloatArray
     turn_rate_rad_s: FloatArray
     gap_m: FloatArray
+    kind: IntArray  # index of the type
+    apart_m: FloatArray  # [K, K] the least centre distance at which robots of two types cannot touch, gap included
     type_name: tuple[str, ...] = ()  # [R]; empty where types are not known
 
     @property
     def num_robots(self) -> int:
         return len(self.robot_name)
+
+    @property
+    def num_kinds(self) -> int:
+        return len(self.apart_m)
 
     @property
     def radius_m(self) -> FloatArray:
@@ -67,30 +74,37 @@ class Fleet:
     @property
     def separation_m(self) -> float:
         """The least centre distance at which no two robots of the fleet can touch, gap included."""
-        return float(2 * self.radius_m.max() + self.gap_m.max()) if self.num_robots else 0.0
+        return float(self.apart_m.max()) if self.num_robots else 0.0
+
+
+LIMITS = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
 
 
 def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
     """A fleet of one type, robots named `robot_0` and on."""
+    return fleet_of_types([robot_type], np.zeros(num_robots, np.int64))
 
-    def column(value: float) -> FloatArray:
-        return frozen(np.full(num_robots, value, np.float64))
 
+def fleet_of_types(types: Sequence[RobotType], kind: IntArray) -> Fleet:
+    """A fleet of several types, robots named `robot_0` and on; `kind` [R] says which each of them is."""
+    radius, gap = np.array([(each.radius_m, each.gap_m) for each in types], np.float64).reshape(-1, 2).T
     return Fleet(
-        robot_name=tuple(f"robot_{i}" for i in range(num_robots)),
-        length_m=column(robot_type.length_m),
-        width_m=column(robot_type.width_m),
-        max_speed_mps=column(robot_type.max_speed_mps),
-        accel_mps2=column(robot_type.accel_mps2),
-        decel_mps2=column(robot_type.decel_mps2),
-        turn_rate_rad_s=column(robot_type.turn_rate_rad_s),
-        gap_m=column(robot_type.gap_m),
-        type_name=(robot_type.name,) * num_robots,
+        robot_name=tuple(f"robot_{i}" for i in range(len(kind))),
+        **{name: frozen(np.array([getattr(each, name) for each in types], np.float64)[kind]) for name in LIMITS},
+        kind=frozen(kind),
+        apart_m=frozen(radius[:, None] + radius + np.maximum(gap[:, None], gap)),
+        type_name=tuple(types[k].name for k in kind.tolist()),
     )
 
 
+def batteries_of(types: Sequence[RobotType]) -> tuple[Battery, ...]:
+    """[K] the batteries of some types; none where a type has none."""
+    found = tuple(each.battery for each in types if each.battery is not None)
+    return found if len(found) == len(types) else ()
+
+
 def some_of(fleet: Fleet, robots: IntArray) -> Fleet:
-    """A fleet of some of the robots [K], in this order."""
+    """A fleet of some of the robots [K], in this order; types keep their indices."""
     robot_name, type_name = (tuple(names[r] for r in robots.tolist()) if names else () for names in (fleet.robot_name, fleet.type_name))
-    columns = {name: getattr(fleet, name)[robots] for name in Fleet.__dataclass_fields__ if name not in ("robot_name", "type_name")}
-    return Fleet(robot_name=robot_name, type_name=type_name, **columns)
+    columns = {name: getattr(fleet, name)[robots] for name in (*LIMITS, "kind")}
+    return Fleet(robot_name=robot_name, type_name=type_name, apart_m=fleet.apart_m, **columns)

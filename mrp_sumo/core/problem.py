@@ -5,11 +5,12 @@ Goals that are the same vertex are a problem without a solution, and that is for
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.task import Stop, Task
 from mrp_sumo.errors import PlanError
 
@@ -30,6 +31,8 @@ class Problem:
     start_heading_rad: FloatArray | None = None  # [R] NaN: that of the robot's first lane; None: for all of them
     goal_heading_rad: FloatArray | None = None  # [G] of the robot that stays there, NaN: any; None: at all of them
     effort: int = 0  # labels after which planners that support 'effort' stop, on every machine alike; 0: only when time is up
+    barred: BoolArray | None = None  # [K, L] lanes on which robots of each type have no room; None: all robots may drive everywhere
+    goal_kind: IntArray | None = None  # [G] type of the robots that a goal is for; None: all goals are for any
 
     def __post_init__(self) -> None:
         names, num_vertices = self.fleet.robot_name, self.graph.num_vertices
@@ -61,6 +64,18 @@ class Problem:
     def is_assigned(self) -> bool:
         return bool((self.goal_of >= 0).all())
 
+    @cached_property
+    def graph_of_kind(self) -> tuple[PlanGraph, ...]:
+        """[K] the graph with the lanes of each type; vertices are the same."""
+        return graphs_of_kinds(self.graph, self.barred, self.fleet.num_kinds)
+
+    def for_any(self) -> "Problem":
+        """The same problem with those lanes only on which every robot may drive, for planners that do not tell robots apart."""
+        if self.barred is None:
+            return self
+        barred = self.barred[np.unique(self.fleet.kind)].any(0)
+        return replace(self, graph=_without(self.graph, barred.tobytes()), barred=None)
+
     @property
     def target(self) -> IntArray:
         """[R] goal vertex of each robot; its own start where it has no goal."""
@@ -88,3 +103,15 @@ class Problem:
     def assigned(self, goal_of: IntArray) -> "Problem":
         """The same problem with these assignments."""
         return replace(self, goal_of=frozen(np.asarray(goal_of, np.int64)))
+
+
+def graphs_of_kinds(graph: PlanGraph, barred: BoolArray | None, num_kinds: int) -> tuple[PlanGraph, ...]:
+    """[K] the graph with the lanes of each type of robots, without those that are barred [K, L]; vertices are the same."""
+    return (graph,) * num_kinds if barred is None else tuple(_without(graph, each.tobytes()) for each in barred)
+
+
+@lru_cache(maxsize=16)  # a run asks again and again
+def _without(graph: PlanGraph, barred: bytes) -> PlanGraph:
+    """The graph without some of its lanes, a byte each."""
+    lanes = np.frombuffer(barred, np.bool_)
+    return with_lanes(graph, ~lanes) if lanes.any() else graph

@@ -57,13 +57,16 @@ def one_shot(request: Request) -> Problem:
         When a robot has several stops, or none.
     """
     one_stop_each(request)
+    site, any_closed = request.site, bool(request.closed.any())
     return replace(
-        request.site,
-        graph=with_lanes(request.site.graph, ~request.closed) if request.closed.any() else request.site.graph,
-        fleet=some_of(request.site.fleet, request.robot),
+        site,
+        graph=with_lanes(site.graph, ~request.closed) if any_closed else site.graph,
+        barred=site.barred[:, ~request.closed] if any_closed and site.barred is not None else site.barred,
+        fleet=some_of(site.fleet, request.robot),
         start=frozen(request.start),
         goal=frozen(request.stop),
         goal_of=frozen(np.arange(len(request.robot))),
         start_heading_rad=None,
         goal_heading_rad=None,
+        goal_kind=None,
     )

@@ -85,7 +85,7 @@ class Scenario:
         file = scenario_of(values, Path(folder).resolve(), name)
         if not name:
             chosen = file.scenario
-            size = chosen.robots.count or len(chosen.robots.starts or ())
+            size = chosen.robots.size
             file = ScenarioFile(chosen.model_copy(update={"name": f"{_map_name(chosen)}_{size}"}), file.document, file.options)
         object.__setattr__(self, "file", file)
 
@@ -153,7 +153,7 @@ class Scenario:
         kind = chosen.discretisation
         rows = [
             ("map", f"{chosen.map.file}, {kind.kind} of {kind.cell_m:g} m"),
-            ("robots", f"{_num_robots(chosen)} of type {chosen.robots.type if isinstance(chosen.robots.type, str) else 'custom'}"),
+            ("robots", ", ".join(f"{each.size} of type {_type_name(each)}" for each in chosen.robots.groups)),
             ("assignment", chosen.assignment.mode),
             ("planner", f"{chosen.planner.name}, at most {chosen.planner.time_limit_s:g} s"),
             *((f"  {key}", value) for key, value in chosen.planner.parameters.items()),
@@ -166,7 +166,7 @@ class Scenario:
         chosen = self.file.scenario
         parts = [
             _map_name(chosen),
-            f"{_num_robots(chosen)} robots",
+            f"{chosen.robots.size} robots",
             chosen.planner.name,
             chosen.execution.policy.name,
             f"seed {chosen.seed}",
@@ -212,5 +212,5 @@ def _map_name(chosen: files.Scenario) -> str:
     return Path(chosen.map.file).name.split(".")[0]
 
 
-def _num_robots(chosen: files.Scenario) -> int:
-    return chosen.robots.count or len(chosen.robots.starts or ())
+def _type_name(group: files.RobotGroup) -> str:
+    return group.type if isinstance(group.type, str) else "custom"

@@ -66,7 +66,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed, shut):
     for r in range(len(s_m)):
         k = following[granted[r]]
         if on_lane[r] and grants.ahead[r] >= 0 and k >= 0:
-            allowed[r] = max(allowed[r], room_on_lane(r, k, rules, visits, grants.ahead, s_m))
+            allowed[r] = max(allowed[r], room_on_lane(r, k, kinematics, visits, grants.ahead, s_m))
     for r in order_of_asking(ordered, asked):
         cause[r] = FREE
         other[r] = -1
@@ -121,7 +121,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed, shut):
                 if not on_lane[r] and short_of[k] < np.inf:
                     on_lane[r] = True
                     grants.ahead[r] = claimer[lane[k]] if claims[lane[k]] > 0 else -1
-                    allowed[r] = max(allowed[r], room_on_lane(r, k, rules, visits, grants.ahead, s_m))
+                    allowed[r] = max(allowed[r], room_on_lane(r, k, kinematics, visits, grants.ahead, s_m))
                     claims[lane[k]] += 1
                     claimer[lane[k]] = r
                 asked[r] = min(asked[r], now)
@@ -140,7 +140,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed, shut):
 
 
 @kernel(inline="always")
-def room_on_lane(robot, visit, rules, visits, ahead, s_m):
+def room_on_lane(robot, visit, kinematics, visits, ahead, s_m):
     """How far a robot may drive on the lane to a visit that it has not won: short of it, and behind who is ahead, wherever that one
     comes to a stop. Followers so need no engine that keeps them apart.
     """
@@ -148,7 +148,9 @@ def room_on_lane(robot, visit, rules, visits, ahead, s_m):
     if ahead[robot] >= 0:
         before = visits.next[visits.reached[ahead[robot]]]
         if before >= 0 and visits.lane[before] == visits.lane[visit]:
-            room = min(room, visits.at_m[visit] - (visits.at_m[before] - s_m[ahead[robot]]) - rules.separation_m)
+            other = ahead[robot]
+            radii, gap = kinematics.radius_m[robot] + kinematics.radius_m[other], max(kinematics.gap_m[robot], kinematics.gap_m[other])
+            room = min(room, visits.at_m[visit] - (visits.at_m[before] - s_m[other]) - (radii + gap))
         else:
             ahead[robot] = -1
     return room

@@ -1,9 +1,11 @@
 """The batteries of a fleet while robots drive: drained by what they do, filled at chargers."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mrp_sumo.core.battery import Battery, BatteryLog
-from mrp_sumo.core.graph import BoolArray, FloatArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.drive.state import Motion
 
 BATTERIES = 43  # purpose of the stream of chance
@@ -13,8 +15,13 @@ SAMPLE_S = 10.0
 class Batteries:
     """States of charge of R robots."""
 
-    def __init__(self, battery: Battery, num_robots: int, start: tuple[float, float], seed: int) -> None:
-        self.battery = battery
+    def __init__(self, batteries: Sequence[Battery], kind: IntArray, start: tuple[float, float], seed: int) -> None:
+        """`batteries` [K] are those of the types, `kind` [R] says which each robot is."""
+        num_robots = len(kind)
+        self._of_kind = [(battery, np.flatnonzero(kind == k)) for k, battery in enumerate(batteries)]
+        self._energy_j, self._full_s = (np.zeros(num_robots) for _ in range(2))
+        for battery, mine in self._of_kind:
+            self._energy_j[mine], self._full_s[mine] = battery.energy_j, battery.charge_s(1.0)
         self.level: FloatArray = np.random.default_rng([seed, BATTERIES]).uniform(*start, num_robots)  # [R] shares of the capacity
         self._used_j, self._charged_j = np.zeros(num_robots), np.zeros(num_robots)
         self._before: tuple[float, FloatArray, FloatArray, FloatArray] | None = None  # s, speed, yaw, turn rate
@@ -31,13 +38,15 @@ class Batteries:
             turn_rate = (yaw_rad - yaw_then + np.pi) % (2 * np.pi) - np.pi
             turn_rate /= dt
             mean_mps, accel = (speed_mps + speed_then) / 2, (speed_mps - speed_then) / dt
-            power_w = self.battery.power_w(mean_mps, accel, turn_rate, (turn_rate - rate_then) / dt)
+            turning, power_w = (turn_rate - rate_then) / dt, np.zeros(len(self.level))
+            for battery, mine in self._of_kind:
+                power_w[mine] = battery.power_w(mean_mps[mine], accel[mine], turn_rate[mine], turning[mine])
             used_j = np.where(charging | (self.level <= 0), 0.0, power_w * dt)
-            filled = np.where(charging, dt / self.battery.charge_s(1.0), 0.0)
+            filled = np.where(charging, dt / self._full_s, 0.0)
             before = self.level
-            self.level = np.clip(before - used_j / self.battery.energy_j + filled, 0.0, 1.0)
+            self.level = np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0)
             self._used_j += used_j
-            self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self.battery.energy_j
+            self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self._energy_j
             empty = np.flatnonzero((self.level <= 0) & (before > 0)).tolist()
         self._before = now_s, speed_mps, yaw_rad, turn_rate
         if now_s >= len(self._t_s) * SAMPLE_S - 1e-9:

@@ -39,6 +39,8 @@ class Controller:
             decel_mps2=fleet.decel_mps2,
             turn_rate_rad_s=fleet.turn_rate_rad_s,
             reach_m=fleet.max_speed_mps**2 / (2 * fleet.decel_mps2) + 3 * fleet.max_speed_mps * dt + 0.02,
+            radius_m=fleet.radius_m,
+            gap_m=fleet.gap_m,
         )
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
         self._settings, self._paced = settings, paced
@@ -52,10 +54,9 @@ class Controller:
         """Grant by this policy from now on."""
         self.policy = policy
         settings = self._settings
-        separation_m = self.ledger.resources.separation_m
         asks_late = getattr(policy, "asks_late", False)
         of_policy = (policy.look_ahead + self._braking_lanes(), policy.paced and self._paced, asks_late)
-        self.rules = Rules(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S, *of_policy, separation_m)
+        self.rules = Rules(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S, *of_policy)
 
     def _braking_lanes(self) -> int:
         """How many whole lanes robots may need to come to a stop: who may not claim so many never reaches full speed."""

@@ -24,7 +24,7 @@ def resources_for(problem: Problem, plan: Plan) -> Resources:
     """
     check_lanes(problem, plan)
     check_room(problem)
-    resources = resources_of(problem.graph, problem.fleet.separation_m)
+    resources = resources_of(problem.graph, problem.fleet.apart_m)
     check_groups(problem, resources)
     return resources
 
@@ -67,9 +67,11 @@ def check_room(problem: Problem) -> None:
     where = graph.xy[problem.start]
     pairs = pairs_within(where, separation - 1e-9)
     pairs = pairs[graph.level[problem.start[pairs[:, 0]]] == graph.level[problem.start[pairs[:, 1]]]]
+    apart_m, needed_m = np.hypot(*(where[pairs[:, 0]] - where[pairs[:, 1]]).T), fleet.apart_m[tuple(fleet.kind[pairs].T)]
+    pairs = pairs[apart_m < needed_m - 1e-9]
     if len(pairs):
         i, j = sorted(pairs.tolist())[0]
-        apart = float(np.hypot(*(where[i] - where[j])))
+        apart, separation = float(np.hypot(*(where[i] - where[j]))), float(fleet.apart_m[fleet.kind[i], fleet.kind[j]])
         raise ExecutionError(
             f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.label(int(problem.start[i]))}' "
             f"and '{graph.label(int(problem.start[j]))}', expected {separation:.3f} m or more"
@@ -80,7 +82,7 @@ def check_groups(problem: Problem, resources: Resources) -> None:
     """Refuse two robots that start in one mutex group."""
     inside: dict[int, int] = {}
     for r, vertex in enumerate(problem.start.tolist() if resources.group_name else ()):
-        for zone in resources.zones_of[resources.zones_first[vertex] : resources.zones_first[vertex + 1]].tolist():
+        for zone in resources.zones_at(vertex, int(problem.fleet.kind[r])).tolist():
             other = inside.setdefault(zone, r)
             if zone >= len(resources.zone) and other != r:
                 names, group = problem.fleet.robot_name, resources.group_name[zone - len(resources.zone)]

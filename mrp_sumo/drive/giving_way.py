@@ -84,12 +84,13 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
     avoid, goals = np.zeros(len(grants.holder), np.bool_), np.zeros(len(grants.holder), np.bool_)
     for other in others:
         avoid[around.still_needed(other)] = True
-        goals[around.of_vertex(int(visits.vertex[visits.last[other]]))] = True
+        goals[around.of_vertex(other, int(visits.vertex[visits.last[other]]))] = True
     start = int(visits.vertex[granted])
     begin = float(around.state.motion.s_m[robot] - visits.at_m[granted]) if grants.on_lane[robot] else 0.0
-    if not around.free_for(robot, around.of_vertex(start)):
+    if not around.free_for(robot, around.of_vertex(robot, start)):
         return None
     came: dict[int, int] = {}
+    barred = around.barred(robot)
     heap = [(begin, start, -1)]
     while heap and len(came) < SEARCHED:
         cost, vertex, before = heapq.heappop(heap)
@@ -98,15 +99,15 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
         came[vertex] = before
         if goals[vertex]:
             continue  # it could not come back from beyond
-        if not avoid[around.of_vertex(vertex)].any():
+        if not avoid[around.of_vertex(robot, vertex)].any():
             out = [vertex]
             while (vertex := came[vertex]) >= 0:
                 out.append(vertex)
             return cost, out[::-1]
         for lane in range(int(graph.first[vertex]), int(graph.first[vertex + 1])):
             head, back = int(graph.head[lane]), int(graph.reverse[lane])
-            usable = head not in came and back >= 0 and not around.closed[lane] and not grants.claims[back]
-            if usable and around.free_for(robot, around.of_lane(lane)):
+            usable = head not in came and back >= 0 and not barred[lane] and not grants.claims[back]
+            if usable and around.free_for(robot, around.of_lane(robot, lane)):
                 heapq.heappush(heap, (cost + float(graph.length_m[lane]), head, vertex))
     return None
 
@@ -132,8 +133,8 @@ def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: 
         back=turns_back,
         pause=len(there),
     )
-    passed = [around.of_vertex(v) for v in out[:-1]]
-    passed += [around.of_lane(graph.lane_between(a, b)) for a, b in zip(out[1:], out[:-1])]
+    passed = [around.of_vertex(robot, v) for v in out[:-1]]
+    passed += [around.of_lane(robot, graph.lane_between(a, b)) for a, b in zip(out[1:], out[:-1])]
     back = np.unique(np.concatenate(passed)) if passed else np.zeros(0, np.int64)
-    held = np.isin(back, around.of_vertex(out[-1]))  # needed at the place itself
+    held = np.isin(back, around.of_vertex(robot, out[-1]))  # needed at the place itself
     return GivingWay(robot, others, out[-1], now, back[~held]), way

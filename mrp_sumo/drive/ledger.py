@@ -98,7 +98,7 @@ class Ledger:
         self._of_robot: dict[str, NDArray[Any]] = {name: start.copy() for name in ("first", "last", "reached", "granted")}
         self._goal, self._facing_rad = problem.target, problem.heading_at_target
         at_rest = Departure.at_rest(problem.heading_at_start)
-        laid_out = motion_plan(graph, resources, _at_starts(problem.start), at_rest, np.zeros(0, np.int64))
+        laid_out = motion_plan(graph, resources, _at_starts(problem.start), at_rest, np.zeros(0, np.int64), problem.fleet.kind)
         self._write(laid_out, np.ones(num_robots, np.bool_))
         self._columns["robot"][:num_robots] = start
         self._columns["arrived_s"][:num_robots] = 0.0
@@ -232,7 +232,7 @@ class Ledger:
         plan = _from_joints(ways, self._columns["vertex"][joint], now_s)
         departure = self._departure(robots, joint, ways)
         needless = np.flatnonzero(np.isin(robots, sorted(replan.left_alone)))
-        laid_out = motion_plan(self.graph, self.resources, plan, departure, needless)
+        laid_out = motion_plan(self.graph, self.resources, plan, departure, needless, self.problem.fleet.kind[robots])
         fresh = np.ones(plan.num_visits, np.bool_)  # all but the joints, which are here already
         fresh[plan.first[:-1]] = False
         before = self.num_visits, self.num_needs

@@ -145,12 +145,12 @@ class Drive:
             self.ledger.problem,
             settings.planning.budget_s,
             parking=settings.parking,
-            battery=settings.battery,
+            batteries=settings.batteries,
             charging=settings.charging,
         )
         self.batteries: Batteries | None = None
-        if settings.tasks and settings.battery is not None:
-            self.batteries = Batteries(settings.battery, self.ledger.num_robots, settings.start_level, settings.seed)
+        if settings.tasks and settings.batteries:
+            self.batteries = Batteries(settings.batteries, self.ledger.problem.fleet.kind, settings.start_level, settings.seed)
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.around, self.work, self.controller.kinematics)
         self._reported: set[str] = set()  # why there was no plan

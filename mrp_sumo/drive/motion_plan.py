@@ -48,7 +48,7 @@ class MotionPlan:
     left_at_m: FloatArray  # [M] along the robot's way where a need ends, inf: never
 
 
-def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray) -> MotionPlan:
+def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray, kind: IntArray) -> MotionPlan:
     """Lay out a plan along the robots' ways.
 
     Parameters
@@ -63,6 +63,8 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
         Of these robots.
     needless
         Robots whose last visit needs nothing: they will not be granted it.
+    kind
+        [K] types of the robots.
     """
     lane, _ = lanes_along(graph, plan)
     begin, last = plan.first[:-1], plan.first[1:] - 1
@@ -82,13 +84,13 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
     turns = np.zeros(plan.num_visits, np.bool_)
     turns[:-1] = np.abs(_wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
-    needs = needs_of(graph, plan, lane, resources)
-    left_at = left_after_m(graph, plan, lane, from_m, at_m, stretch, needs, resources)
+    needs = needs_of(graph, plan, lane, resources, kind)
+    left_at = left_after_m(graph, plan, lane, from_m, at_m, stretch, needs, resources, kind)
     if len(needless):
         kept = ~np.isin(needs.visit, last[needless])
         first = np.searchsorted(needs.visit[kept], np.arange(plan.num_visits + 1)).astype(np.int64)
         needs, left_at = Needs(frozen(first), needs.resource[kept], needs.on_lane[kept], needs.num_resources), left_at[kept]
-    short_of = _short_of(resources, lane, from_m, at_m, stretch)
+    short_of = _short_of(resources, lane, from_m, at_m, stretch, np.repeat(kind, np.diff(plan.first)))
     return MotionPlan(plan, lane, from_m, at_m, heading, turns, short_of, needs, left_at)
 
 
@@ -112,14 +114,16 @@ def _along(first: IntArray, length: FloatArray) -> FloatArray:
     return total - np.repeat(total[first[:-1]], np.diff(first))
 
 
-def _short_of(resources: Resources, lane: IntArray, from_m: FloatArray, at_m: FloatArray, stretch: FloatArray) -> FloatArray:
+def _short_of(
+    resources: Resources, lane: IntArray, from_m: FloatArray, at_m: FloatArray, stretch: FloatArray, kind: IntArray
+) -> FloatArray:
     """[N] how far a robot may drive towards a vertex that is not free: clear of it and of the vertex behind. inf where a
-    lane has no such place, or is in a zone.
+    lane has no such place, or is in a zone. `kind` [N] is its type.
     """
-    num_vertices = len(resources.zones_first) - 1 - len(resources.ends)
-    in_zone = np.diff(resources.zones_first)[num_vertices + resources.track[lane]] > 0
-    stop = at_m - (resources.enter_m * stretch)[lane]
-    behind = from_m + (resources.leave_m * stretch)[lane]
+    num_vertices = resources.num_places - len(resources.ends)
+    in_zone = np.diff(resources.zones_first)[kind * resources.num_places + num_vertices + resources.track[lane]] > 0
+    stop = at_m - (resources.enter_m * stretch)[kind, lane]
+    behind = from_m + (resources.leave_m * stretch)[kind, lane]
     return np.where((lane >= 0) & ~in_zone & (stop > behind + STANDING_ROOM_M), stop, np.inf)
 
 

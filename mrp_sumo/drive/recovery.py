@@ -228,7 +228,7 @@ class Recovery:
             if not around.stands(r) or self.world.hold_until[r] > now_s or state.yielding.gives_way[r]:
                 continue
             held = (holder >= 0) & (stays & (np.arange(len(stays)) != r))[holder]
-            blocked = closed | lanes_needing(graph, around.resources, held)
+            blocked = around.barred(r) | lanes_needing(graph, around.resources, held)
             granted = around.granted(r)
             ahead = visits.lane[self.ledger.ids(r, granted)[1:]]
             if not blocked[ahead].any():
@@ -236,7 +236,7 @@ class Recovery:
             back = bool(state.grants.on_lane[r])
             start, goal = int(visits.vertex[granted]), int(visits.vertex[visits.last[r]])
             route = shortest_route(graph, ~blocked, start, goal)
-            if route is None or (back and not around.free_for(r, around.of_vertex(start))):
+            if route is None or (back and not around.free_for(r, around.of_vertex(r, start))):
                 continue
             follows = np.array(route if back else route[1:], np.int64)
             times = np.full(len(follows), now_s)

@@ -13,10 +13,12 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
 from mrp_sumo.core.plan import Plan, Status
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request, one_shot, one_stop_each
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
+from mrp_sumo.planning.answers import as_supported
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.route import reach_m
 from mrp_sumo.traffic.resources import Resources
@@ -88,11 +90,11 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
     start, back = visits.vertex[joint].copy(), np.zeros(len(stays), np.bool_)
     on_lane = grants.on_lane & (joint == visits.granted)
     for r in np.flatnonzero(joint != visits.granted).tolist():
-        taken[around.of_vertex(int(start[r]))] = r
+        taken[around.of_vertex(r, int(start[r]))] = r
     waits = stays | around.entering
     for r in np.flatnonzero(on_lane & ~waits).tolist():
         ahead = around.ahead(r)
-        on, behind = around.of_lane(int(visits.lane[ahead])), around.of_vertex(int(start[r]))
+        on, behind = around.of_lane(r, int(visits.lane[ahead])), around.of_vertex(r, int(start[r]))
         if ((taken[on] < 0) | (taken[on] == r)).all():
             taken[on], start[r] = r, visits.vertex[ahead]
         elif around.stands(r) and ((taken[behind] < 0) | (taken[behind] == r)).all():
@@ -105,7 +107,7 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
         lane = int(visits.lane[around.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
     robots = np.flatnonzero(~waits)
-    goal, cut_off = _goals(graph, ~blocked, start[robots], end[robots])
+    goal, cut_off = _goals(ledger.problem, robots, ~blocked, start[robots], end[robots])
     request = Request(
         now_s=now_s,
         site=ledger.problem,
@@ -199,7 +201,7 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits
         problem = replace(one_shot(request), drivable=True, window_steps=window, effort=limits.effort)
         _prepare(method)
         began = perf_counter()
-        result = method.plan(problem, GUARD_S)
+        result = method.plan(as_supported(method, problem), GUARD_S)
     except MrpSumoError as error:
         raise PlanError(f"{planner}: {error}") from error
     if perf_counter() - began >= GUARD_S:
@@ -229,21 +231,25 @@ def _prepare_once(method: Planner) -> None:
 
 
 def lanes_needing(graph: NavGraph, resources: Resources, resource: BoolArray) -> BoolArray:
-    """[L] lanes for which a robot needs one of these resources [Q]."""
+    """[L] lanes for which a robot, of whatever type, needs one of these resources [Q]."""
     num_vertices = graph.num_vertices
     zones = resource[num_vertices:]
-    place = np.zeros(len(resources.zones_first) - 1, np.bool_)
+    place = np.zeros(resources.num_places, np.bool_)
     place[:num_vertices] = resource[:num_vertices]
-    of_place = np.repeat(np.arange(len(place)), np.diff(resources.zones_first))
+    of_place = np.repeat(np.tile(np.arange(len(place)), resources.num_kinds), np.diff(resources.zones_first))
     np.logical_or.at(place, of_place, zones[resources.zones_of])
     needing: BoolArray = place[graph.head] | place[num_vertices + resources.track]
     return needing
 
 
-def _goals(graph: NavGraph, open_: BoolArray, start: IntArray, target: IntArray) -> tuple[IntArray, Sequence[int]]:
-    """[K] targets that can be reached, or the start, and who has to stay there."""
-    reach = reach_m(graph, open_, start)
-    goal = np.where(np.isfinite(reach[np.arange(len(start)), target]), target, start)
+def _goals(problem: Problem, robots: IntArray, open_: BoolArray, start: IntArray, target: IntArray) -> tuple[IntArray, Sequence[int]]:
+    """[K] targets that some robots can reach over open lanes, or the start, and who has to stay there."""
+    goal, kind = start.copy(), problem.fleet.kind[robots]
+    for k in np.unique(kind).tolist():
+        mine = np.flatnonzero(kind == k)
+        reach = reach_m(problem.graph, open_ if problem.barred is None else open_ & ~problem.barred[k], start[mine])
+        reaches = np.isfinite(reach[np.arange(len(mine)), target[mine]])
+        goal[mine[reaches]] = target[mine[reaches]]
     while True:  # who stays may stand on another's goal: that one stays too
         values, count = np.unique(goal, return_counts=True)
         contested = np.isin(goal, values[count > 1]) & (goal != start)

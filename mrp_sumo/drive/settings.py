@@ -53,7 +53,7 @@ class ExecutionSettings:
     planner_parameters: Mapping[str, Any] = field(default_factory=dict)
     tasks: tuple[TaskSource, ...] = ()
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
-    battery: Battery | None = None  # of each robot; in runs with tasks
+    batteries: tuple[Battery, ...] = ()  # of each type of robots, if they have some; in runs with tasks
     charging: Charging | None = None
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
     planning: Planning = Planning()

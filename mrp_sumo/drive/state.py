@@ -98,6 +98,8 @@ class Kinematics(NamedTuple):
     decel_mps2: FloatArray
     turn_rate_rad_s: FloatArray
     reach_m: FloatArray  # before the end of its grant at which a robot asks for more, first come first served or where the order may change
+    radius_m: FloatArray  # of the circle around each
+    gap_m: FloatArray  # that each keeps
 
 
 class Rules(NamedTuple):
@@ -109,7 +111,6 @@ class Rules(NamedTuple):
     look_ahead: int  # how many visits ahead of its position a robot may claim at most, with those that it needs to brake
     paced: bool  # whether a robot that is early drives slower
     asks_late: bool  # whether robots claim no more than they need to drive on, so that the order of more passages may change
-    separation_m: float  # the least distance of two robots' centres
 
 
 class Facilities(NamedTuple):

@@ -60,18 +60,23 @@ class Surroundings:
         """The visit after that, -1: none."""
         return int(self.ledger.visits.next[self.granted(robot)])
 
-    def of_lane(self, lane: int) -> IntArray:
+    def of_lane(self, robot: int, lane: int) -> IntArray:
         """What a robot needs to drive on a lane to its end."""
-        head, found = int(self.graph.head[lane]), self.resources
-        return np.concatenate([[head], self.of_vertex(head)[1:], self._zones(self.graph.num_vertices + int(found.track[lane]))])
+        head, track = int(self.graph.head[lane]), int(self.resources.track[lane])
+        return np.concatenate([self.of_vertex(robot, head), self._zones(robot, self.graph.num_vertices + track)])
 
-    def of_vertex(self, vertex: int) -> IntArray:
+    def of_vertex(self, robot: int, vertex: int) -> IntArray:
         """What a robot needs to stand on a vertex."""
-        return np.concatenate([[vertex], self._zones(vertex)])
+        return np.concatenate([[vertex], self._zones(robot, vertex)])
 
-    def _zones(self, place: int) -> IntArray:
-        found = self.resources
-        return self.graph.num_vertices + found.zones_of[found.zones_first[place] : found.zones_first[place + 1]]
+    def _zones(self, robot: int, place: int) -> IntArray:
+        kind = int(self.ledger.problem.fleet.kind[robot])
+        return self.graph.num_vertices + self.resources.zones_at(place, kind)
+
+    def barred(self, robot: int) -> BoolArray:
+        """[L] lanes that are closed, or on which a robot of this type has no room."""
+        problem = self.ledger.problem
+        return self.closed if problem.barred is None else self.closed | problem.barred[problem.fleet.kind[robot]]
 
     def free_for(self, robot: int, needs: IntArray) -> bool:
         holder = self.state.grants.holder[needs]

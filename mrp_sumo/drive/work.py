@@ -13,8 +13,9 @@ from itertools import chain
 import numpy as np
 
 from mrp_sumo.core.battery import Battery, Charging
+from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.execution import BOOKINGS
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
 from mrp_sumo.core.stream import TaskSource
@@ -49,12 +50,12 @@ class Work:
         lead_s: float = 0.0,
         *,
         parking: Sequence[int] = (),
-        battery: Battery | None = None,
+        batteries: Sequence[Battery] = (),
         charging: Charging | None = None,
     ) -> None:
         num_robots = problem.num_robots
         self.out = np.zeros(num_robots, np.bool_)  # [R] robots that will never go on
-        self._parking, self._battery, self._charging = parking, battery, charging
+        self._parking, self._batteries, self._charging = parking, batteries, charging
         self._charges = np.zeros(num_robots, np.bool_)  # [R] whether the task is to charge
         self._level = np.ones(num_robots)  # [R] states of charge
         self._num_charges = 0
@@ -77,7 +78,8 @@ class Work:
         self._waiting: list[int] = []  # tasks that nobody has, by urgency
         self._sources = [_Source(source.tasks(), source.num_open) for source in sources]
         self._again_s = 0.0
-        self._outwards: dict[int, tuple[int, ...]] = {}  # vertices by their distance from one, found once
+        self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one, found once
+        self._piece: dict[int, IntArray] = {}  # [V] strong components of the graphs of types
 
     @property
     def unassigned(self) -> Sequence[int]:
@@ -149,7 +151,9 @@ class Work:
         """
         if (wrong := next(((r, k) for r, k in given.items() if not self.can_do(r, k)), None)) is not None:
             name, needs = self.problem.fleet.robot_name[wrong[0]], self.tasks[wrong[1]]
-            raise PlugInError(f"task '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
+            if self._has_room(*wrong):
+                raise PlugInError(f"task '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
+            raise PlugInError(f"task '{needs.name}' is nothing for {name}, which has no room on the way")
         self.news = False
         passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
         keeps = (self.current != NONE) & ~passed_on
@@ -210,9 +214,24 @@ class Work:
         return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
 
     def can_do(self, robot: int, task: int) -> bool:
-        """Whether a robot is of the type that a task needs."""
+        """Whether a robot is of the type that a task needs, and has room on the way to its stops."""
         needed, types = self.tasks[task].robot_type, self.problem.fleet.type_name
-        return not needed or types[robot] == needed
+        return (not needed or types[robot] == needed) and self._has_room(robot, task)
+
+    def _has_room(self, robot: int, task: int) -> bool:
+        """Whether a robot's type can come from its start to the stops of a task and back."""
+        if self.problem.barred is None:
+            return True
+        kind = int(self.problem.fleet.kind[robot])
+        if kind not in self._piece:
+            graph = self.problem.graph_of_kind[kind]
+            self._piece[kind] = strong_components(graph.num_vertices, graph.tail, graph.head)
+        piece, start = self._piece[kind], int(self.problem.start[robot])
+        return all(any(piece[v] == piece[start] for v in stop.places) for stop in self.tasks[task].stops)
+
+    def some_cannot(self, task: int) -> bool:
+        """Whether a task is not for every robot."""
+        return bool(self.tasks[task].robot_type) or self.problem.barred is not None
 
     def may_pass_on(self, robot: int) -> bool:
         """Whether a robot has a task and has not come to its first stop."""
@@ -281,12 +300,15 @@ class Work:
         """How long the service at a robot's next stop takes."""
         if not self._charges[r]:
             return self._next(r).service_s
-        assert self._charging is not None and self._battery is not None
-        return max(self._charging.least_s, self._battery.charge_s(max(self._charging.maximum - float(self._level[r]), 0.0)))
+        assert self._charging is not None
+        return max(self._charging.least_s, self._charge_s(r, max(self._charging.maximum - float(self._level[r]), 0.0)))
+
+    def _charge_s(self, r: int, share: float) -> float:
+        """How long charging by a share of the capacity takes a robot."""
+        return self._batteries[int(self.problem.fleet.kind[r])].charge_s(share) if self._batteries else 0.0
 
     def _see_who_charges(self, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
         """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
-        assert self._battery is not None
         level = self._level
         for r in np.flatnonzero((level <= charging.critical) & ~self._charges & ~self.out).tolist():
             if self.may_pass_on(r):
@@ -299,7 +321,7 @@ class Work:
         idle = max(0, len(free) - len(self._waiting))
         room = len(charging.station.places) - int(self._charges.sum())
         for r in sorted(free, key=lambda r: (level[r], r))[: max(0, min(idle, room))]:
-            if self._battery.charge_s(charging.maximum - float(level[r])) >= max(charging.least_s, LEAST_CHARGE_S):
+            if self._charge_s(r, charging.maximum - float(level[r])) >= max(charging.least_s, LEAST_CHARGE_S):
                 self._charge(r, now_s, charging, booked_s)
         ready = np.flatnonzero(self.at_charger & (level >= charging.minimum)).tolist()
         wanted = max(0, len(self._waiting) - len(free))
@@ -311,7 +333,7 @@ class Work:
         number = len(self.tasks)
         stop = Stop(
             charging.station.places[0],
-            self._battery.charge_s(1.0 - float(self._level[r])) if self._battery else 0.0,
+            self._charge_s(r, 1.0 - float(self._level[r])),
             CHARGE,
             charging.station,
         )
@@ -350,14 +372,15 @@ class Work:
 
     def _aims(self, start: IntArray, stops: Mapping[int, Stop], given: Mapping[int, int]) -> tuple[IntArray, BoolArray]:
         """[R] where robots are to go, all different, and whether they can make their stops there. Who is near chooses first."""
-        steps, vertex, made = distances(self.problem.graph), start.copy(), np.zeros(len(start), np.bool_)
+        known = [distances(graph) for graph in self.problem.graph_of_kind]
+        of, vertex, made = [known[k] for k in self.problem.fleet.kind.tolist()], start.copy(), np.zeros(len(start), np.bool_)
         stays = self.busy | self.out
         taken = set(start[stays].tolist())
-        away = {r: min(int(steps.to(v)[start[r]]) for v in stop.places) for r, stop in stops.items()}
+        away = {r: min(int(of[r].to(v)[start[r]]) for v in stop.places) for r, stop in stops.items()}
         around: dict[int, int] = {r: int(start[r]) for r in range(len(start)) if not stays[r]}  # vertices to be near to
         for r in sorted(stops, key=lambda r: (away[r], given.get(r, int(self.current[r])))):
             for makes, choice in ((True, stops[r].places), (False, stops[r].queue)):
-                free = [(int(steps.to(v)[start[r]]), v) for v in choice if v not in taken]
+                free = [(int(of[r].to(v)[start[r]]), v) for v in choice if v not in taken]
                 if free and min(free)[0] < UNREACHABLE:
                     vertex[r], made[r] = min(free)[1], makes
                     taken.add(int(vertex[r]))
@@ -366,27 +389,27 @@ class Work:
             else:
                 around[r] = stops[r].places[0] if away[r] < UNREACHABLE else int(start[r])
         for r in sorted(set(around) - set(stops)):
-            parking = [(int(steps.to(v)[start[r]]), v) for v in self._parking if v not in taken]
+            parking = [(int(of[r].to(v)[start[r]]), v) for v in self._parking if v not in taken]
             if parking and min(parking)[0] < UNREACHABLE:
                 vertex[r] = min(parking)[1]
                 taken.add(int(vertex[r]))
                 del around[r]
         stood_on = set(start.tolist())
         for r, centre in sorted(around.items(), key=lambda item: item[0] not in stops):  # without a place, then without work
-            vertex[r] = self._resting_place(int(start[r]), centre, taken, stood_on)
+            vertex[r] = self._resting_place(r, int(start[r]), centre, taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, made
 
-    def _resting_place(self, at: int, centre: int, taken: set[int], stood_on: set[int]) -> int:
+    def _resting_place(self, r: int, at: int, centre: int, taken: set[int], stood_on: set[int]) -> int:
         """The vertex nearest to another that nobody needs, where best nobody is; not before its doorstep, if a robot waits for it."""
         if at == centre and at not in taken:
             return at
-        graph, doorstep = self.problem.graph, set[int]()
+        graph, doorstep = self.problem.graph_of_kind[int(self.problem.fleet.kind[r])], set[int]()
         if at != centre:
             doorstep = {centre, *graph.head[graph.first[centre] : graph.first[centre + 1]].tolist()}
-        if centre not in self._outwards:
-            self._outwards[centre] = tuple(_outwards(self.problem, centre))
-        free = (v for v in self._outwards[centre] if v not in taken)
+        if (graph, centre) not in self._outwards:
+            self._outwards[graph, centre] = tuple(_outwards(graph, centre))
+        free = (v for v in self._outwards[graph, centre] if v not in taken)
         nearest = next(free)
         return next((v for v in chain((nearest,), free) if v not in doorstep and (v == at or v not in stood_on)), nearest)
 
@@ -417,9 +440,9 @@ def _idle(booked_s: FloatArray) -> FloatArray:
     return np.array([booked_s[STANDS].sum(), booked_s[AT_GOAL]])
 
 
-def _outwards(problem: Problem, start: int) -> Iterator[int]:
+def _outwards(graph: PlanGraph, start: int) -> Iterator[int]:
     """Vertices by their distance from one, then all others."""
-    graph, seen, heap = problem.graph, set[int](), [(0.0, start)]
+    seen, heap = set[int](), [(0.0, start)]
     while heap:
         cost, v = heapq.heappop(heap)
         if v in seen:

@@ -6,6 +6,7 @@ Refuses tasks at places that no robot can reach, in one line.
 from collections.abc import Iterator, Sequence
 
 from mrp_sumo.core.digraph import strong_components
+from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, TaskStream
 from mrp_sumo.core.task import Station
@@ -14,27 +15,27 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 
 def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
     """What no robot can do, for people; '' where all tasks can be done."""
-    graph = problem.graph
-    piece = strong_components(graph.num_vertices, graph.tail, graph.head)
-    if not piece.any():  # all is one piece
+    found = [strong_components(graph.num_vertices, graph.tail, graph.head) for graph in problem.graph_of_kind]
+    if not any(piece.any() for piece in found):  # all is one piece
         return ""
-    starts = {int(piece[v]): v for v in reversed(problem.start.tolist())}  # one robot of each piece
+    of_start = zip(problem.fleet.kind.tolist(), problem.start.tolist())
+    starts = {(k, int(found[k][v])): v for k, v in reversed(list(of_start))}  # one robot of each type and piece
     checked: set[tuple[Station, ...]] = set()
     for name, route in _routes(sources):
-        pieces = {int(piece[v]) for station in route for v in station.places}
+        pieces = {(0, int(found[0][v])) for station in route for v in station.places}
         if route in checked or (len(starts) == 1 and pieces == set(starts)):  # the usual case: one piece
             continue
         checked.add(route)
-        furthest = max((_stops_made(problem, start, route) for start in starts.values()), default=0)
+        furthest = max((_stops_made(problem.graph_of_kind[k], start, route) for (k, _), start in starts.items()), default=0)
         if furthest < len(route):
             before = f" after '{route[furthest - 1].name}'" if furthest else ""
             return f"no robot can reach '{route[furthest].name}'{before}, a stop of '{name}'"
     return ""
 
 
-def _stops_made(problem: Problem, start: int, route: Sequence[Station]) -> int:
+def _stops_made(graph: PlanGraph, start: int, route: Sequence[Station]) -> int:
     """How many stops of a route a robot can make from a vertex."""
-    steps, at = distances(problem.graph), {start}
+    steps, at = distances(graph), {start}
     for made, station in enumerate(route):
         at = {v for v in station.places if min(int(steps.to(v)[u]) for u in at) < UNREACHABLE}
         if not at:

@@ -187,7 +187,7 @@ def finish(
     busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
     flat = ran_empty(execution.batteries, problem.fleet.robot_name) if execution and execution.batteries else ""
     idle = _unanswered(execution) if execution else ""
-    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat, idle)))
+    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat, idle, *setup.notes)))
     if execution:
         let_go_of_samples(execution)
     faults: list[PlugInError] = []

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of, fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.problem import Problem, graphs_of_kinds
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle, Outage
 from mrp_sumo.drive.facilities import lift_names
@@ -33,6 +33,7 @@ from mrp_sumo.io.scenario import (
     DisturbanceChoice,
     ObstacleChoice,
     OutageChoice,
+    RobotShape,
     Scenario,
     ScenarioFile,
     require_trust,
@@ -45,13 +46,13 @@ from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
 from mrp_sumo.metrics.own import own_metric
-from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
 from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.source import place_in_file, resolved
 from mrp_sumo.search.route import shortest_route
-from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
+from mrp_sumo.traffic.draw import draw_by_type, mrp_bench_draw, uniform_draw
 
 TIMES_MAKESPAN, LEAST_TIME_LIMIT_S = 1.5, 300.0  # of an execution without a stated limit
 TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
@@ -68,6 +69,7 @@ class SetUp:
     assigner: Assigner
     planner: Planner
     settings: ExecutionSettings
+    notes: tuple[str, ...] = ()  # what is worth knowing before it is planned, a line each
 
     @property
     def scenario(self) -> Scenario:
@@ -92,23 +94,30 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         One line a fault, naming file and key.
     """
     scenario = file.scenario
-    model, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)
+    models, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)
     if not run_programs and place_in_file(scenario.map.reader or ""):
         raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
     cell_m = scenario.discretisation.cell_m
-    map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, model.radius_m))
+    one_of_each, radius_m = fleet_of_types(models, np.arange(len(models))), max(model.radius_m for model in models)
+    map_ = _located(file, ("map",), lambda: maps.map(scenario.map, file.folder, cell_m, radius_m))
     graph = maps.graph(map_, scenario.discretisation, _doubled(file, map_.nav))
-    _require_fit(file, map_.nav, graph, model)
-    _require_brakes(file, graph, model)
-    graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, model))
+    _require_fit(file, map_.nav, graph, models)
+    _require_brakes(file, graph, models)
+    graph = _with_one_ways(file, map_.nav, _with_room(file, maps, map_, graph, models))
     graph = _with_mutex_groups(file, map_.nav, graph)
-    step_s = scenario.planner.step_s or planned_step_s(graph, fleet_of(model, 1), scenario.execution.step_length_s)
+    step_s = scenario.planner.step_s or planned_step_s(graph, one_of_each, scenario.execution.step_length_s)
     graph = _in_service(file, graph)
-    graph = maps.with_rides(map_, graph, step_s, model.radius_m)
+    graph = maps.with_rides(map_, graph, step_s, radius_m)
     if scenario.execution.doors == "automatic":
-        graph = maps.with_doors(map_, graph, model.radius_m)
-    start, goal = _places(file, map_.nav, graph, fleet_of(model, 1).separation_m)
-    fleet = fleet_of(model, len(start))
+        graph = maps.with_doors(map_, graph, radius_m)
+    barred, notes = _without_room(file, maps, map_, graph, models, chosen_planner)
+    if scenario.robots.fleet is None:
+        start, goal = _places(file, map_.nav, graph, one_of_each.separation_m)
+        fleet = fleet_of_types(models, np.zeros(len(start), np.int64))
+    else:
+        kind = np.repeat(np.arange(len(models)), [group.size for group in scenario.robots.groups])
+        start, goal = _places_by_type(file, map_.nav, graph, barred, kind, one_of_each.separation_m)
+        fleet = fleet_of_types(models, kind)
     for i, breakdown in enumerate(scenario.execution.disturbances.breakdowns):
         if breakdown.robot >= len(start):
             place = file.at("execution", "disturbances", "breakdowns", i, "robot")
@@ -130,14 +139,16 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             start_heading_rad=_headings(scenario.robots.start_heading_deg, len(start)),
             goal_heading_rad=_headings(scenario.robots.goal_heading_deg, len(goal)),
             effort=scenario.planner.budget or 0,
+            barred=barred,
+            goal_kind=None if scenario.robots.fleet is None else fleet.kind,
         ),
     )
     _require_headings(file, problem)
-    if scenario.robots.starts is not None and scenario.tasks is None and not scenario.execution.disturbances.outages:
+    if _named_places(scenario) and scenario.tasks is None and not scenario.execution.disturbances.outages:
         _require_reachable(file, problem)
     if scenario.tasks is not None:
-        settings = _with_tasks(settings, file, map_.nav, problem, model)
-    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings))
+        settings = _with_tasks(settings, file, map_.nav, problem, models)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings), notes)
 
 
 def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
@@ -164,8 +175,8 @@ def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
     return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
 
 
-def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[RobotType, Planner, Assigner, ExecutionSettings]:
-    """What a scenario chooses by name, apart from its map; refused where that are programs which are not trusted.
+def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[RobotType, ...], Planner, Assigner, ExecutionSettings]:
+    """What a scenario chooses by name, apart from its map: the robots' types first; refused where that are programs which are not trusted.
 
     Raises
     ------
@@ -182,7 +193,7 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[RobotType
     if path := _plan_path(scenario, file.folder):
         parameters = {**parameters, "path": str(path)}
     return (
-        _located(file, ("robots", "type"), lambda: robot_type(scenario.robots.type, bundled_folder("robots"), file.folder)),
+        _robot_types(file),
         _planner(file, parameters),
         _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
@@ -198,14 +209,35 @@ def named_files(scenario: Scenario, folder: Path) -> list[Path]:
         Where relative paths begin.
     """
     found = []
-    if isinstance(name := scenario.robots.type, str):
-        bundled = bundled_folder("robots") / f"{name}.yaml"
-        found.append(bundled if bundled.is_file() else folder / name)
+    for group in scenario.robots.groups:
+        if isinstance(group.type, str):
+            bundled = bundled_folder("robots") / f"{group.type}.yaml"
+            found.append(bundled if bundled.is_file() else folder / group.type)
     if path := _plan_path(scenario, folder):
         found.append(path)
     if scenario.tasks is not None and scenario.tasks.file is not None:
         found.append(folder / scenario.tasks.file)
     return found
+
+
+def _robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
+    """The type of each group of robots; those that are written out are told apart by their numbers."""
+    groups, found = file.scenario.robots.groups, []
+    for i, group in enumerate(groups):
+        read = partial(robot_type, group.type, bundled_folder("robots"), file.folder)
+        model = _located(file, _type_at(file, i), read)
+        found.append(replace(model, name=f"custom_{i}") if isinstance(group.type, RobotShape) and len(groups) > 1 else model)
+    return tuple(found)
+
+
+def _type_at(file: ScenarioFile, kind: int) -> Place:
+    """Where a scenario says the type of its robots, or of a group of them."""
+    return ("robots", "type") if file.scenario.robots.fleet is None else ("robots", "fleet", kind, "type")
+
+
+def _named_places(scenario: Scenario) -> bool:
+    """Whether a scenario names starts and goals."""
+    return scenario.robots.starts is not None or any(group.starts and group.goals for group in scenario.robots.fleet or ())
 
 
 def _plan_path(scenario: Scenario, folder: Path) -> Path | None:
@@ -418,15 +450,16 @@ def _steps_of(nav: NavGraph, graph: PlanGraph, lanes: list[int]) -> list[int]:
     return found
 
 
-def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: RobotType) -> None:
-    """Every step is at least as long as two robots' centres are apart."""
-    needed_m = fleet_of(model, 1).separation_m
+def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType]) -> None:
+    """Every step is at least as long as any two robots' centres are apart."""
+    kind, model = max(enumerate(models), key=lambda each: fleet_of(each[1], 1).separation_m)
+    needed_m = fleet_of_types(models, np.arange(len(models))).separation_m
     shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
     if needed_m <= shortest_m + 1e-9:
         return
     chains = chains_of(nav)
     nav = chains.nav if chains else nav
-    what = f"{file.at('robots', 'type')}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
+    what = f"{file.at(*_type_at(file, kind))}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
     length_m = nav.length_m[~nav.is_ride] if graph.kind == "roadmap" else np.full(1, np.inf)
     if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
         lane = int(short[np.argmin(length_m[short])])
@@ -440,18 +473,19 @@ def _require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: Rob
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
 
 
-def _require_brakes(file: ScenarioFile, graph: PlanGraph, model: RobotType) -> None:
+def _require_brakes(file: ScenarioFile, graph: PlanGraph, models: Sequence[RobotType]) -> None:
     """Robots may brake over several lanes, which they then hold; over more than the whole map none would ever come to its speed."""
-    top = min(model.max_speed_mps, float(graph.speed_mps.max(initial=0.0)))
-    across_m = float(np.hypot(*np.ptp(graph.xy, axis=0))) if graph.num_lanes else np.inf
-    braking_m = top**2 / (2 * model.decel_mps2)
-    if braking_m <= across_m:
-        return
-    raise ScenarioError(
-        f"{file.at('robots', 'type')}: '{model.name}' cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
-        f"{braking_m:.4g} m, and '{graph.name}' is {across_m:.4g} m across (decel_mps2: {_rounded(top**2 / (2 * across_m), math.ceil)} or "
-        f"max_speed_mps: {_rounded(math.sqrt(2 * across_m * model.decel_mps2), math.floor)} would do)"
-    )
+    for kind, model in enumerate(models):
+        top = min(model.max_speed_mps, float(graph.speed_mps.max(initial=0.0)))
+        across_m = float(np.hypot(*np.ptp(graph.xy, axis=0))) if graph.num_lanes else np.inf
+        braking_m = top**2 / (2 * model.decel_mps2)
+        if braking_m > across_m:
+            slower = _rounded(math.sqrt(2 * across_m * model.decel_mps2), math.floor)
+            raise ScenarioError(
+                f"{file.at(*_type_at(file, kind))}: '{model.name}' cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
+                f"{braking_m:.4g} m, and '{graph.name}' is {across_m:.4g} m across (decel_mps2: "
+                f"{_rounded(top**2 / (2 * across_m), math.ceil)} or max_speed_mps: {slower} would do)"
+            )
 
 
 def _rounded(value: float, towards: Callable[[float], int]) -> str:
@@ -476,20 +510,48 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
     return f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots"
 
 
-def _with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, model: RobotType) -> PlanGraph:
-    """The graph, or what is left of it where walls leave the robots no room; refused, where the scenario says so."""
+def _with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType]) -> PlanGraph:
+    """The graph, or what is left of it where walls leave the robots no room; refused, where the scenario says so.
+
+    Of several types each has lanes of its own, see `_without_room`.
+    """
     choice = file.scenario.discretisation.clearance
     if choice == "ignore":
         return graph
-    narrow = maps.narrow(map_, graph, model)
-    if choice == "prune":
-        return _located(file, ("discretisation", "clearance"), lambda: maps.pruned(graph, narrow))  # type: ignore[no-any-return]
-    if narrow.notes:
+    if choice == "prune" and len(models) > 1:
+        return graph
+    for narrow in (maps.narrow(map_, graph, model) for model in models):
+        if choice == "prune":
+            return _located(file, ("discretisation", "clearance"), partial(maps.pruned, graph, narrow))  # type: ignore[no-any-return]
+        if not narrow.notes:
+            continue
         fits = "; clearance: prune leaves them out"
         if (radius_m := narrow.radius_that_fits_m) > 0:
             fits = f"; a robot that needs no more than {radius_m:.2f} m around its centre would fit{fits}"
         raise ScenarioError(f"{file.at('discretisation', 'clearance')}: '{graph.name}': {', '.join(narrow.notes)}{fits}")
     return graph
+
+
+def _without_room(
+    file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType], chosen_planner: Planner
+) -> tuple[BoolArray | None, tuple[str, ...]]:
+    """[K, L] lanes on which walls leave each of several types no room, None where all have room everywhere; and lines about them."""
+    if len(models) == 1:
+        return None, ()
+    barred, notes = np.zeros((len(models), graph.num_lanes), np.bool_), []
+    for kind, model in enumerate(models):
+        narrow = maps.narrow(map_, graph, model)
+        barred[kind] = narrow.is_barred & ~graph.is_ride  # cabins have walls of their own
+        if barred[kind].all():
+            raise ScenarioError(f"{file.at(*_type_at(file, kind))}: no lane of '{graph.name}' leaves '{model.name}' room beside the walls")
+        if barred[kind].any():
+            notes.append(
+                f"{np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes are none of '{model.name}': {', '.join(narrow.notes)}"
+            )
+    if "types" not in getattr(chosen_planner, "supports", ()):
+        lanes = ", on lanes with room for all types" if notes else ""
+        notes.append(f"'{file.scenario.planner.name}' plans for all robots as for the slowest and largest{lanes}")
+    return (barred if barred.any() else None), tuple(notes)
 
 
 def _drawn(file: ScenarioFile, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
@@ -529,6 +591,29 @@ def _places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: f
         return _drawn(file, graph, separation_m)
     start, goal = _located(file, where, lambda: mrp_bench_draw(len(graph.vertex_of_station), robots.count or 0, file.scenario.seed))
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]
+
+
+def _places_by_type(
+    file: ScenarioFile, nav: NavGraph, graph: PlanGraph, barred: BoolArray | None, kind: IntArray, separation_m: float
+) -> tuple[IntArray, IntArray]:
+    """Plan vertices of starts and goals, group by group; those that are not named are drawn where the robots have room."""
+    scenario, given = file.scenario, []
+    for key in ("starts", "goals"):
+        found = np.full(len(kind), -1)
+        for k, group in enumerate(scenario.robots.groups):
+            if names := getattr(group, key):
+                found[kind == k] = _looked_up(file, nav, graph, ("robots", "fleet", k, key), names)
+        values, times = np.unique(found[found >= 0], return_counts=True)
+        if (times > 1).any():
+            raise ScenarioError(f"{file.at('robots', 'fleet')}: '{graph.label(int(values[times > 1][0]))}' is the {key[:-1]} of two robots")
+        given.append(found)
+    graphs, anywhere = graphs_of_kinds(graph, barred, int(kind.max()) + 1), scenario.robots.draw == "anywhere"
+    given_start, given_goal = given
+    start, goal = _located(
+        *(file, ("robots", "fleet")),
+        lambda: draw_by_type(graphs, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere),
+    )
+    return (start, start) if scenario.tasks is not None else (start, goal)
 
 
 def _headings(degrees: float | list[float | None] | None, count: int) -> FloatArray | None:
@@ -577,7 +662,9 @@ def _as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], nam
     return found
 
 
-def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, problem: Problem, model: RobotType) -> ExecutionSettings:
+def _with_tasks(
+    settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, problem: Problem, models: Sequence[RobotType]
+) -> ExecutionSettings:
     """The settings with the tasks of the scenario, on the vertices of the plan graph, and with what robots do between tasks."""
 
     def vertex_of(name: str) -> int | None:
@@ -592,8 +679,9 @@ def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, 
 
     choice = file.scenario.tasks
     assert choice is not None
-    if choice.charging is not None and model.battery is None:
-        raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{model.name}' has no battery, see robots/turtlebot3.yaml")
+    without = next((model.name for model in models if model.battery is None), None)
+    if choice.charging is not None and without is not None:
+        raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
     start = choice.charging.start_level if choice.charging else (100.0, 100.0)
     site = Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, problem.fleet.type_name)
     sources = sources_of(choice, site, file.scenario.seed, problem.step_s, problem.num_robots)
@@ -604,14 +692,14 @@ def _with_tasks(settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, 
         tasks=sources,
         charging=charging_of(choice, site),
         parking=parking_of(choice, site),
-        battery=model.battery,
+        batteries=batteries_of(models),
         start_level=(start[0] / 100, start[1] / 100),
     )
 
 
 def _require_reachable(file: ScenarioFile, problem: Problem) -> None:
     """Named starts and goals that can never meet are a mistake in the file, not a hard problem."""
-    reach = np.isfinite(cost_matrix(problem.graph, problem.start, problem.goal, "path"))
+    reach = np.isfinite(costs_of(problem, "path"))
     label, name = problem.graph.label, problem.fleet.robot_name
     if file.scenario.assignment.mode == "fixed":
         reach = reach[:, : problem.num_robots] & np.eye(problem.num_robots, dtype=bool)

@@ -16,8 +16,8 @@ from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.io.summary import Summary, count, seconds, summary
-from mrp_sumo.planning.answers import answer_of
-from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.answers import answer_of, as_supported
+from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.outside import Outside, failed
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search import distance
@@ -184,6 +184,9 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     result = answer_of(setup.planner, problem, scenario.planner.time_limit_s)
     result = replace(result, prepare_time_s=prepare_time_s)
     verdict = None
+    if result.status is Status.INFEASIBLE and problem.barred is not None and as_supported(setup.planner, problem) is not problem:
+        hint = f"'{scenario.planner.name}' uses lanes only on which all types have room, continuous and pbs give each its own"
+        result = replace(result, message=f"{result.message}; {hint}")
     if result.goal_of is not None:
         problem = problem.assigned(result.goal_of)
     if result.plan is not None:
@@ -234,11 +237,17 @@ def _assignment(setup: SetUp) -> IntArray:
         case "fixed":
             return np.arange(problem.num_robots, dtype=np.int64)
         case "random":
-            goals = np.full(max(problem.num_robots, len(problem.goal)), -1)
-            goals[: len(problem.goal)] = np.random.default_rng([problem.seed, ASSIGNMENT]).permutation(len(problem.goal))
-            return goals[: problem.num_robots]
+            rng, robot_kind = np.random.default_rng([problem.seed, ASSIGNMENT]), problem.fleet.kind
+            given = np.full(problem.num_robots, -1)
+            for k in np.unique(robot_kind).tolist() if problem.goal_kind is not None else [-1]:
+                robots = np.flatnonzero((robot_kind == k) | (k < 0))
+                goals = np.arange(len(problem.goal)) if k < 0 else np.flatnonzero(problem.goal_kind == k)
+                drawn = np.full(max(len(robots), len(goals)), -1)
+                drawn[: len(goals)] = goals[rng.permutation(len(goals))]
+                given[robots] = drawn[: len(robots)]
+            return given
         case _:
-            cost = cost_matrix(problem.graph, problem.start, problem.goal, choice.cost)
+            cost = costs_of(problem, choice.cost)
             return setup.assigner.assign(cost, setup.scenario.planner.time_limit_s)
 
 

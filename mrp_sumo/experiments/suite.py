@@ -268,6 +268,9 @@ def _base(document: Document, suite: Suite, path: Path) -> tuple[dict[str, Any],
         value = base[section][key]
         if isinstance(value, str) and (file.folder / value).is_file():
             base[section][key] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
+    for group in base["robots"]["fleet"] or ():
+        if isinstance(value := group["type"], str) and (file.folder / value).is_file():
+            group["type"] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
     for place, _, name in plug_ins_of(file.scenario):
         if found := place_in_file(name):
             rename(base, place, f"{Path(os.path.relpath(file.folder / found[0], path.parent)).as_posix()}:{found[1]}")
@@ -406,7 +409,7 @@ def _names(scenario: Scenario) -> tuple[str, ...]:
     parts = (
         scenario.map.file,
         scenario.map.reader,
-        scenario.robots.type,
+        [group.type for group in scenario.robots.groups],
         scenario.planner,
         scenario.tasks,
         scenario.assignment,

@@ -95,7 +95,7 @@ def _map_facts(file: Any, maps: MapCache) -> dict[str, Any]:
 
     scenario = file.scenario
     cell_m = scenario.discretisation.cell_m
-    found = facts(maps.map(scenario.map, file.folder, cell_m, choices(file)[0].radius_m), cell_m)
+    found = facts(maps.map(scenario.map, file.folder, cell_m, max(model.radius_m for model in choices(file)[0])), cell_m)
     grid = found["grid"] or {}
     return {
         **{f"num_{name}": found[name] for name in ("vertices", "edges", "components")},

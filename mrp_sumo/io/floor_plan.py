@@ -5,13 +5,14 @@ form that Nav2's map_server reads. Reading them back gives the same arrays. Refu
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
 
-from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import read_json, require_regular
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 FARTHEST_M = 1e9
-FLEET_ARRAYS = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
 
 
 def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None) -> None:
@@ -32,7 +32,7 @@ def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None
     document = {
         "schema_version": SCHEMA_VERSION,
         "units": "m, s, rad",
-        "fleet": {"robot_name": list(fleet.robot_name), **{key: getattr(fleet, key).tolist() for key in FLEET_ARRAYS}},
+        "fleet": {"robot_name": list(fleet.robot_name), **{key: getattr(fleet, key).tolist() for key in LIMITS}},
         "plan_graph": {**_graph_document(graph), **about},
         "nav_graph": _graph_document(nav) if nav is not None else None,
     }
@@ -53,8 +53,15 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
     graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
-    arrays: dict[str, Any] = {key: frozen(np.array(fleet[key], np.float64)) for key in FLEET_ARRAYS}
-    return graph, Fleet(tuple(fleet["robot_name"]), **arrays), _graph(nav) if nav else None
+    return graph, _fleet(fleet), _graph(nav) if nav else None
+
+
+def _fleet(document: dict[str, Any]) -> Fleet:
+    """Robots with equal figures are of one type."""
+    columns = np.array([document[key] for key in LIMITS], np.float64).T
+    rows, kind = np.unique(columns, axis=0, return_inverse=True)
+    types = [RobotType("", **dict(zip(LIMITS, row.tolist()))) for row in rows]
+    return replace(fleet_of_types(types, kind.reshape(-1)), robot_name=tuple(document["robot_name"]), type_name=())
 
 
 def write_walls(folder: Path, costmap: "Costmap") -> None:

@@ -204,6 +204,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
 def row_of(record: BatchRecord) -> dict[str, Any]:
     """A record as a row: status, parameters, metrics, and how and where it was made."""
     robots = record["scenario"]["robots"]
+    groups = robots.get("fleet") or [robots]
     return {
         "key": record["key"],
         "scenario_key": record["scenario_key"],
@@ -212,7 +213,7 @@ def row_of(record: BatchRecord) -> dict[str, Any]:
         "reason": record["reason"],
         "repeat": record["repeat"],
         **parameter_columns(record["scenario"]),
-        "num_robots": robots["count"] or len(robots["starts"]),  # also for a run without metrics
+        "num_robots": sum(group["count"] or len(group["starts"] or group["goals"]) for group in groups),  # also for a run without metrics
         **record["metrics"],
         **{name: record[name] for name in ("code", "libsumo", "ortools", *MACHINE_COLUMNS)},
     }

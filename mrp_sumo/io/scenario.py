@@ -131,11 +131,39 @@ class RobotShape(_Strict):
     battery: BatteryShape | None = None
 
 
+class RobotGroup(_Strict):
+    """Robots of one type in a fleet of several."""
+
+    type: str | RobotShape = Field(description="As robots.type.")
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="How many; by default as many as there are starts.")
+    starts: list[str] | None = Field(None, description="Names of vertices; drawn where the type has room by default.")
+    goals: list[str] | None = Field(None, description="Names of vertices, for robots of this group; drawn by default.")
+
+    @property
+    def size(self) -> int:
+        """How many robots."""
+        return self.count or len(self.starts or self.goals or ())
+
+    @model_validator(mode="after")
+    def _enough(self) -> "RobotGroup":
+        if not self.size:
+            raise ValueError("give count, or starts")
+        for key, places in (("starts", self.starts), ("goals", self.goals)):
+            if places is not None and len(places) != self.size:
+                raise ValueError(f"{len(places)} {key} for {self.size} robots")
+        return self
+
+
 class Robots(_Strict):
     """The fleet and where it starts and goes."""
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
     type: str | RobotShape = Field("turtlebot3", description="A type of robots/, a YAML file of the same form, or one written out.")
+    fleet: Annotated[list[RobotGroup], Field(min_length=1)] | None = Field(
+        None,
+        description="Instead of count, type, starts and goals: groups of robots, each of a type. Lanes on which walls leave a type no room "
+        "are not its lanes, and goals of a group are for its robots. A list in the place of `robots` is short for it.",
+    )
     draw: Literal["uniform", "anywhere", "mrp_bench"] = Field(
         "uniform",
         description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable stations; "
@@ -163,19 +191,39 @@ class Robots(_Strict):
                 raise ValueError(f"found {heading!r:.40}, expected degrees from -360 to 360, or a list of them, null where any will do")
         return found
 
+    @property
+    def size(self) -> int:
+        """How many robots."""
+        return sum(group.size for group in self.fleet) if self.fleet else self.count or len(self.starts or ())
+
+    @property
+    def groups(self) -> list[RobotGroup]:
+        """Robots by type; those of one type are one group."""
+        return self.fleet or [RobotGroup(type=self.type, count=self.size)]
+
     @model_validator(mode="after")
     def _enough(self) -> "Robots":
+        if self.fleet is not None:
+            given = [key for key in ("count", "starts", "goals") if getattr(self, key) is not None]
+            given += ["type"] if self.type != Robots.model_fields["type"].default else []
+            if given or self.draw == "mrp_bench":
+                raise ValueError(f"fleet and {given[0] if given else 'draw: mrp_bench'} exclude each other: its groups have their own")
+            return self._with_headings()
         if (self.starts is None) != (self.goals is None):
             raise ValueError("starts and goals go together: give both or neither")
         if self.starts is None and self.count is None:
             raise ValueError("give count, or starts and goals")
         if self.starts is not None and self.count is not None and self.count > len(self.starts):
             raise ValueError(f"count is {self.count}, but there are {len(self.starts)} starts")
+        return self._with_headings()
+
+    def _with_headings(self) -> "Robots":
+        """Refuse lists of headings that are not one for each."""
         for key, headings, places in (
             ("start", self.start_heading_deg, self.starts),
             ("goal", self.goal_heading_deg, self.goals),
         ):
-            expected = self.count if places is None else len(places)
+            expected = self.size if places is None else len(places)
             if isinstance(headings, list) and len(headings) != expected:
                 raise ValueError(f"{key}_heading_deg has {len(headings)} headings, but there are {expected} {key}s")
         return self
@@ -440,6 +488,8 @@ class Scenario(_Strict):
     def _goals_or_tasks(self) -> "Scenario":
         if self.tasks is not None and self.robots.goals != self.robots.starts:
             raise ValueError("robots: goals and tasks exclude each other")
+        if self.tasks is not None and any(group.goals for group in self.robots.fleet or ()):
+            raise ValueError("robots: fleet: goals and tasks exclude each other")
         if self.tasks is not None and self.robots.goal_heading_deg is not None:
             raise ValueError("robots: goal_heading_deg and tasks exclude each other")
         return self
@@ -455,13 +505,14 @@ class Scenario(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _short_forms(cls, data: Any) -> Any:
-        """`map: office`, `planner: cbs`, `discretisation: grid` and `robots: 9` stand for their main key."""
+        """`map: office`, `planner: cbs`, `discretisation: grid` and `robots: 9` stand for their main key, a list of robots for `fleet`."""
         if isinstance(data, dict):
             for key, main, kind in (
                 ("map", "file", str),
                 ("planner", "name", str),
                 ("discretisation", "kind", str),
                 ("robots", "count", int),
+                ("robots", "fleet", list),
             ):
                 if isinstance(data.get(key), kind) and not isinstance(data[key], bool):
                     data = {**data, key: {main: data[key]}}

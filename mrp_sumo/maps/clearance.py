@@ -41,6 +41,11 @@ class Narrow:
     is_narrow_vertex: BoolArray  # [V] the robot touches a wall when it turns, and there are lanes
 
     @property
+    def is_barred(self) -> BoolArray:
+        """[L] lanes without room, and those from and to vertices without."""
+        return self.is_narrow_lane | self.is_narrow_vertex[self.graph.tail] | self.is_narrow_vertex[self.graph.head]
+
+    @property
     def lanes(self) -> IntArray:
         """Lanes without room, a lane and its reverse once, the nearest to a wall first."""
         once = np.flatnonzero(self.is_narrow_lane & ((self.graph.reverse < 0) | (self.graph.tail < self.graph.head)))
@@ -101,7 +106,7 @@ def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
     MapError
         When no lane is left.
     """
-    kept = ~(without.is_narrow_lane | without.is_narrow_vertex[graph.tail] | without.is_narrow_vertex[graph.head])
+    kept = ~without.is_barred
     if not kept.any():
         raise MapError(f"no lane of '{graph.name}' leaves '{without.robot.name}' room beside the walls")
     return graph if kept.all() else with_lanes(graph, kept)

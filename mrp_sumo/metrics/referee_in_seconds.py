@@ -121,7 +121,7 @@ def judge_in_seconds(problem: Problem, plan: Plan, step_length_s: float = 0.1) -
     if not plan.num_visits:
         return Drivability((), ())
     runs = _runs(problem, plan, step_length_s)
-    apart, kind = _apart(problem.fleet)
+    apart, kind = problem.fleet.apart_m, problem.fleet.kind
     cells = _Cells(max(float(apart.max()), float(np.median(runs.length_m))), float(apart.max()))
     pieces = _pieces(problem, plan, runs, cells)
     found = _too_close(plan, pieces, apart - CLOSE_M, kind, cells)
@@ -222,13 +222,6 @@ def _last_turns(problem: Problem, plan: Plan) -> list[str]:
 def _wrapped(angle: FloatArray) -> FloatArray:
     wrapped: FloatArray = (angle + np.pi) % (2 * np.pi) - np.pi
     return wrapped
-
-
-def _apart(fleet: Fleet) -> tuple[FloatArray, IntArray]:
-    """[K, K] the least distances of robots' centres by type, and [R] the type of each robot."""
-    sizes, kind = np.unique(np.stack([fleet.radius_m, fleet.gap_m], 1), axis=0, return_inverse=True)
-    radius, gap = sizes.T
-    return radius[:, None] + radius + np.maximum(gap[:, None], gap), kind.reshape(-1).astype(np.int64)
 
 
 def _fault(problem: Problem, plan: Plan, visit: int, verdict: int) -> str:

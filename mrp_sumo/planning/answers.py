@@ -31,7 +31,10 @@ def impossible(problem: Problem) -> PlanResult | None:
     if clash := goals_clash(problem):
         return clash
     label, name, target = problem.graph.label, problem.fleet.robot_name, problem.target
-    steps = distances(problem.graph).to_all(target)[np.arange(len(target)), problem.start]
+    steps = np.empty(len(target), np.int64)
+    for k, graph in enumerate(problem.graph_of_kind):
+        mine = np.flatnonzero(problem.fleet.kind == k)
+        steps[mine] = distances(graph).to_all(target[mine])[np.arange(len(mine)), problem.start[mine]]
     if (steps >= UNREACHABLE).any():
         robot = int(np.flatnonzero(steps >= UNREACHABLE)[0])
         return PlanResult(
@@ -104,13 +107,18 @@ def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanRes
     """
     began, cpu_began = perf_counter(), process_time()
     try:
-        result = chosen.plan(problem, time_limit_s)
+        result = chosen.plan(as_supported(chosen, problem), time_limit_s)
     except MemoryError:
         time_s = perf_counter() - began
         result = PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
     if result.planning_cpu_s is not None or isinstance(chosen, Outside):
         return result
     return replace(result, planning_cpu_s=process_time() - cpu_began)
+
+
+def as_supported(chosen: Planner, problem: Problem) -> Problem:
+    """The problem as a planner is asked: on lanes for all, unless it knows types of robots (`supports` has 'types')."""
+    return problem if "types" in getattr(chosen, "supports", ()) else problem.for_any()
 
 
 def used_up(problem: Problem, labels: float) -> bool:

@@ -9,11 +9,27 @@ from typing import Literal, get_args
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 CostKind = Literal["euclidean", "manhattan", "path"]
 GOALS_AT_ONCE = 8  # between checks of the clock
+
+
+def costs_of(problem: Problem, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:
+    """[R, G] as `cost_matrix`, each robot on the lanes of its type; inf for goals that are for robots of another type."""
+    robot_kind = problem.fleet.kind
+    if problem.barred is None:
+        cost = cost_matrix(problem.graph, problem.start, problem.goal, kind, check_clock)
+    else:
+        cost = np.empty((problem.num_robots, len(problem.goal)))
+        for k in np.unique(robot_kind).tolist():
+            mine = np.flatnonzero(robot_kind == k)
+            cost[mine] = cost_matrix(problem.graph_of_kind[k], problem.start[mine], problem.goal, kind, check_clock)
+    if problem.goal_kind is not None:
+        cost = np.where(robot_kind[:, None] == problem.goal_kind, cost, np.inf)
+    return frozen(cost)
 
 
 def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:

@@ -4,6 +4,7 @@ Refuses to draw more robots than there are vertices to stand on, or may stand at
 """
 
 import random
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -77,12 +78,7 @@ def uniform_draw(
     PlanError
         When the component has fewer stations than robots, or fewer that robots may stand on at once.
     """
-    station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
-    if graph.is_ride.any():  # who stands at a lift keeps others from it
-        station = station[~graph.having("cabin")[station]]
-    if len(station):
-        piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
-        station = station[piece == np.bincount(piece).argmax()]
+    station = _stations(graph, anywhere=anywhere)
     what = "vertices" if anywhere else "stations"
     _enough(len(station), num_robots, f"{what} that reach each other")
     orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
@@ -91,13 +87,68 @@ def uniform_draw(
     return start.astype(np.int64), goal.astype(np.int64)
 
 
+def draw_by_type(
+    graphs: Sequence[PlanGraph], kind: IntArray, start: IntArray, goal: IntArray, seed: int, separation_m: float, *, anywhere: bool = False
+) -> tuple[IntArray, IntArray]:
+    """Starts and goals of robots of several types, each type on its own lanes; those that are given stay.
+
+    As `uniform_draw`: every drawn start of a type reaches every drawn goal of that type. Types with the fewest stations choose first.
+
+    Parameters
+    ----------
+    graphs
+        [K] one graph with the lanes of each type.
+    kind
+        [R] types of the robots.
+    start, goal
+        [R] vertices, -1 where they are to be drawn.
+    seed, separation_m, anywhere
+        As for `uniform_draw`; the separation is that of the two largest robots.
+
+    Raises
+    ------
+    PlanError
+        When a type has fewer stations than robots, or fewer that robots may stand on at once.
+    """
+    what = "vertices" if anywhere else "stations"
+    stations = [_stations(graph, anywhere=anywhere) for graph in graphs]
+    some = np.unique(np.concatenate([*stations, start[start >= 0], goal[goal >= 0]]))
+    shared, found = _shared(graphs[0], some, separation_m), []
+    for purpose, given in ((STARTS, start), (GOALS, goal)):
+        chosen, taken, rng = given.copy(), set[tuple[str, int]](), np.random.default_rng([seed, purpose])
+        for v in given[given >= 0].tolist():
+            taken |= {*shared.get(v, ()), ("vertex", v)}
+        for k in sorted(np.unique(kind).tolist(), key=lambda k: len(stations[k])):
+            robots = np.flatnonzero((kind == k) & (given < 0)).tolist()
+            for v in rng.permutation(stations[k]).tolist() if robots else ():
+                own = {*shared.get(v, ()), ("vertex", v)}
+                if robots and taken.isdisjoint(own):
+                    taken |= own
+                    chosen[robots.pop(0)] = v
+            count = int(np.count_nonzero((kind == k) & (given < 0)))
+            _enough(count - len(robots), count, f"{what} on which robots of that type may stand at once, beside all others")
+        found.append(chosen)
+    return found[0], found[1]
+
+
+def _stations(graph: PlanGraph, *, anywhere: bool) -> IntArray:
+    """The stations, or all vertices, of the strongly connected component with most of them; none in a lift."""
+    station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
+    if graph.is_ride.any():  # who stands at a lift keeps others from it
+        station = station[~graph.having("cabin")[station]]
+    if len(station):
+        piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
+        station = station[piece == np.bincount(piece).argmax()]
+    return station
+
+
 def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[tuple[str, int]]]:
     """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
     shared: dict[int, set[tuple[str, int]]] = {}
     if any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options)):
         found = resources_of(graph, separation_m)
         for v in station.tolist():
-            zones = found.zones_of[found.zones_first[v] : found.zones_first[v + 1]]
+            zones = found.zones_at(v, 0)
             if groups := {("group", int(g)) for g in zones[zones >= len(found.zone)]}:
                 shared[v] = groups
     near = pairs_within(graph.xy[station], separation_m - 1e-9) if separation_m > 0 else np.zeros((0, 2), np.int64)

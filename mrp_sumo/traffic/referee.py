@@ -112,6 +112,8 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> l
         k = int(outside[0])
         return [f"{names[plan.robot[k]]} visits vertex {plan.vertex[k]}, which the graph does not have"]
     faults = []
+    if problem.barred is not None:
+        faults += _on_barred(problem, plan)
     target = np.where(goal_of >= 0, problem.goal[np.maximum(goal_of, 0)], -1) if len(problem.goal) else np.full(len(names), -1)
     held = goal_of[goal_of >= 0]
     if len(np.unique(held)) != len(held):
@@ -150,6 +152,19 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> l
                 f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {lane_s:g} s"
             )
     return faults
+
+
+def _on_barred(problem: Problem, plan: Plan) -> list[str]:
+    """Moves over lanes on which robots have no room."""
+    graph, fleet, faults = problem.graph, problem.fleet, []
+    assert problem.barred is not None
+    for k, (robot, vertex) in enumerate(zip(plan.robot[:-1].tolist(), plan.vertex[:-1].tolist())):
+        onward = int(plan.vertex[k + 1])
+        lane = graph.lane_between(vertex, onward) if plan.robot[k + 1] == robot else -1
+        if lane >= 0 and problem.barred[fleet.kind[robot], lane]:
+            what = f"{fleet.robot_name[robot]} drives from '{graph.label(vertex)}' to '{graph.label(onward)}' at {plan.depart_s[k]:g} s"
+            faults.append(f"{what}, where a {fleet.type_name[robot] or 'robot of its type'} has no room")
+    return faults[:10]
 
 
 def _without_lane(plan: Plan, graph: NavGraph) -> BoolArray:

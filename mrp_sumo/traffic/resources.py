@@ -11,10 +11,13 @@ A mutex group is a set of places that only one robot at a time may be on, whatev
 whose option `mutex` (Open-RMF's) has one name, and vertices all of whose lanes belong to it. The cabin of a lift is one, too: what has
 its name as option `cabin`. Rides in it are on no floor, so that they are near to nothing.
 
+Robots of several types have a separation for each pair of types. A zone is then two places, and the types that need it at each: small
+robots pass beside each other where a large one passes alone. At vertices, who leaves is far enough away for the largest.
+
 Together: a robot that holds the vertices and zones of its visits is R away from every other robot that holds its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -29,19 +32,20 @@ LEFT_M = 0.003  # before the lane's end a robot has left the vertex behind it at
 
 @dataclass(frozen=True, eq=False)
 class Resources:
-    """Vertices, zones and groups of a graph with V vertices, L lanes, T tracks, Z zones and G groups.
+    """Vertices, zones and groups of a graph with V vertices, L lanes, T tracks, Z zones and G groups, for robots of K types.
 
     Places are numbered: vertices 0 to V - 1, then tracks. Zone z is resource V + z, group g resource V + Z + g.
     """
 
-    separation_m: float
+    apart_m: FloatArray  # [K, K] least distance of two robots' centres, by type
     track: IntArray  # [L] of each lane
     ends: IntArray  # [T, 2] vertices of each track, the lower first
-    leave_m: FloatArray  # [L] how far along a lane a robot frees its tail
-    enter_m: FloatArray  # [L] how far before a lane's head a robot may stand while another holds the head
+    leave_m: FloatArray  # [K, L] how far along a lane a robot frees its tail
+    enter_m: FloatArray  # [K, L] how far before a lane's head a robot may stand while another holds the head
     zone: IntArray  # [Z, 2] places, the lower first; ascending
+    zone_needs: BoolArray  # [Z, 2, K] the types that need a zone at either place
     group_name: tuple[str, ...]  # [G] ascending
-    zones_first: IntArray  # [V + T + 1] CSR: zones of each place, and groups, numbered on from Z
+    zones_first: IntArray  # [K (V + T) + 1] CSR: zones of each place for each type, type by type, and groups, numbered on from Z
     zones_of: IntArray
 
     @property
@@ -49,57 +53,95 @@ class Resources:
         """Zones and groups."""
         return len(self.zone) + len(self.group_name)
 
+    @property
+    def num_kinds(self) -> int:
+        return len(self.apart_m)
 
-@lru_cache(maxsize=2)  # retiming and driving ask for the same
-def resources_of(graph: NavGraph, separation_m: float) -> Resources:
+    @property
+    def num_places(self) -> int:
+        return (len(self.zones_first) - 1) // self.num_kinds
+
+    def zones_at(self, place: int, kind: int) -> IntArray:
+        """Zones and groups of a place for a type of robots."""
+        row = kind * self.num_places + place
+        return self.zones_of[self.zones_first[row] : self.zones_first[row + 1]]
+
+    def on_lanes(self, kept: BoolArray) -> "Resources":
+        """The same resources, on a graph that has these lanes [L] only."""
+        return replace(self, track=self.track[kept], leave_m=self.leave_m[:, kept], enter_m=self.enter_m[:, kept])
+
+
+def resources_of(graph: NavGraph, apart_m: float | FloatArray) -> Resources:
     """Find them.
 
     Parameters
     ----------
     graph
         With straight lanes. Places on different levels do not meet.
-    separation_m
-        R, the least distance of two robots' centres.
+    apart_m
+        R, the least distance of two robots' centres; [K, K] for robots of several types.
     """
+    apart = np.atleast_2d(np.asarray(apart_m, np.float64))
+    return _resources_of(graph, len(apart), apart.tobytes())
+
+
+@lru_cache(maxsize=2)  # retiming and driving ask for the same
+def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
+    apart_m = np.frombuffer(apart, np.float64).reshape(num_kinds, num_kinds)
     num_vertices = graph.num_vertices
     ends, track = np.unique(np.sort(np.stack([graph.tail, graph.head], 1), axis=1), axis=0, return_inverse=True)
     track = track.reshape(-1)
     on_floor = np.ones(len(ends), np.bool_)
     on_floor[track[graph.is_ride]] = False
-    at_low, at_high = _clearances(graph.xy, ends, on_floor, separation_m)
     forward = graph.tail < graph.head
-    zone = _zones(graph, ends, on_floor, separation_m)
+    leave, enter = np.zeros((2, num_kinds, graph.num_lanes))
+    for kind, most_m in enumerate(apart_m.max(1)):
+        at_low, at_high = _clearances(graph.xy, ends, on_floor, float(most_m))
+        leave[kind] = np.where(forward, at_low[track], at_high[track])
+        enter[kind] = np.where(forward, at_high[track], at_low[track])
+    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max())), apart_m)
     num_places = num_vertices + len(ends)
     group_name, grouped, group = _groups(graph, ends, track)
-    place = np.concatenate([zone.T.reshape(-1), grouped])
-    which = np.concatenate([np.tile(np.arange(len(zone)), 2), len(zone) + group])
-    order = np.lexsort((which, place))
+    place, which = [], []
+    for kind in range(num_kinds):
+        needed = zone_needs[:, :, kind].T.reshape(-1)
+        place.append(kind * num_places + np.concatenate([zone.T.reshape(-1)[needed], grouped]))
+        which.append(np.concatenate([np.tile(np.arange(len(zone)), 2)[needed], len(zone) + group]))
+    at, of = np.concatenate(place), np.concatenate(which)
+    order = np.lexsort((of, at))
     return Resources(
-        separation_m=separation_m,
+        apart_m=frozen(apart_m),
         track=frozen(track),
         ends=frozen(ends),
-        leave_m=frozen(np.where(forward, at_low[track], at_high[track])),
-        enter_m=frozen(np.where(forward, at_high[track], at_low[track])),
+        leave_m=frozen(leave),
+        enter_m=frozen(enter),
         zone=frozen(zone),
+        zone_needs=frozen(zone_needs),
         group_name=group_name,
-        zones_first=frozen(np.searchsorted(place[order], np.arange(num_places + 1)).astype(np.int64)),
-        zones_of=frozen(which[order]),
+        zones_first=frozen(np.searchsorted(at[order], np.arange(num_kinds * num_places + 1)).astype(np.int64)),
+        zones_of=frozen(of[order]),
     )
 
 
-def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources) -> Needs:
+def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, kind: IntArray) -> Needs:
     """What every visit needs: its vertex, the zones of its vertex and those of the track that leads to it.
 
     Parameters
     ----------
     lane
         [N] by which a visit is reached, -1 for first visits.
+    kind
+        [R] types of the plan's robots.
     """
     num_visits, num_vertices = plan.num_visits, graph.num_vertices
     visit = np.arange(num_visits)
     moved = visit[lane >= 0]
+    row = np.repeat(kind, np.diff(plan.first)) * resources.num_places
     parts = [(visit, plan.vertex, np.zeros(num_visits, np.bool_))]
-    for some, place, only_lane in ((visit, plan.vertex, False), (moved, num_vertices + resources.track[lane[moved]], True)):
+    for some, place, only_lane in (
+        (visit, row + plan.vertex, False),
+        (moved, row[moved] + num_vertices + resources.track[lane[moved]], True),
+    ):
         count = np.diff(resources.zones_first)[place]
         zones = resources.zones_of[_ranges(resources.zones_first[place], count)]
         parts.append((np.repeat(some, count), num_vertices + zones, np.full(len(zones), only_lane)))
@@ -127,6 +169,7 @@ def left_after_m(
     stretch: FloatArray,
     needs: Needs,
     resources: Resources,
+    kind: IntArray,
 ) -> FloatArray:
     """[M] how far along its path a robot has left what it needed, inf where it stays.
 
@@ -138,6 +181,8 @@ def left_after_m(
         [N] where that lane begins along its robot's path, and where the visit is.
     stretch
         [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer.
+    kind
+        [R] types of the plan's robots.
     """
     num_vertices = graph.num_vertices
     visit, resource = needs.visit, needs.resource
@@ -147,11 +192,15 @@ def left_after_m(
     after = np.full(len(visit), np.inf)
     shared = num_vertices + len(resources.zone)
     at_vertex = ((resource < num_vertices) | (resource >= shared) & ~needs.on_lane) & (used >= 0)
-    after[at_vertex] = resources.leave_m[used[at_vertex]]
+    of_visit = np.repeat(kind, np.diff(plan.first))[visit]
+    after[at_vertex] = resources.leave_m[of_visit[at_vertex], used[at_vertex]]
     part = np.flatnonzero((resource >= num_vertices) & (resource < shared) & (used >= 0))
     pair = resources.zone[resource[part] - num_vertices]
     mine = np.where(needs.on_lane[part], num_vertices + resources.track[lane[visit[part]]], plan.vertex[visit[part]])
-    after[part] = _last_within(graph, resources, used[part], np.where(pair[:, 0] == mine, pair[:, 1], pair[:, 0]))
+    second = (pair[:, 0] != mine).astype(np.int64)  # whether it is at the second place of the zone
+    others = resources.zone_needs[resource[part] - num_vertices, 1 - second]  # [P, K] who needs it at the other
+    radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1)
+    after[part] = _last_within(graph, resources, used[part], pair[np.arange(len(pair)), 1 - second], radius_m)
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
     left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
     return left
@@ -204,11 +253,11 @@ def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation:
     return found[:num_tracks], found[num_tracks:]
 
 
-def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float) -> IntArray:
-    """[Z, 2] pairs of places closer than the separation that no vertex keeps apart."""
+def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[IntArray, FloatArray]:
+    """[P, 2] pairs of places closer than the separation that no vertex keeps apart, and [P] how far apart they are."""
     num_vertices = graph.num_vertices
     if not len(ends):
-        return np.zeros((0, 2), np.int64)
+        return np.zeros((0, 2), np.int64), np.zeros(0)
     place = segments(graph, ends)
     used = np.unique(ends[on_floor])
     # every track is sampled in the middle of its pieces, so that places closer than R have samples closer than `reach`
@@ -230,8 +279,32 @@ def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: flo
     level = graph.level[corner[:, 0]]
     apart = ~meets & (level[a] == level[b])
     a, b = a[apart], b[apart]
-    close = distance_m(place[a], place[b]) < separation - 1e-9
-    return np.stack([a[close], b[close]], 1)
+    away_m = distance_m(place[a], place[b])
+    close = away_m < separation - 1e-9
+    return np.stack([a[close], b[close]], 1), away_m[close]
+
+
+def _by_types(pair: IntArray, away_m: FloatArray, apart_m: FloatArray) -> tuple[IntArray, BoolArray]:
+    """Zones of pairs of places [P, 2] that are so far apart [P]: [Z, 2] the places, and [Z, 2, K] the types that need the zone at each.
+
+    Robots of two types exclude each other at two places that are closer than they may be. For each type at the first place, the zone is
+    for all that it excludes at the second, and for all at the first that exclude at least these; so whoever excludes another has a
+    zone with him, and nobody else has one.
+    """
+    excludes = away_m[:, None, None] < apart_m - 1e-9  # [P, K at the first place, K at the second]
+    found, first, second = [], [], []
+    for kind in range(len(apart_m)):
+        theirs = excludes[:, kind]
+        known = np.zeros(len(pair), np.bool_)  # the zone of another type that excludes the same
+        for other in range(kind):
+            known |= (excludes[:, other] == theirs).all(1)
+        new = np.flatnonzero(theirs.any(1) & ~known)
+        found.append(new)
+        first.append((excludes[new] >= theirs[new][:, None]).all(2))
+        second.append(theirs[new])
+    which, needs = np.concatenate(found), np.stack([np.concatenate(first), np.concatenate(second)], 1)
+    order = np.argsort(which, kind="stable")
+    return pair[which[order]], needs[order]
 
 
 def groups_of(options: Options) -> list[str]:
@@ -262,9 +335,9 @@ def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str
     return names, pairs[:, 0], pairs[:, 1]
 
 
-def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: IntArray) -> FloatArray:
-    """[N] the farthest along each lane that is closer than the separation to the other place, 0 if nothing is."""
-    target, radius = segments(graph, resources.ends)[other], resources.separation_m
+def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: IntArray, radius: FloatArray) -> FloatArray:
+    """[N] the farthest along each lane that is closer than a radius [N] to the other place, 0 if nothing is."""
+    target = segments(graph, resources.ends)[other]
     begin, along = graph.xy[graph.tail[lane]], graph.xy[graph.head[lane]] - graph.xy[graph.tail[lane]]
     square = (along**2).sum(1)
     # what is close to a segment lies in discs around its ends and in a rectangle between them; all three together are

@@ -13,7 +13,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import goals_clash, impossible
-from mrp_sumo.planning.costs import cost_matrix
+from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.ranking import ranked_assignments
 from planners.conflict_based._tree import Node, OutOfReach, SearchLimits, Tree, limits
 
@@ -72,7 +72,7 @@ class Forest:
 
     def _ranked(self) -> Iterator[tuple[float, Problem]]:
         problem = self.problem
-        cost = cost_matrix(problem.graph, problem.start, problem.goal, "path", self.limits.check)
+        cost = costs_of(problem, "path", self.limits.check)
         for total, goal_of in ranked_assignments(cost, self.limits.check):
             yield total, problem.assigned(goal_of)
 

@@ -55,7 +55,7 @@ class Moves(NamedTuple):
     steps_per_m: float  # at the highest speed
 
 
-def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, float, float], dt: float) -> Moves:
+def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, float, float], dt: float, kind: int = 0) -> Moves:
     """Lay them out.
 
     Parameters
@@ -68,6 +68,8 @@ def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, 
         Of the robots: top speed, acceleration, deceleration, turn rate.
     dt
         Length of a simulation step.
+    kind
+        The robots' type, as resources know it.
     """
     top, accel, decel, turn_rate = limits
     heading = np.array(graph.heading_rad)
@@ -78,18 +80,19 @@ def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, 
     length = _ray_lengths(onward, alike=alike)
     course, lanes_of = _courses(onward, length, driven, limit, alike=alike)
     runs = [_runs(driven[lanes], limit[lanes], (top, accel, decel), dt) for lanes in lanes_of]
-    off, on = _left_on(graph, resources, driven)
+    off, on = _left_on(graph, resources, driven, kind)
     in_order = np.argsort(graph.head, kind="stable")
     behind = np.argsort(onward, kind="stable")
     behind = behind[onward[behind] >= 0]
     num_vertices, lane = graph.num_vertices, np.arange(graph.num_lanes + 1)
-    zones = np.diff(resources.zones_first)[:num_vertices]
+    of_kind = resources.zones_first[kind * resources.num_places :][: num_vertices + 1]
+    zones = np.diff(of_kind)
     at_first = np.concatenate([[0], np.cumsum(zones + 1)])
     at = np.empty(at_first[-1], np.int64)
     own = np.zeros(len(at), np.bool_)
     own[at_first[:-1]] = True
     at[own] = np.arange(num_vertices)
-    at[~own] = num_vertices + resources.zones_of[: resources.zones_first[num_vertices]]
+    at[~own] = num_vertices + resources.zones_of[of_kind[0] : of_kind[-1]]
     turn_first = np.concatenate([[0], np.cumsum(np.diff(graph.first)[graph.head])]).astype(np.int64)
     turn = np.zeros(turn_first[-1], np.int64)
     steps_of_turns(graph.first, graph.head, heading, turn_first, turn_rate * dt, turn)
@@ -203,7 +206,7 @@ def _runs(driven: FloatArray, limit: FloatArray, limits: tuple[float, float, flo
 
 
 def _left_on(
-    graph: NavGraph, resources: Resources, driven: FloatArray
+    graph: NavGraph, resources: Resources, driven: FloatArray, kind: int
 ) -> tuple[tuple[IntArray, FloatArray], tuple[IntArray, IntArray, FloatArray]]:
     """CSR by lane: how far along it what its tail needs is left, and what the lane alone needs with where that is left."""
     num_lanes = graph.num_lanes
@@ -211,8 +214,9 @@ def _left_on(
     plan = Plan(2 * np.arange(num_lanes + 1), visits, np.zeros(2 * num_lanes), np.zeros(2 * num_lanes))
     lane = np.stack([np.full(num_lanes, -1), np.arange(num_lanes)], 1).reshape(-1)
     at_m = np.stack([np.zeros(num_lanes), driven], 1).reshape(-1)
-    needs = needs_of(graph, plan, lane, resources)
-    left = left_after_m(graph, plan, lane, np.zeros(2 * num_lanes), at_m, driven / graph.length_m, needs, resources)
+    kinds = np.full(num_lanes, kind)
+    needs = needs_of(graph, plan, lane, resources, kinds)
+    left = left_after_m(graph, plan, lane, np.zeros(2 * num_lanes), at_m, driven / graph.length_m, needs, resources, kinds)
     visit = needs.visit
     off, on = visit % 2 == 0, (visit % 2 == 1) & needs.on_lane
     lanes = np.arange(num_lanes + 1)

@@ -45,7 +45,7 @@ class RealMotion:
         for what, place in (("start", problem.start), ("have to end", problem.target)):
             holder: dict[int, int] = {}
             for robot, v in enumerate(place.tolist()):
-                for resource in timetable.needed_at(v).tolist():
+                for resource in timetable.needed_at(robot, v).tolist():
                     other = holder.setdefault(resource, robot)
                     if other != robot:
                         names, label = problem.fleet.robot_name, problem.graph.label

@@ -33,11 +33,11 @@ class Timetable:
     def __init__(self, problem: Problem, dt: float) -> None:
         graph, fleet = problem.graph, problem.fleet
         self.problem, self.dt = problem, dt
-        self.resources = resources_of(graph, fleet.separation_m)
-        limits = np.stack([fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s], 1)
+        self.resources = resources_of(graph, fleet.apart_m)
+        limits = np.stack([fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s, fleet.kind], 1)
         kinds, kind = np.unique(limits, axis=0, return_inverse=True)
         self.kind = kind.reshape(-1)  # [R]
-        self.moves = [known_moves(graph, self.resources, tuple(row.tolist()), dt) for row in kinds]
+        self.moves = [known_moves(problem, self.resources, tuple(row[:4].tolist()), dt, int(row[4])) for row in kinds]
         num_robots, num_lanes = problem.num_robots, graph.num_lanes
         self.at_rest = np.full((num_robots, num_lanes), _search.FAR, np.int32)
         self.facing = np.full((num_robots, num_lanes), _search.FAR, np.int32)
@@ -232,13 +232,14 @@ class Timetable:
 
     def _start_of(self, robot: int) -> tuple[IntArray, IntArray, IntArray]:
         """What a robot holds at its start as long as it is protected."""
-        resource = self.needed_at(int(self.problem.start[robot]))
+        resource = self.needed_at(robot, int(self.problem.start[robot]))
         return resource, np.zeros(len(resource), np.int64), np.full(len(resource), self._protected_steps)
 
-    def needed_at(self, vertex: int) -> IntArray:
+    def needed_at(self, robot: int, vertex: int) -> IntArray:
         """The resources that a robot at a vertex holds."""
-        moves = self.moves[0]
-        return moves.at[moves.at_first[vertex] : moves.at_first[vertex + 1]]
+        moves = self.moves[self.kind[robot]]
+        needed: IntArray = moves.at[moves.at_first[vertex] : moves.at_first[vertex + 1]]
+        return needed
 
     def plan(self) -> Plan:
         """The ways as timed visits; all robots have one."""
@@ -280,11 +281,13 @@ class Timetable:
 _known: WeakKeyDictionary[PlanGraph, dict[tuple[float, ...], Moves]] = WeakKeyDictionary()
 
 
-def known_moves(graph: PlanGraph, resources: Resources, limits: tuple[float, ...], dt: float) -> Moves:
-    """The moves of a type of robots, laid out once for as long as the graph lives."""
+def known_moves(problem: Problem, resources: Resources, limits: tuple[float, ...], dt: float, kind: int) -> Moves:
+    """The moves of a type of robots on its lanes, laid out once for as long as these live."""
+    graph = problem.graph_of_kind[kind]
     kept = _known.setdefault(graph, {})
-    key = (resources.separation_m, dt, *limits)
+    key = (kind, *resources.apart_m.reshape(-1).tolist(), dt, *limits)
     if key not in kept:
         top, accel, decel, turn_rate = limits
-        kept[key] = moves_of(graph, resources, (top, accel, decel, turn_rate), dt)
+        own = resources if graph is problem.graph or problem.barred is None else resources.on_lanes(~problem.barred[kind])
+        kept[key] = moves_of(graph, own, (top, accel, decel, turn_rate), dt, kind)
     return kept[key]

@@ -43,7 +43,7 @@ class Continuous:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types"})
 
     def __post_init__(self) -> None:
         if self.neighbourhood < 1 or self.polish < 0:
@@ -126,8 +126,13 @@ def _of_lacam(problem: Problem, began: float, time_limit_s: float, work: int) ->
     if left_s <= 0:
         return PlanResult(Status.TIMED_OUT, planning_time_s=perf_counter() - began, message=f"no plan within {time_limit_s:g} s")
     left = max(1, problem.effort - work) if problem.effort else 0
-    found = planner("lacam", {}).plan(replace(problem, drivable=True, effort=left), left_s)
+    found = planner("lacam", {}).plan(replace(problem.for_any(), drivable=True, effort=left), left_s)
     message = f"robots found no ways one by one; lacam: {found.message}" if found.plan is None else ""
+    of_fewer_lanes = found.status is Status.INFEASIBLE and problem.barred is not None
     return PlanResult(
-        found.status, plan=found.plan, planning_time_s=perf_counter() - began, stats={**found.stats, "from_lacam": 1.0}, message=message
+        Status.GAVE_UP if of_fewer_lanes else found.status,
+        plan=found.plan,
+        planning_time_s=perf_counter() - began,
+        stats={**found.stats, "from_lacam": 1.0},
+        message=message,
     )

@@ -34,7 +34,7 @@ class Pbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types"})
 
     def __post_init__(self) -> None:
         if self.max_nodes < 1:

@@ -12,7 +12,7 @@ SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # 36 kJ: a thousandth a s
 
 
 def test_standing_drains_by_time_and_charging_fills():
-    batteries = Batteries(SMALL, 2, (0.5, 0.5), 0)
+    batteries = Batteries([SMALL], np.zeros(2, np.int64), (0.5, 0.5), 0)
     still = SimpleNamespace(speed_mps=np.zeros(2), yaw_rad=np.zeros(2))
     for now_s in np.arange(0.0, 10.5, 0.5):
         batteries.observe(now_s, still, np.array([False, True]))

@@ -184,7 +184,7 @@ def charging(at, *, opportunity=False, least_s=0.0):
 
 
 def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
-    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), battery=SMALL, charging=charging(4), start_level=(0.25, 0.25))
+    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), batteries=(SMALL,), charging=charging(4), start_level=(0.25, 0.25))
     tasks = run.tasks
     assert tasks.name == ("t0", "charge_0") and set(tasks.state) == {"done"}
     assert tasks.done_s[1] - tasks.opened_s[1] == pytest.approx(76, abs=2)  # from 24 % at its arrival
@@ -195,7 +195,7 @@ def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
 def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
     late = listed((2, 40.0, 1.0))
     kept, called = (
-        work(tmp_path, line(5), [0], late, battery=SMALL, charging=charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
+        work(tmp_path, line(5), [0], late, batteries=(SMALL,), charging=charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
         for s in (60.0, 0.0)
     )
     assert called.tasks.name[0] == "charge_0" and called.tasks.assigned_s[1] == pytest.approx(40.5, abs=0.6)
@@ -205,7 +205,7 @@ def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
 
 
 def test_a_robot_that_runs_empty_stands_and_others_do_its_task(tmp_path):
-    run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), battery=SMALL, start_level=(0.004, 0.004), time_limit_s=30.0)
+    run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), batteries=(SMALL,), start_level=(0.004, 0.004), time_limit_s=30.0)
     assert [event.robot for event in run.events if event.kind == "battery_empty"] == [0, 1]
     assert run.outcome is Outcome.TIME_LIMIT and run.tasks.state == ("revealed",) and (run.speed_mps[-1] == 0).all()
     assert run.x_m[-1, 0] < 1.2 and (run.batteries.level[-1] == 0).all()

@@ -63,7 +63,7 @@ def test_robot_types_of_the_documentation_are_there(tmp_path, name):
     path.write_text(f"map: office\ndiscretisation: {{kind: roadmap, cell_m: 5}}\nrobots: {{count: 2, type: {name}}}\n")
     from mrp_sumo.experiments.set_up import choices
 
-    assert choices(read_scenario(path))[0].name == name
+    assert choices(read_scenario(path))[0][0].name == name
 
 
 SHORT = """building_name: hall
@@ -178,3 +178,59 @@ def test_pruned_graphs_have_room_and_are_made_once(tmp_path):
     assert graph.num_vertices == whole.problem.graph.num_vertices and graph.num_lanes < whole.problem.graph.num_lanes
     assert narrow(whole.problem.graph, whole.map.building, robot).notes
     assert narrow(graph, pruned.map.building, robot).notes == ()
+
+
+NARROWS = """coordinate_system: cartesian_meters
+levels:
+  L1:
+    lanes:
+    - [0, 1, {bidirectional: [4, true], graph_idx: [2, 0]}]
+    - [1, 2, {bidirectional: [4, true], graph_idx: [2, 0]}]
+    - [2, 3, {bidirectional: [4, true], graph_idx: [2, 0]}]
+    - [1, 4, {bidirectional: [4, true], graph_idx: [2, 0]}]
+    vertices: [[0, 0, 0, a], [10, 0, 0, b], [20, 0, 0, c], [30, 0, 0, d], [10, 10, 0, e], [12, -0.4, 0, ''], [18, -0.4, 0, '']]
+    walls: [[5, 6, {}]]
+name: narrows
+"""
+CART = "{length_m: 0.4, width_m: 0.4, max_speed_mps: 1, accel_mps2: 1, decel_mps2: 1, turn_rate_rad_s: 1}"
+TRUCK = CART.replace("0.4", "1.2")
+
+
+def mixed(tmp_path, groups):
+    (tmp_path / "narrows.building.yaml").write_text(NARROWS)
+    path = tmp_path / "scenario.yaml"
+    head = "map: narrows.building.yaml\ndiscretisation: {kind: roadmap, cell_m: 2.0}\nassignment: {mode: fixed}\n"
+    path.write_text(f"{head}robots:\n" + "".join(f"  - {group}\n" for group in groups))
+    with MapCache() as maps:
+        return set_up(read_scenario(path), maps)
+
+
+def test_lanes_without_room_for_a_type_are_none_of_its_lanes(tmp_path):
+    setup = mixed(tmp_path, [f"{{type: {CART}, starts: [a], goals: [d]}}", f"{{type: {TRUCK}, starts: [b], goals: [e]}}"])
+    problem = setup.problem
+    lanes = np.flatnonzero(problem.barred[1])
+    assert not problem.barred[0].any() and len(lanes) and (problem.graph.xy[problem.graph.tail[lanes], 0] >= 10).all()
+    assert problem.fleet.kind.tolist() == [0, 1] and problem.goal_kind.tolist() == [0, 1]
+    assert "none of 'custom_1'" in setup.notes[0] and "'cbs' plans for all robots as for the slowest" in setup.notes[1]
+    assert problem.for_any().graph.num_lanes == problem.graph.num_lanes - len(lanes)
+
+
+def test_a_goal_that_only_other_types_reach_is_refused(tmp_path):
+    with pytest.raises(ScenarioError, match=r"robot_1 cannot reach its goal 'd' from 'b'"):
+        mixed(tmp_path, [f"{{type: {CART}, starts: [a], goals: [e]}}", f"{{type: {TRUCK}, starts: [b], goals: [d]}}"])
+
+
+@pytest.mark.parametrize(
+    ("groups", "says"),
+    [
+        ([f"{{type: {CART}, count: 1}}", f"{{type: {CART.replace('0.4', '1.9')}, count: 1}}"], r"fleet\[1\].type: 'custom_1' does not fit"),
+        (["{type: turtlebot3}"], r"robots.fleet\[0\]: .*give count, or starts"),
+        (["{type: turtelbot3, count: 1}"], r"robots.fleet\[0\].type: 'turtelbot3' is neither .*turtlebot3"),
+        (["{type: turtlebot3, count: 2, starts: [a]}"], r"robots.fleet\[0\]: .*1 starts for 2 robots"),
+        (["{type: turtlebot3, starts: [a]}", "{type: amr_600, starts: [a]}"], r"robots.fleet: 'a' is the start of two robots"),
+    ],
+)
+def test_what_a_fleet_cannot_be_is_one_line(tmp_path, groups, says):
+    with pytest.raises(ScenarioError, match=says) as error:
+        mixed(tmp_path, groups)
+    assert len(error.value.lines) == 1

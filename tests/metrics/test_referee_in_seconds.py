@@ -7,8 +7,8 @@ import pytest
 from campaigns.referee_in_seconds import RefereeInSeconds
 from worlds import CART, cross, graph_of, line, random_grid
 
-from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.graph import frozen, nav_graph, plan_graph
+from mrp_sumo.core.fleet import fleet_of, fleet_of_types
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.motion import run_profile, time_s
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
@@ -135,8 +135,7 @@ def test_least_distance_is_that_of_the_two_types():
     side_by_side = graph_of([(0, 0), (2, 0), (0, 0.5), (2, 0.5)], [(0, 1), (2, 3)], 2.0)
     ways = run([0, 1], [2.0]), run([2, 3], [2.0])
     small = replace(CART, length_m=0.2, width_m=0.2)
-    fleet = fleet_of(CART, 2)
-    mixed = replace(fleet, length_m=frozen(np.array([0.6, 0.2])), width_m=frozen(np.array([0.4, 0.2])))
+    mixed = fleet_of_types([CART, small], np.array([0, 1]))
     assert judged(side_by_side, *ways, fleet=fleet_of(small, 2))[0].drivable  # 0.383 m
     assert not judged(side_by_side, *ways, fleet=mixed)[0].drivable  # 0.602 m
     apart = graph_of([(0, 0), (2, 0), (0, 0.7), (2, 0.7)], [(0, 1), (2, 3)], 2.0)

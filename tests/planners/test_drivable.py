@@ -53,7 +53,7 @@ def check_plan(problem, plan):
     for t in range(1, max(map(len, paths))):
         at, there = ([int(path[min(step, len(path) - 1)]) for path in paths] for step in (t - 1, t))
         assert rules.allow(at, there), (t, at, there)
-    needs = needs_of(problem.graph, plan, lanes_along(problem.graph, plan)[0], rules.found)
+    needs = needs_of(problem.graph, plan, lanes_along(problem.graph, plan)[0], rules.found, problem.fleet.kind)
     check_order(problem, plan, order_of(plan, needs))
 
 

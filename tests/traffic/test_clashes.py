@@ -63,7 +63,7 @@ def test_the_order_of_a_plan_without_clashes_can_be_kept(seed):
     problem = crowded_problem(seed, most_robots=4, num_vertices=10)
     path = random_walks(problem, np.random.default_rng(seed))
     plan = plan_of_paths(list(path.T), 1.0)
-    needs = needs_of(problem.graph, plan, lanes_along(problem.graph, plan)[0], Rules(problem).found)
+    needs = needs_of(problem.graph, plan, lanes_along(problem.graph, plan)[0], Rules(problem).found, problem.fleet.kind)
     check_order(problem, plan, order_of(plan, needs))
 
 
@@ -83,7 +83,7 @@ def test_a_plan_that_clashes_is_refused_somewhere():
                 there = tried if rules.allow(at, tried) else there
             path.append(there)
         plan = plan_of_paths(list(np.array(path).T), 1.0)
-        needs = needs_of(problem.graph, plan, lanes_along(problem.graph, plan)[0], rules.found)
+        needs = needs_of(problem.graph, plan, lanes_along(problem.graph, plan)[0], rules.found, problem.fleet.kind)
         try:
             check_order(problem, plan, order_of(plan, needs))
         except PlanError:

@@ -25,7 +25,7 @@ def test_a_grid_of_cells_wider_than_robots_has_no_zones():
     graph = both_ways([(0.4 * x, 0.4 * y) for y in range(3) for x in range(3)], [(0, 1), (1, 2), (3, 4), (4, 5), (1, 4), (4, 7)])
     found, pairs = zones(graph)
     assert not pairs
-    assert found.leave_m == pytest.approx(R) and found.enter_m == pytest.approx(R)
+    assert found.leave_m[0] == pytest.approx(R) and found.enter_m[0] == pytest.approx(R)
 
 
 def test_an_acute_junction_is_held_for_r_over_its_sine():
@@ -34,16 +34,16 @@ def test_an_acute_junction_is_held_for_r_over_its_sine():
     found, pairs = zones(graph)
     assert not pairs
     out = graph.lane_between(0, 1)
-    assert found.leave_m[out] == pytest.approx(R / np.sin(angle))
-    assert found.enter_m[graph.lane_between(1, 0)] == pytest.approx(R / np.sin(angle))
-    assert found.leave_m[graph.lane_between(1, 0)] == pytest.approx(R)  # alone at the far end
+    assert found.leave_m[0, out] == pytest.approx(R / np.sin(angle))
+    assert found.enter_m[0, graph.lane_between(1, 0)] == pytest.approx(R / np.sin(angle))
+    assert found.leave_m[0, graph.lane_between(1, 0)] == pytest.approx(R)  # alone at the far end
 
 
 def test_where_the_clearance_does_not_fit_the_next_vertex_is_in_a_zone():
     angle = np.radians(40)
     graph = both_ways([(0, 0), (0.4, 0), (3 * np.cos(angle), 3 * np.sin(angle))], [(0, 1), (0, 2)])
     found, pairs = zones(graph)
-    assert found.leave_m[graph.lane_between(0, 1)] == pytest.approx(0.4 - LEFT_M)
+    assert found.leave_m[0, graph.lane_between(0, 1)] == pytest.approx(0.4 - LEFT_M)
     long_track = graph.num_vertices + int(found.track[graph.lane_between(0, 2)])
     assert pairs == {(1, long_track)}
 
@@ -69,7 +69,7 @@ def test_a_visit_needs_its_vertex_and_the_zones_of_its_vertex_and_lane():
     graph = both_ways([(-1, 0), (1, 0), (0, -1), (0, 1)], [(0, 1), (2, 3)])
     found, _ = zones(graph)
     plan = plan_of_paths([[0, 1]], 1.0)
-    needs = needs_of(graph, plan, np.array([-1, graph.lane_between(0, 1)]), found)
+    needs = needs_of(graph, plan, np.array([-1, graph.lane_between(0, 1)]), found, np.zeros(1, np.int64))
     assert needs.resource.tolist() == [0, 1, 4]
     assert needs.on_lane.tolist() == [False, False, True]
 
@@ -92,9 +92,9 @@ def test_robots_that_hold_what_they_need_are_apart(seed):
         back = int(graph.reverse[lane])
         length = graph.length_m[lane]
         held = {graph.num_vertices + int(track)}
-        if point * length < found.leave_m[lane]:
+        if point * length < found.leave_m[0, lane]:
             held.add(int(found.ends[track, 0]))
-        if (1 - point) * length < found.leave_m[back]:
+        if (1 - point) * length < found.leave_m[0, back]:
             held.add(int(found.ends[track, 1]))
         return held
 
@@ -112,6 +112,48 @@ def test_robots_that_hold_what_they_need_are_apart(seed):
         mine, other = occupied(u, a), occupied(v, b)
         clash = bool(mine & other) or any(tuple(sorted((x, y))) in zone_pairs for x in mine for y in other)
         assert clash, (p, q, mine, other)
+
+
+def test_small_robots_pass_where_a_large_one_passes_alone():
+    beside = both_ways([(0, 0), (1, 0), (0, 0.5), (1, 0.5)], [(0, 1), (2, 3)])
+    found = resources_of(beside, np.array([[0.3, 0.6], [0.6, 0.9]]))
+    small, large = ({place: set(found.zones_at(place, kind).tolist()) for place in range(6)} for kind in (0, 1))
+    assert not any(small[a] & small[b] for a in (0, 4) for b in (2, 5))
+    assert all(large[a] & of[b] and of[a] & large[b] for of in (small, large) for a, b in ((0, 2), (4, 5)))
+    assert found.leave_m.tolist() == [[0.6] * 4, [0.9] * 4]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6))
+def test_robots_of_several_types_that_hold_what_they_need_are_apart(seed):
+    """As above, for each pair of types; and two places that are far enough apart for two types are no zone for them."""
+    rng = np.random.default_rng(seed)
+    radius, gap = rng.uniform(0.05, 0.3, 3), rng.uniform(0, 0.1, 3)
+    apart = radius[:, None] + radius + np.maximum(gap[:, None], gap)
+    graph = both_ways(rng.uniform(0, 2, (7, 2)), sorted({tuple(sorted(rng.choice(7, 2, replace=False).tolist())) for _ in range(9)}))
+    found = resources_of(graph, apart)
+    place = segments(graph, found.ends)
+
+    def held(kind, track, share):
+        lane, num = graph.lane_between(*found.ends[track].tolist()), graph.num_vertices
+        length, back = graph.length_m[lane], int(graph.reverse[lane])
+        places = [num + int(track)]
+        places += [int(found.ends[track, 0])] * bool(share * length < found.leave_m[kind, lane])
+        places += [int(found.ends[track, 1])] * bool((1 - share) * length < found.leave_m[kind, back])
+        vertices = {p for p in places if p < num}
+        return vertices | {num + int(z) for p in places for z in found.zones_at(p, kind)}
+
+    for _ in range(100):
+        (a, b), (k, m) = rng.integers(len(found.ends), size=2).tolist(), rng.integers(3, size=2).tolist()
+        u, v = rng.choice([0.0, 1.0, rng.random()]), rng.choice([0.0, 1.0, rng.random()])
+        one, two = place[graph.num_vertices + a], place[graph.num_vertices + b]
+        p, q = one[0] + u * (one[1] - one[0]), two[0] + v * (two[1] - two[0])
+        if a != b and np.hypot(*(p - q)) < apart[k, m] - 2 * LEFT_M:
+            assert held(k, a, u) & held(m, b, v), (p, q, k, m)
+        i, j = sorted(rng.choice(len(place), 2, replace=False).tolist())
+        if distance_m(place[[i]], place[[j]])[0] >= apart[k, m]:
+            both = set(found.zones_at(i, k).tolist()) & set(found.zones_at(j, m).tolist())
+            assert (i, j) not in {tuple(found.zone[z].tolist()) for z in both}
 
 
 def test_distances_of_segments_are_right_on_known_cases():
@@ -135,7 +177,7 @@ def test_a_lane_leaves_the_reach_of_a_place_where_its_points_do(spacing_m):
     graph = nav_graph(name="any", xy=xy, lanes=sorted(set(lanes)))
     resources = resources_of(graph, 0.35)
     lane, other = rng.integers(0, graph.num_lanes, 400), rng.integers(0, len(xy) + len(resources.ends), 400)
-    found = _last_within(graph, resources, lane, other) / graph.length_m[lane]
+    found = _last_within(graph, resources, lane, other, np.full(400, 0.35)) / graph.length_m[lane]
     place, fraction = segments(graph, resources.ends)[other], np.linspace(0, 1, 2001)
     begin, along = xy[graph.tail[lane]], xy[graph.head[lane]] - xy[graph.tail[lane]]
     for k in range(400):

@@ -55,7 +55,7 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
             remaining_s, at[r] = _remaining(now_s, around, r)
         ready_s[r] = LATER * remaining_s if busy else FAR_S
     waiting = sorted([*holder, *work.unassigned], key=lambda k: (-work.tasks[k].priority, k))
-    typed = any(work.tasks[k].robot_type for k in waiting)  # then those left out might be all that some robot can do
+    typed = any(work.some_cannot(k) for k in waiting)  # then those left out might be all that some robot can do
     if len(waiting) > most and not typed:
         waiting = [k for k in waiting if work.tasks[k].priority >= work.tasks[waiting[most]].priority]
     pick_up_s = np.minimum(ready_s[:, None] + steps_of(around, at, waiting) * around.ledger.problem.step_s, FAR_S)
@@ -79,7 +79,7 @@ def steps_of(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatA
     """[R, K] steps of robots from where they are, or will be, to the first stops of tasks; `FAR_S` for tasks that they cannot do."""
     found, work = steps_to(around, at, tasks), around.work
     for column, k in enumerate(tasks):
-        if work.tasks[k].robot_type:
+        if work.some_cannot(k):
             found[[not work.can_do(r, k) for r in range(len(at))], column] = FAR_S
     return found
 

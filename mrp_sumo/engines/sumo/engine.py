@@ -177,7 +177,7 @@ def sumo_engine(
     only = None if ways is None or gui else _with_neighbours(graph, ways)
     if only is not None and len(only) > MOST_OF * graph.num_vertices:
         only = None
-    with running_sumo(network, fleet, fleet.separation_m, step_length_s, seed, gui, only=only) as sumo:
+    with running_sumo(network, fleet, step_length_s, seed, gui, only=only) as sumo:
         yield SumoEngine(graph, fleet, sumo, only)
 
 

@@ -1,6 +1,6 @@
 """SUMO as the loop sees it: robots by number, lanes by their names. The only importer of libsumo and traci.
 
-A vehicle's front is the robot's centre, and length = minGap = half the separation, so that followers and
+A vehicle's front is the robot's centre, and length = minGap = its radius and half the gap, so that followers and
 oncoming robots stop a separation apart. Refuses a second simulation in one process: libsumo would silently
 replace the first. Everything SUMO complains of comes out as an ExecutionError.
 """
@@ -134,7 +134,7 @@ class Sumo:
 
 @contextmanager
 def running_sumo(
-    network: Path, fleet: Fleet, separation_m: float, step_length_s: float, seed: int, gui: bool = False, *, only: IntArray | None = None
+    network: Path, fleet: Fleet, step_length_s: float, seed: int, gui: bool = False, *, only: IntArray | None = None
 ) -> Iterator[Sumo]:
     """Start SUMO (sumo-gui with `gui`) on a network, and close it whatever happens.
 
@@ -152,7 +152,7 @@ def running_sumo(
     api, program = _api(gui)
     with tempfile.TemporaryDirectory() as folder:
         types = Path(folder) / "types.add.xml"
-        types.write_text(_types(fleet, separation_m, step_length_s))
+        types.write_text(_types(fleet, step_length_s))
         loaded = Path(network)
         if only is not None:
             loaded = Path(folder) / "excerpt.net.xml"
@@ -190,7 +190,7 @@ def running_sumo(
 
 def type_of(fleet: Fleet) -> list[int]:
     """[R] the vehicle type of each robot: robots with equal limits share one."""
-    columns = (fleet.accel_mps2, fleet.decel_mps2, fleet.max_speed_mps, fleet.width_m)
+    columns = (fleet.accel_mps2, fleet.decel_mps2, fleet.max_speed_mps, fleet.width_m, fleet.radius_m)
     kinds: list[int] = np.unique(np.stack(columns, 1), axis=0, return_inverse=True)[1].reshape(-1).tolist()
     return kinds
 
@@ -222,13 +222,14 @@ def _additional(network: Path, types: Path, gui: bool) -> str:
     return f"{types},{backdrop}" if gui and backdrop.is_file() else str(types)
 
 
-def _types(fleet: Fleet, separation_m: float, step_length_s: float) -> str:
+def _types(fleet: Fleet, step_length_s: float) -> str:
     kind = np.array(type_of(fleet))
     lines = ["<additional>"]
     for k in range(kind.max() + 1):
         r = int(np.flatnonzero(kind == k)[0])
+        half_m = float(2 * fleet.radius_m[r] + fleet.gap_m.max()) / 2  # of the separation of two of them, with the largest gap
         lines.append(
-            f'<vType id="type_{k}" length="{separation_m / 2:.6f}" minGap="{separation_m / 2:.6f}" width="{fleet.width_m[r]:.6f}" '
+            f'<vType id="type_{k}" length="{half_m:.6f}" minGap="{half_m:.6f}" width="{fleet.width_m[r]:.6f}" '
             f'accel="{fleet.accel_mps2[r]:.6f}" decel="{fleet.decel_mps2[r]:.6f}" apparentDecel="{fleet.decel_mps2[r]:.6f}" '
             f'emergencyDecel="{2 * fleet.decel_mps2[r]:.6f}" maxSpeed="{fleet.max_speed_mps[r]:.6f}" speedFactor="1" speedDev="0" '
             f'sigma="0" tau="{step_length_s:g}"/>'  # emergencyDecel: with less, SUMO lets some head-on robots collide

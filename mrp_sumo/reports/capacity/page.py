@@ -169,7 +169,7 @@ def _small_print(study: Study, answer: Answer) -> list[str]:
     seeds = answer.document["answer"]["seeds"]
     rows = [
         ("map", f"{scenario.map.file}, {kind.kind} of {kind.cell_m:g} m cells"),
-        ("robots", f"{scenario.robots.type if isinstance(scenario.robots.type, str) else 'of their own type'}, "
+        ("robots", f"{', '.join(each.type if isinstance(each.type, str) else 'of their own type' for each in scenario.robots.groups)}, "
                    f"{2 * float(robot.radius_m.max()):.2f} m across, up to {float(robot.max_speed_mps.max()):.2f} m/s"),
         ("planner and policy", f"{scenario.planner.name}, {scenario.execution.policy.name}"
                                + (f", dispatcher {scenario.execution.dispatcher.name or 'nearest'}" if scenario.tasks else "")),
