@@ -193,7 +193,7 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[Rob
     if path := _plan_path(scenario, file.folder):
         parameters = {**parameters, "path": str(path)}
     return (
-        _robot_types(file),
+        robot_types(file),
         _planner(file, parameters),
         _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
         _settings(file),
@@ -220,7 +220,7 @@ def named_files(scenario: Scenario, folder: Path) -> list[Path]:
     return found
 
 
-def _robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
+def robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
     """The type of each group of robots; those that are written out are told apart by their numbers."""
     groups, found = file.scenario.robots.groups, []
     for i, group in enumerate(groups):

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.fleet import batteries_of
 from mrp_sumo.core.graph import BoolArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.batteries import Batteries
@@ -32,12 +33,10 @@ from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.set_up import SetUp
+from mrp_sumo.experiments.set_up import SetUp, robot_types
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.vehicle import FAULTS, Body, Vehicle
-from mrp_sumo.io.scenario import robot_type
-from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of
 from mrp_sumo.wire.link import Link, Received
@@ -142,7 +141,7 @@ class VirtualFleet:
         self.link, self.dialect, self.reporting = link, dialect, reporting
         self.site = GraphSite(problem.graph, setup.map.level_shift_m)
         check_room(problem)
-        resources = resources_of(problem.graph, problem.fleet.separation_m)
+        resources = resources_of(problem.graph, problem.fleet.apart_m)
         check_groups(problem, resources)
         self.ledger = Ledger(problem, resources)
         dt, radius_m = settings.step_length_s, float(problem.fleet.radius_m.max())
@@ -151,9 +150,8 @@ class VirtualFleet:
         self.policy = policy_of("open_loop")
         self.controller = Controller(self.ledger, self.policy, self.settings, paced=False)
         self.batteries: Batteries | None = None
-        kind = robot_type(setup.scenario.robots.type, bundled_folder("robots"), setup.file.folder)
-        if kind.battery is not None:
-            self.batteries = Batteries(kind.battery, problem.num_robots, settings.start_level, settings.seed)
+        if batteries := batteries_of(robot_types(setup.file)):
+            self.batteries = Batteries(batteries, problem.fleet.kind, settings.start_level, settings.seed)
         self.serials = serials_of(problem.fleet.robot_name)
         self.robot_of = {serial: r for r, serial in enumerate(self.serials)}
         self.faults = sorted(faults, key=lambda fault: fault.begin_s)
