@@ -20,6 +20,8 @@ class Visits(NamedTuple):
     at_m: FloatArray  # where the vertex is
     heading_rad: FloatArray  # of that lane; for first visits that of the next
     turns: BoolArray  # whether the robot turns in place here before it goes on
+    arrive_s: FloatArray  # as planned
+    depart_s: FloatArray  # as planned; later than `arrive_s` where the robot is to stand there
     earliest_s: FloatArray  # to leave
     due_s: FloatArray  # to arrive, where robots keep a pace; 0 elsewhere
     short_of_m: FloatArray  # where the robot may wait for this visit on its lane, inf: nowhere

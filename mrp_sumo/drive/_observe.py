@@ -100,12 +100,15 @@ def watch_progress(now, dt, s_m, rules, visits, grants, waits, log, count):
     """Blocked is who made no progress by a cell within the window, but for waits that the plan, a facility or a disturbance asks for."""
     why = grants.cause
     category, mark_m, mark_s, stuck = waits.category, waits.mark_m, waits.mark_s, waits.stuck
-    reached, following = visits.reached, visits.next
+    reached, following, at_m, arrive_s, depart_s = visits.reached, visits.next, visits.at_m, visits.arrive_s, visits.depart_s
     for r in range(len(s_m)):
-        kind = category[r]
-        if kind in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING) or (kind == DEPENDENCY_WAIT and why[r] == FACILITY):
+        kind, k, ahead = category[r], reached[r], following[reached[r]]
+        on_lane = ahead >= 0 and s_m[r] > at_m[k] + AT_REST_M
+        planned_until_s = arrive_s[ahead] if on_lane else depart_s[k] if depart_s[k] > arrive_s[k] else 0.0
+        is_planned = why[r] == FACILITY or now <= planned_until_s
+        if kind in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING) or (kind == DEPENDENCY_WAIT and is_planned):
             mark_s[r] += dt
-        if following[reached[r]] < 0 or s_m[r] - mark_m[r] >= rules.cell_m:
+        if ahead < 0 or s_m[r] - mark_m[r] >= rules.cell_m:
             if stuck[r]:
                 stuck[r] = False
                 count = note(log, count, STOOD_BLOCKED, r, waits.cause[r], waits.where[r], waits.other[r], mark_s[r], now)

@@ -34,11 +34,11 @@ from mrp_sumo.traffic.schedule import check_order
 VISIT_COLUMNS = {  # of `Visits`, by what an empty place holds
     **dict.fromkeys(("next", "lane"), -1),
     **dict.fromkeys(("rank", "vertex"), 0),
-    **dict.fromkeys(("from_m", "at_m", "heading_rad", "earliest_s", "due_s", "short_of_m"), 0.0),
+    **dict.fromkeys(("from_m", "at_m", "heading_rad", "arrive_s", "depart_s", "earliest_s", "due_s", "short_of_m"), 0.0),
     "turns": False,
     "arrived_s": np.nan,
 }
-EMPTY = VISIT_COLUMNS | {"arrive_s": 0.0, "depart_s": 0.0, "robot": 0}  # and of the ledger alone
+EMPTY = VISIT_COLUMNS | {"robot": 0}  # and of the ledger alone
 LOGGED = ("vertex", "arrive_s", "depart_s", "arrived_s")
 MANY = 20_000  # visits, before which nothing is forgotten
 NEED_COLUMNS = {"resource": 0, "on_lane": False, "left_at_m": 0.0, "freed": False, "passage": 0, "closes": True}
@@ -128,7 +128,7 @@ class Ledger:
         return self.ids(robot, int(self._of_robot["first"][robot]))
 
     def column(self, name: str) -> NDArray[Any]:
-        """[N] of all visits: a field of `Visits`, or robot, arrive_s, depart_s (as planned)."""
+        """[N] of all visits: a field of `Visits`, or robot."""
         return self._columns[name][: self.num_visits]
 
     def resources_from(self, robot: int, since: int) -> IntArray:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import BURGER, CART, cross, graph_of, least_distance_m, line, problem_of, random_grid, square_grid
+from worlds import BURGER, CART, cross, graph_of, kinds, least_distance_m, line, problem_of, random_grid, square_grid
 
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.fleet import RobotType
@@ -143,6 +143,21 @@ def test_slack_by_the_spread_of_delays_grows_with_the_visits_and_keeps_the_secon
     second = slice(int(plan.first[1]), None)
     lateness = [float((simulate(problem, p, late, None).arrived_s - p.arrive_s)[second].max()) for p in (without, with_slack)]
     assert lateness[0] > 0.5 and lateness[1] <= STEP_S + 1e-6
+
+
+def test_a_wait_is_no_blocking_until_the_plan_has_it_over():
+    graph = cross(4, 1.0)
+    first, second = [4, 3, 2, 1, 0, 9], [5, 5, 5, 5, 5, 5, 0, 13]  # the second stands before the crossing until the first has passed
+    problem, plan = problem_of(graph, [first, second])
+    how = ExecutionSettings(engine="kinematic", time_limit_s=300.0)
+    planned = retime(problem, plan, how)
+    waits_s = planned.arrive_s[planned.first[1] + 1]
+    assert waits_s > 2 * how.blocking_window_s
+    assert "blocked" not in kinds(simulate(problem, planned, how, None))
+    held = Disturbances(breakdowns=(Breakdown(0, 1.0, 40.0),))
+    run = simulate(problem, planned, replace(how, disturbances=held), None)
+    late = [event for event in run.events if event.kind == "blocked" and event.robot == 1]
+    assert [event.t_s for event in late] == pytest.approx([waits_s], abs=5.0)  # it counts from the last whole cell
 
 
 def test_a_plan_whose_order_nobody_can_keep_is_refused():
