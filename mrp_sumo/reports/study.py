@@ -35,6 +35,9 @@ PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "pibt": "PIBT",
     "lacam": "LaCAM",  # LaCAM* with `anytime`
     "lns2": "LNS2",
+    "continuous": "Continuous",
+    "pbs": "PBS",
+    "ccbs": "CCBS",
 }
 ANYTIME = "planner.parameters.anytime"  # makes LaCAM LaCAM*
 NUMBERS = (*METRIC_NUMBERS, "run_wall_s", "planner.time_limit_s", "execution.time_limit_s", "seed")  # absent ones are filled in as missing

@@ -55,6 +55,7 @@ def results(maps=("office", "warehouse"), planners=("astar", "cbs", "ecbs"), rob
                         "soc_steps": 90 + k if found else None,
                         "lower_bound_steps": 90 if found else None,
                         "makespan_s": 80.0 + seed if found else None,
+                        "driven_makespan_s": 80.0 + seed if found else None,
                         "execution_time_s": 60.0 + seed + k if found else None,
                         "goals_reached": n if arrives else 1,
                         "all_goals_reached": arrives,
