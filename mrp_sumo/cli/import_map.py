@@ -4,6 +4,9 @@ FILE is an RMF building or nav graph, a MovingAI .map or .scen, a ROS map_server
 map. --out gets NAME.net.xml (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each
 chosen graph (NAME.nav.yaml after repairs), NAME.png, NAME.svg and facts.json, whole or not at all. With --check only findings
 are printed, and the exit code is 2 if the map is refused. Lanes and vertices where walls leave a robot no room are notes.
+
+A FILE.jsonl is a recorded stream of VDA 5050 messages, `{"t_s":, "topic":, "payload": {}}` a line: --out gets a run folder, for `replay`,
+`render`, `report` and `export`, with the audit of what was driven; --map says which map has its walls.
 """
 
 import argparse
@@ -38,6 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TYPE",
         help="type of robot that needs room beside the walls, of robots/ or a YAML file (default: turtlebot3); --json then says so too",
     )
+    parser.add_argument("--map", metavar="MAP", help="of a recorded stream: a map file or the name of a bundled map, for its walls")
     parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
     parser.add_argument("--check", action="store_true", help="only report findings")
 
@@ -48,6 +52,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.clearance import narrow
     from mrp_sumo.maps.facts import facts
 
+    if Path(options.file).suffix == ".jsonl":
+        return _import_stream(options)
+    if options.map is not None:
+        raise MapError("--map is for a recorded stream, FILE.jsonl")
     if options.check:
         return _check(options)
     if options.out is None and not options.json:
@@ -68,6 +76,32 @@ def run(options: argparse.Namespace) -> int:
     else:
         _print(map_, written, options.out)
     return 0
+
+
+def _import_stream(options: argparse.Namespace) -> int:
+    """Make a run folder of a recorded stream."""
+    from mrp_sumo.cli.run import print_result
+    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.experiments.map_cache import MapCache
+    from mrp_sumo.experiments.recorded import recorded_run
+    from mrp_sumo.io.run_folder import check_replaceable
+    from mrp_sumo.metrics import audit
+
+    if options.check:
+        raise MrpSumoError(f"--check is for maps; a stream is judged by `mrp-sumo validate --vda5050 {options.file}`")
+    if options.out is None:
+        raise MrpSumoError("say where to write with --out DIR")
+    check_replaceable(options.out)
+    audit.prepare()
+    with MapCache() as maps:
+        drawn = chosen_map(options.map, options) if options.map else None
+        result = recorded_run(Path(options.file), _robot_type(options.robot), drawn)
+        result.write(options.out, maps)
+    if options.json:
+        print(json.dumps({"status": result.status, "note": result.note, "folder": str(options.out), "metrics": result.metrics}))
+    else:
+        print_result(result, options.out, False)
+    return 0 if result.status == "completed" else 1
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -15,7 +15,7 @@ from typing import Any
 
 from mrp_sumo.errors import nearest
 
-NUMBER, TEXT, FLAG, LIST, OBJECT = (int, float), str, bool, list, dict
+NUMBER, INT, TEXT, FLAG, LIST, OBJECT = (int, float), int, str, bool, list, dict
 HEADER = {"headerId": int, "timestamp": TEXT, "version": TEXT, "manufacturer": TEXT, "serialNumber": TEXT}
 NODE = {"nodeId": TEXT, "sequenceId": int, "released": FLAG, "actions": LIST}
 EDGE = {"edgeId": TEXT, "sequenceId": int, "released": FLAG, "actions": LIST}
@@ -422,7 +422,7 @@ class _Message:
     def _motion(self, place: Mapping[str, Any]) -> Iterator[str]:
         """No vehicle is faster than its factsheet says, unless a lift takes it to another map."""
         x, y, vehicle = float(place["x"]), float(place["y"]), self.vehicle
-        now_s = _seconds(self.payload.get("timestamp"))  # as the vehicle says: messages may be late
+        now_s = seconds_of(self.payload.get("timestamp"))  # as the vehicle says: messages may be late
         if now_s is None:
             return
         if vehicle.seen is not None and vehicle.seen[3] == place.get("mapId"):
@@ -441,7 +441,7 @@ class _Message:
             yield from self._motion(place)
 
 
-def _seconds(stamp: object) -> float | None:
+def seconds_of(stamp: object) -> float | None:
     """A timestamp in s since 1970; None for what is none."""
     if not isinstance(stamp, str) or not STAMP.fullmatch(stamp):
         return None

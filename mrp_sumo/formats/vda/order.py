@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LIST, NODE, NUMBER, OBJECT, TEXT, WORDS, members
+from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LIST, NODE, NUMBER, OBJECT, STAMP, TEXT, WORDS, members
 from mrp_sumo.formats.vda.errors import MALFORMED, TOO_LARGE, RefusalError
 from mrp_sumo.formats.vda.messages import Dialect, Json
 
@@ -26,12 +26,22 @@ OPTIONAL: dict[str, dict[str, Any]] = {  # members that may be there, with their
     "edge": {
         **dict.fromkeys(("maxSpeed", "maximumSpeed", "maxRotationSpeed", "maximumRotationSpeed", "length", "orientation"), NUMBER),
         **dict.fromkeys(("maxHeight", "minHeight", "maximumMobileRobotHeight", "minimumLoadHandlingDeviceHeight"), NUMBER),
-        **dict.fromkeys(("orientationType", "edgeDescription", "edgeDescriptor"), TEXT),
+        **dict.fromkeys(("orientationType", "direction", "edgeDescription", "edgeDescriptor"), TEXT),
         **{"rotationAllowed": FLAG, "reachOrientationBeforeEntering": FLAG, "trajectory": OBJECT, "corridor": OBJECT},
     },
     "position": {"theta": NUMBER, "allowedDeviationTheta": NUMBER, "mapDescription": TEXT, "mapDescriptor": TEXT},
     "action": {"actionParameters": LIST, "actionDescription": TEXT, "actionDescriptor": TEXT, "retriable": FLAG},
+    "corridor": {"corridorRefPoint": TEXT, "corridorReferencePoint": TEXT, "releaseLossBehavior": TEXT, "releaseRequired": FLAG},
     "order": {"zoneSetId": TEXT, "orderDescription": TEXT, "orderDescriptor": TEXT},
+}
+PI = 3.14159265359  # as the schemas have it
+WORDS_FOR: dict[str, dict[str, tuple[str, ...]]] = {  # what members may say, where the schemas list it
+    "2.1": {"corridorRefPoint": ("KINEMATICCENTER", "CONTOUR")},
+    "3.0": {
+        "orientationType": ("GLOBAL", "TANGENTIAL"),
+        "corridorReferencePoint": ("KINEMATIC_CENTER", "CONTOUR"),
+        "releaseLossBehavior": ("STOP", "RETURN"),
+    },
 }
 
 
@@ -112,11 +122,13 @@ def read_document(payload: bytes) -> Json:
 
 
 def check_header(document: Json, dialect: Dialect, manufacturer: str, serial: str) -> None:
-    """Refuse messages of another version, or for another vehicle."""
+    """Refuse messages of another version, for another vehicle, or of no time."""
     _require(document, HEADER, "")
     for key, expected in (("manufacturer", manufacturer), ("serialNumber", serial)):
         if document[key] != expected:
             raise RefusalError(MALFORMED, f"{key} is '{document[key][:WORDS]}', expected '{expected}'", {"headerId": document["headerId"]})
+    if not STAMP.fullmatch(document["timestamp"]):
+        raise RefusalError(MALFORMED, f"timestamp is '{document['timestamp'][:WORDS]}', expected YYYY-MM-DDTHH:mm:ss.fffZ")
     major = dialect.version.partition(".")[0]
     if document["version"].partition(".")[0] != major:
         raise RefusalError(MALFORMED, f"version is '{document['version'][:WORDS]}', expected {major}.x")
@@ -215,9 +227,7 @@ def _node(one: Any, at: str, dialect: Dialect) -> Node:
         inside = f"{at}.nodePosition"
         _require(position, {"x": NUMBER, "y": NUMBER, "mapId": TEXT}, inside, OPTIONAL["position"])
         _require_id(position["mapId"], f"{inside}.mapId")
-        theta = position.get("theta", 0.0)
-        if abs(theta) > 3.14159265359:  # as the schemas say
-            raise RefusalError(MALFORMED, f"{inside}.theta is {theta:g}, expected -pi to pi: radians")
+        _within(position, {"theta": (-PI, PI), "allowedDeviationTheta": (0.0 if dialect.is_new else -PI, PI)}, inside)
         deviation_m = _deviation(position, inside, dialect)
         position = {key: position[key] for key in ("x", "y", "theta", "mapId") if key in position}
     actions = tuple(_actions(one["actions"], f"{at}.actions", dialect))
@@ -232,19 +242,24 @@ def _deviation(position: Json, at: str, dialect: Dialect) -> float:
     if dialect.is_new:
         _require(position, {key: OBJECT}, at)
         _require(position[key], {"a": NUMBER, "b": NUMBER, "theta": NUMBER}, f"{at}.{key}")
-        found = min(position[key]["a"], position[key]["b"])
-    else:
-        _require(position, {key: NUMBER}, at)
-        found = position[key]
-    if found < 0:
-        raise RefusalError(MALFORMED, f"{at}.{key} is {found:g}, expected 0 or more")
-    return float(found)
+        _within(position[key], {"a": (0.0, math.inf), "b": (0.0, math.inf), "theta": (-PI / 2, PI / 2)}, f"{at}.{key}")
+        return float(min(position[key]["a"], position[key]["b"]))
+    _require(position, {key: NUMBER}, at)
+    _within(position, {key: (0.0, math.inf)}, at)
+    return float(position[key])
 
 
 def _edge(one: Any, at: str, dialect: Dialect) -> Edge:
     ends = {} if dialect.is_new else {"startNodeId": TEXT, "endNodeId": TEXT}
     _require(one, EDGE | ends, at, OPTIONAL["edge"])
     _require_id(one["edgeId"], f"{at}.edgeId")
+    _within(one, {"orientation": (-PI, PI)}, at)
+    _says(one, at, dialect)
+    if "corridor" in one:
+        inside = f"{at}.corridor"
+        _require(one["corridor"], {"leftWidth": NUMBER, "rightWidth": NUMBER}, inside, OPTIONAL["corridor"])
+        _within(one["corridor"], {"leftWidth": (0.0, math.inf), "rightWidth": (0.0, math.inf)}, inside)
+        _says(one["corridor"], inside, dialect)
     limit_mps = float(one.get("maximumSpeed" if dialect.is_new else "maxSpeed", math.inf))
     if limit_mps <= 0:
         raise RefusalError(MALFORMED, f"{at}: a highest speed of {limit_mps:g} m/s, expected more than 0")
@@ -276,7 +291,7 @@ def _actions(found: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
             raise RefusalError(TOO_LARGE, f"{at}[{i}].actionParameters: {len(listed)}, expected {MOST_PARAMETERS} at most")
         for k, pair in enumerate(listed):
             _require(pair, {"key": TEXT}, f"{at}[{i}].actionParameters[{k}]")
-            if "value" not in pair:
+            if pair.get("value") is None:
                 raise RefusalError(MALFORMED, f"{at}[{i}].actionParameters[{k}].value is missing")
             parameters[pair["key"]] = pair["value"]
         yield Action(one["actionType"], one["actionId"], one["blockingType"], parameters)
@@ -291,6 +306,22 @@ def _require(found: Any, needed: Mapping[str, Any], at: str, optional: Mapping[s
         value = found[key]
         if kind in (int, NUMBER) and not abs(value) <= LARGEST:
             raise RefusalError(MALFORMED, f"{at}{'.' if at else ''}{key} is {str(value)[:WORDS]}, expected at most {LARGEST}")
+
+
+def _within(found: Json, ranges: Mapping[str, tuple[float, float]], at: str) -> None:
+    """Refuse numbers beyond what they may be."""
+    for key, (least, most) in ranges.items():
+        if key in found and not least <= found[key] <= most:
+            expected = f"{least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
+            hint = ": radians" if PI in (most, 2 * most) else ""
+            raise RefusalError(MALFORMED, f"{at}.{key} is {found[key]:g}, expected {expected}{hint}")
+
+
+def _says(found: Json, at: str, dialect: Dialect) -> None:
+    """Refuse words that are none of those that are listed."""
+    for key, words in WORDS_FOR[dialect.version].items():
+        if key in found and found[key] not in words:
+            raise RefusalError(MALFORMED, f"{at}.{key} is '{found[key][:WORDS]}', expected one of {', '.join(words)}")
 
 
 def _require_id(text: str, at: str) -> None:

@@ -1,0 +1,218 @@
+"""Runs of real fleets: a recorded stream of VDA 5050 as a run folder, so that pages, metrics and the audit serve it like any other run.
+
+The graph is that of the orders: their nodes and edges, and whatever vehicles drove besides. There is no plan but what was driven: visits
+have the times at which vehicles said that they passed nodes. Poses are those of states and visualizations, straight in between. Errors
+become events.
+"""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mrp_sumo.core.battery import BatteryLog
+from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.set_up import SetUp, choices
+from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.formats.vda.messages import STANDING_MPS, serials_of
+from mrp_sumo.formats.vda.recorded import Log, Recorded, read_log
+from mrp_sumo.io.run_folder import plain
+from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.maps.clearance import standing_walls
+from mrp_sumo.maps.map import Map
+
+SAMPLE_S = 0.1
+LONGEST_S = 24 * 3600.0
+SHORTEST_LANE_M = 1e-3
+BODY = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
+WAITS = ("blocked",)  # types of errors that are waits; others are disturbances
+
+
+def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunResult:
+    """The run that a log tells of.
+
+    Parameters
+    ----------
+    path
+        The log; see `formats.vda.recorded`.
+    model
+        What vehicles are like, as far as their factsheets do not say.
+    drawn
+        The map, for its walls; without, the nodes of orders are all there is.
+
+    Raises
+    ------
+    MrpSumoError
+        For a log that cannot be read, of more than a day, or in which too little is said.
+    """
+    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.evaluate import evaluate
+    from mrp_sumo.traffic.referee import judge
+
+    log = read_log(path)
+    vehicles = list(log.vehicles.values())
+    begin_s = min(vehicle.t_s[0] for vehicle in vehicles)
+    span_s = max(vehicle.t_s[-1] for vehicle in vehicles) - begin_s
+    if span_s > LONGEST_S:
+        raise MrpSumoError(f"{path.name}: {span_s / 3600:.1f} h from the first pose to the last, expected a day at most: cut it")
+    fleet = _fleet(vehicles, model)
+    graph, ways = _graph(log, vehicles, begin_s, path.stem)
+    plan = plan_of_visits([(vertex, at_s, np.append(at_s[:-1], np.inf)) for vertex, at_s in ways])
+    goal = plan.last_vertex
+    problem = Problem(graph, fleet, plan.vertex[plan.first[:-1]], goal, np.arange(len(goal)), _step_s(graph, fleet))
+    execution = _execution(log, vehicles, begin_s, span_s, plan, graph)
+    values = {
+        "map": str(drawn.path if drawn else path),
+        "discretisation": {"kind": "roadmap", "cell_m": graph.cell_m},
+        "robots": {"count": len(vehicles), "type": {key: getattr(model, key) for key in BODY}},
+        "planner": "prioritised",
+        "execution": {"engine": "kinematic", "time_limit_s": max(execution.sim_time_s, SAMPLE_S)},
+        "record": {"bag": False, "period_s": SAMPLE_S},
+    }
+    file = scenario_of(values, Path.cwd(), path.stem)
+    _, planner, assigner, settings = choices(file)
+    map_ = replace(drawn, nav=graph) if drawn else Map(name=graph.name, path=path, nav=graph)
+    setup = SetUp(file, map_, problem, assigner, planner, settings)
+    result = PlanResult(Status.SOLVED, plan, np.arange(len(goal)))
+    verdict = judge(problem, plan, in_seconds=True)
+    walls = standing_walls(drawn.building, graph.level_names) if drawn and drawn.building else None
+    audited = audit(execution, fleet, graph.level[problem.start], walls)
+    metrics = evaluate(problem, result, verdict, execution, audited, time_limit_s=settings.time_limit_s)
+    status = "audit_failed" if audited["num_overlaps"] else "completed"
+    note = f"recorded: {len(vehicles)} vehicles of {path.name}, {span_s:.0f} s"
+    return RunResult(setup, status, note, Solution(setup, problem, result, verdict, 0.0), execution, audited, plain(metrics))
+
+
+def _fleet(vehicles: list[Recorded], model: RobotType) -> Fleet:
+    """Names are serial numbers, bodies those of factsheets."""
+    usual = fleet_of(model, len(vehicles))
+
+    def column(name: str) -> FloatArray:
+        return frozen(np.array([vehicle.body.get(name, getattr(model, name)) for vehicle in vehicles], np.float64))
+
+    return replace(
+        usual,
+        robot_name=tuple(serials_of([vehicle.serial for vehicle in vehicles])),
+        length_m=column("length_m"),
+        width_m=column("width_m"),
+        max_speed_mps=column("max_speed_mps"),
+        accel_mps2=column("accel_mps2"),
+        decel_mps2=column("decel_mps2"),
+    )
+
+
+def _graph(log: Log, vehicles: list[Recorded], begin_s: float, name: str) -> tuple[PlanGraph, list[tuple[IntArray, FloatArray]]]:
+    """The graph, and each vehicle's visits with their times. A vehicle that begins where another did begins at a vertex of its own."""
+    places = dict(log.nodes)
+    for vehicle in vehicles:
+        for t_s, node, _, _ in vehicle.passed:
+            if node not in places:
+                places[node] = _pose_at(vehicle, t_s)
+    edges, starts, visits = {e for e in log.edges if all(n in places for n in e)}, set[str](), []
+    for vehicle in vehicles:
+        way = [(node, max(0.0, t_s - begin_s)) for t_s, node, _, _ in vehicle.passed]
+        way = [here for k, here in enumerate(way) if not k or here[0] != way[k - 1][0]]
+        if not way or way[0][0] in starts:
+            own = f"{vehicle.serial} begins"
+            places[own] = _pose_at(vehicle, vehicle.t_s[0])
+            way.insert(0, (own, max(0.0, vehicle.t_s[0] - begin_s)))
+        starts.add(way[0][0])
+        edges |= {(a, b) for (a, _), (b, _) in pairwise(way)}
+        visits.append(way)
+    names = list(places)
+    number = {node: k for k, node in enumerate(names)}
+    level_names = sorted({map_id for _, _, map_id in places.values()} | {m for vehicle in vehicles for m in vehicle.map_id}) or ["map"]
+    xy = np.array([places[node][:2] for node in names])
+    lanes = sorted((number[a], number[b]) for a, b in edges if a != b)
+    length_m = [max(float(np.hypot(*(xy[b] - xy[a]))), SHORTEST_LANE_M) for a, b in lanes]
+    nav = nav_graph(
+        name=name,
+        xy=xy,
+        lanes=lanes,
+        level_names=level_names,
+        level=[level_names.index(places[node][2]) for node in names],
+        vertex_name=names,
+        length_m=length_m,
+    )
+    graph = plan_graph(nav, kind="roadmap", cell_m=round(float(np.median(length_m)), 3) if lanes else 1.0)
+    ways = [(np.array([number[node] for node, _ in way], np.int64), _ascending([t for _, t in way])) for way in visits]
+    return graph, ways
+
+
+def _ascending(t_s: list[float]) -> FloatArray:
+    """A first visit is at 0 s, whatever else is known."""
+    return np.maximum.accumulate(np.array([0.0, *t_s[1:]]))
+
+
+def _pose_at(vehicle: Recorded, t_s: float) -> tuple[float, float, str]:
+    """Where a vehicle was, by its nearest report."""
+    k = int(np.argmin(np.abs(np.array(vehicle.t_s) - t_s)))
+    return vehicle.x_m[k], vehicle.y_m[k], vehicle.map_id[k]
+
+
+def _execution(log: Log, vehicles: list[Recorded], begin_s: float, span_s: float, plan: Plan, graph: NavGraph) -> Execution:
+    t_s = np.round(np.arange(math.floor(span_s / SAMPLE_S + 1e-6) + 1) * SAMPLE_S, 9)
+    x, y, yaw, speed = (np.full((len(t_s), len(vehicles)), np.nan) for _ in range(4))
+    level = np.zeros((len(t_s), len(vehicles)), np.int64)
+    events = []
+    for r, vehicle in enumerate(vehicles):
+        at_s = np.array(vehicle.t_s) - begin_s
+        there = (t_s >= at_s[0] - 1e-6) & (t_s <= at_s[-1] + 1e-6)
+        now_s = t_s[there]
+        x[there, r], y[there, r] = np.interp(now_s, at_s, vehicle.x_m), np.interp(now_s, at_s, vehicle.y_m)
+        turned = np.interp(now_s, at_s, np.unwrap(vehicle.yaw_rad))
+        yaw[there, r] = (turned + np.pi) % (2 * np.pi) - np.pi
+        said = np.array(vehicle.speed_mps)
+        derived = np.hypot(np.gradient(x[there, r]), np.gradient(y[there, r])) / SAMPLE_S if there.sum() > 1 else np.zeros(there.sum())
+        known = np.isfinite(said)
+        speed[there, r] = np.interp(now_s, at_s[known], said[known]) if known.any() else derived
+        on = np.array([graph.level_names.index(name) for name in vehicle.map_id])
+        level[there, r] = on[np.maximum(np.searchsorted(at_s, now_s, side="right") - 1, 0)]
+        for (kind, text), spans in vehicle.errors.items():
+            for since_s, until_s in spans:
+                what = "blocked" if kind in WAITS else "disturbed"
+                lasts_s = min(until_s, begin_s + span_s) - since_s
+                events.append(Event(since_s - begin_s, what, r, duration_s=lasts_s, text=f"{kind}: {text}" if text else kind))
+    still = np.nan_to_num(speed, nan=0.0) < STANDING_MPS
+    last_moved = np.where((~still).any(0), len(t_s) - 1 - np.argmax(~still[::-1], 0), 0)
+    return Execution(
+        t_s=frozen(t_s),
+        x_m=frozen(x),
+        y_m=frozen(y),
+        yaw_rad=frozen(yaw),
+        speed_mps=frozen(speed),
+        arrived_s=frozen(plan.arrive_s.copy()),
+        goal_s=frozen(t_s[last_moved]),
+        outcome=Outcome.COMPLETED,
+        policy="recorded",
+        sim_time_s=float(t_s[-1]),
+        wall_time_s=0.0,
+        cpu_time_s=0.0,
+        events=tuple(sorted(events, key=lambda event: (event.t_s, event.robot))),
+        level=frozen(level) if len(graph.level_names) > 1 else None,
+        batteries=_batteries(vehicles, begin_s, float(t_s[-1])),
+    )
+
+
+def _batteries(vehicles: list[Recorded], begin_s: float, end_s: float) -> BatteryLog | None:
+    """Where all vehicles say their state of charge."""
+    if not all(vehicle.percent for vehicle in vehicles):
+        return None
+    t_s = np.arange(0.0, end_s + 1e-9, 10.0)
+    level = np.stack([np.interp(t_s, *np.array(vehicle.percent).T - [[begin_s], [0.0]]) / 100 for vehicle in vehicles], 1)
+    none = frozen(np.zeros(len(vehicles)))
+    return BatteryLog(frozen(t_s), frozen(level), none, none, 0.0)
+
+
+def _step_s(graph: NavGraph, fleet: Fleet) -> float:
+    """The time for the longest lane, as for any other problem."""
+    longest_m = float(graph.length_m.max(initial=1.0))
+    return round(longest_m / float(fleet.max_speed_mps.min()), 3)

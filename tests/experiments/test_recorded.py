@@ -1,0 +1,98 @@
+"""A recorded stream of VDA 5050 is a run like any other: our own export read back is what was driven."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from wire.worlds import LANES, SCENARIO
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.io.run_reader import load_run
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A run of two carts in `run`, its messages of both versions, and what was made of these again, `back_2.1` and `back_3.0`."""
+    work = tmp_path_factory.mktemp("recorded")
+    (work / "lanes.csv").write_text(LANES)
+    (work / "carts.yaml").write_text(yaml.safe_dump(SCENARIO))
+    assert main(["run", str(work / "carts.yaml"), "--out", str(work / "run")]) == 0
+    for version in ("2.1", "3.0"):
+        assert main(["export", str(work / "run"), "--vda5050", version, "--out", str(work / version)]) == 0
+        assert main(["import", str(work / version / "messages.jsonl"), "--out", str(work / f"back_{version}")]) == 0
+    return work
+
+
+@pytest.mark.parametrize("version", ["2.1", "3.0"])
+def test_what_was_exported_is_read_back(folder, version):
+    run, back = load_run(folder / "run"), load_run(folder / f"back_{version}")
+    assert back.fleet.robot_name == run.fleet.robot_name and (back.fleet.length_m == run.fleet.length_m).all()
+    count = len(back.samples.t_s)
+    assert 0 <= len(run.samples.t_s) - count <= 1
+    for column in ("x_m", "y_m", "speed_mps"):
+        assert np.abs(getattr(back.samples, column) - getattr(run.samples, column)[:count]).max() < 2e-6, column
+    turned = np.exp(1j * back.samples.yaw_rad) - np.exp(1j * run.samples.yaw_rad[:count])
+    assert np.abs(turned).max() < 2e-6
+    assert back.audit["passed"] and back.result["status"] == "completed"
+    assert back.metrics["min_distance_m"] == pytest.approx(run.metrics["min_distance_m"], abs=1e-5)
+    names = {robot: [run.graph.label(v) for v in run.plan.vertex[run.plan.robot == robot]] for robot in (0, 1)}
+    for robot, vertices in names.items():
+        assert [back.graph.label(v) for v in back.plan.vertex[back.plan.robot == robot]] == vertices
+    arrived = back.execution.arrived_s - run.execution.arrived_s
+    assert np.abs(arrived).max() < 2e-3, "to a millisecond, as timestamps are"
+
+
+def test_pages_are_made_of_it(folder):
+    assert main(["replay", str(folder / "back_3.0"), "--out", str(folder / "replay.html")]) == 0
+    assert main(["export", str(folder / "back_3.0"), "--csv", "--out", str(folder / "back.csv")]) == 0
+
+
+def test_overlap_in_a_stream_is_found(folder):
+    lines = (folder / "3.0" / "messages.jsonl").read_text().splitlines()
+    shifted = []
+    for line in lines:
+        message = json.loads(line)
+        place = message["payload"].get("mobileRobotPosition")
+        if place and "robot_1" in message["topic"]:
+            place["x"], place["y"] = 0.3, 0.1
+        shifted.append(json.dumps(message))
+    path = folder / "close.jsonl"
+    path.write_text("\n".join(shifted))
+    assert main(["import", str(path), "--out", str(folder / "close")]) == 1
+    found = load_run(folder / "close")
+    assert found.result["status"] == "audit_failed" and found.audit["num_overlaps"] >= 1
+
+
+def damaged(folder, change):
+    lines = (folder / "3.0" / "messages.jsonl").read_text().splitlines()
+    k = next(k for k, line in enumerate(lines) if "/state" in line)
+    message = json.loads(lines[k])
+    change(message)
+    (folder / "damaged.jsonl").write_text("\n".join([*lines[:k], json.dumps(message), *lines[k + 1 :]]))
+    return folder / "damaged.jsonl", k + 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda m: m["payload"].update(timestamp="yesterday"), "payload.timestamp: expected YYYY-MM-DDTHH:mm:ss.fffZ"),
+        (lambda m: m["payload"]["mobileRobotPosition"].update(x="left"), "payload.mobileRobotPosition.x is left, expected a number"),
+        (lambda m: m["payload"].pop("lastNodeId"), "payload.lastNodeId is missing"),
+        (lambda m: m.pop("payload"), "payload is missing"),
+    ],
+)
+def test_what_is_no_message_is_a_line(folder, change, said, capsys):
+    path, number = damaged(folder, change)
+    assert main(["import", str(path), "--out", str(folder / "none")]) == 2
+    assert capsys.readouterr().err == f"mrp-sumo: {path}:{number}: {said}\n" and not (folder / "none").exists()
+
+
+def test_streams_without_poses_and_options_of_maps_are_lines(folder, capsys):
+    (folder / "empty.jsonl").write_text("\n")
+    assert main(["import", str(folder / "empty.jsonl"), "--out", str(folder / "none")]) == 2
+    assert "no state or visualization says where a vehicle is" in capsys.readouterr().err
+    assert main(["import", str(folder / "empty.jsonl"), "--check"]) == 2
+    assert "validate --vda5050" in capsys.readouterr().err
+    assert main(["import", "office", "--map", "office", "--check"]) == 2
+    assert "--map is for a recorded stream" in capsys.readouterr().err
