@@ -178,3 +178,14 @@ def test_the_plant_is_the_same_as_lif_and_as_a_plant_model() -> None:
     assert named[0] == named[1]
     assert lif.nav.length_m.sum() == pytest.approx(tcs.nav.length_m.sum(), abs=0.1)
     assert tcs.nav.having("mutex").sum() == 2
+
+
+def test_the_levels_of_the_hospital_lie_on_each_other_and_are_joined_by_its_lifts() -> None:
+    map_ = load_map(ROOT / "networks" / "hospital_levels" / "hospital_levels.building.yaml")
+    nav, rides = map_.nav, {options["lift"] for options in map_.nav.lane_options if "lift" in options}
+    assert map_.building is not None and not map_.findings and nav.num_components == 1 and rides == {"lift_west", "lift_east"}
+    there = [nav.xy[nav.vertex_of_name[f"{level}_lift_west"]] - map_.level_shift_m[level] for level in ("L1", "L2", "L3")]
+    assert np.ptp(there, axis=0) == pytest.approx(0, abs=1e-6)
+    assert [level.elevation_m for level in map_.building.levels.values()] == [0.0, 4.2, 8.4]
+    hatch = {name for level in map_.building.levels.values() for name in (door.name for door in level.doors)}
+    assert len(hatch) == 30

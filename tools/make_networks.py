@@ -1,4 +1,5 @@
-"""Draw the bundled maps: networks/{office,warehouse,airport,hospital}/<name>.building.yaml, networks/kiva/kiva.map, networks/plant/plant.*.
+"""Draw the bundled maps: networks/{office,warehouse,airport,hospital,hospital_levels}/<name>.building.yaml, networks/kiva/kiva.map,
+networks/plant/plant.*.
 
     .venv/bin/python tools/make_networks.py [FOLDER]
 
@@ -15,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.maps.drawing import Drawing
+from mrp_sumo.maps.drawing import Drawing, DrawnLift, building_text
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.opentcs_file import write_opentcs
 
@@ -355,6 +356,62 @@ def hospital() -> Drawing:
     return d
 
 
+LIFTS = {"lift_west": DrawnLift(14.4, 12.2, 2.4, 2.4, 1.4), "lift_east": DrawnLift(21.6, 12.2, 2.4, 2.4, 1.4)}
+LEVEL_HEIGHT_M = 4.2
+ROOMS = {  # of each level, south and north of the corridor, from the west; the lifts are between those to the north
+    "L1": (("pharmacy", "kitchen", "laundry", "supply", "waste", "sterile"), ("emergency", "triage", "radiology", "office")),
+    "L2": (("theatre_1", "theatre_2", "recovery", "care_1", "laboratory", "blood_bank"), ("ward_21", "ward_22", "ward_23", "ward_24")),
+    "L3": (("ward_31", "ward_32", "ward_33", "ward_34", "linen", "medicine"), ("ward_35", "ward_36", "ward_37", "ward_38")),
+}
+HATCHES = ("laboratory", "blood_bank", "medicine")  # rooms behind doors of half a metre
+
+
+def hospital_levels() -> dict[str, Drawing]:
+    """Three levels around two lifts: on each a corridor of two lanes between rooms. Some rooms are for small robots only."""
+    levels = {}
+    columns = (3.6, 8.4, 14.4, 21.6, 27.6, 32.4)
+    for level, (south_rooms, north_rooms) in ROOMS.items():
+        d = levels[level] = Drawing("hospital_levels", 36.0, 16.8)
+        south, north = ([d.station(x, y) for x in columns] for y in (6.0, 8.4))
+        for row in (south, north, *zip(south, north)):
+            d.lane(*row)
+        d.lane(south[0], d.station(1.2, 6.0, f"{level}_charger_1", **CHARGE))
+        d.lane(north[-1], d.station(34.8, 8.4, f"{level}_charger_2", **CHARGE))
+        d.lane(north[0], d.station(1.2, 8.4, f"{level}_parking_1", **PARK))
+        d.lane(south[-1], d.station(34.8, 6.0, f"{level}_parking_2", **PARK))
+        d.floor((0, 0), (36.0, 0), (36.0, 16.8), (0, 16.8))
+        d.wall((0, 0), (36.0, 0), (36.0, 16.8), (0, 16.8), (0, 0))
+        doors: dict[float, list[tuple[float, float]]] = {4.8: [], 9.6: []}
+        of_north = (*north_rooms[:2], "", "", *north_rooms[2:])
+        for row, rooms, wall_y, room_y in ((south, south_rooms, 4.8, 2.4), (north, of_north, 9.6, 13.2)):
+            for x, at, room in zip(columns, row, rooms):
+                width = 0.5 if room in HATCHES else 1.2 if room else 2.4
+                doors[wall_y].append((x, width))
+                if room:
+                    d.lane(at, d.station(x, room_y, f"{level}_{room}"))
+                    d.door((x - width / 2, wall_y), (x + width / 2, wall_y), f"{level}_{room}_door", "sliding")
+        for wall_y, gaps in doors.items():
+            d.wall((0, wall_y), (36.0, wall_y), gaps=gaps)
+        for name, lift in LIFTS.items():
+            d.lane(north[columns.index(lift.x_m)], d.station(lift.x_m, 12.0, f"{level}_{name}", lift_cabin=name))
+            west, east, door_y = lift.x_m - 1.3, lift.x_m + 1.3, lift.y_m - 1.3
+            d.wall(
+                (west, door_y),
+                (east, door_y),
+                (east, lift.y_m + 1.3),
+                (west, lift.y_m + 1.3),
+                (west, door_y),
+                gaps=[(lift.x_m, lift.door_m)],
+            )
+        for x in (6.0, 11.4, 18.0, 24.6, 30.0):
+            d.wall((x, 0), (x, 4.8))
+            if x != 18.0:
+                d.wall((x, 9.6), (x, 16.8))
+        for x in columns:
+            d.box(x - 0.9, 0.4, x + 0.9, 1.2)
+    return levels
+
+
 def kiva() -> str:
     """MovingAI's text of the map of 33 x 46 cells that rolling-horizon planners are compared on.
 
@@ -415,6 +472,11 @@ def main() -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         drawing.write(path)
         print(f"{path}: {len(drawing.stations)} vertices, {len(drawing.lanes)} edges, {len(drawing.walls)} walls")
+    levels = hospital_levels()
+    path = folder / "hospital_levels" / "hospital_levels.building.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(building_text("hospital_levels", levels, LEVEL_HEIGHT_M, LIFTS), encoding="utf-8", newline="\n")
+    print(f"{path}: {sum(len(drawing.stations) for drawing in levels.values())} vertices on {len(levels)} levels")
     path = folder / "kiva" / "kiva.map"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(kiva(), encoding="utf-8", newline="\n")

@@ -110,26 +110,30 @@ def _check(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.clearance import narrow
     from mrp_sumo.maps.load import load_map
     from mrp_sumo.maps.oddities import oddities
+    from mrp_sumo.maps.unused import unused
 
     path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
         map_ = load_map(path, meters_per_pixel=options.meters_per_pixel, vehicle_type=options.vehicle_type, reader=options.reader)
-        findings, notes = map_.findings, oddities(map_.building) if map_.building else ()
-        room = narrow(map_.nav, map_.building, model).notes
+        findings, notes, without_effect = map_.findings, oddities(map_.building) if map_.building else (), unused(map_)
+        clearance = narrow(map_.nav, map_.building, model)
+        room, lanes = clearance.notes, clearance.lane_notes
     except MapError as error:
-        findings, notes, room = findings_of(error), (), ()
+        findings, notes, room, lanes, without_effect = findings_of(error), (), (), (), ""
     refused = any(finding.severity == "refuse" for finding in findings)
     if options.json:
         warnings = [finding.document() for finding in findings]
-        document = {"file": path.name, "refused": refused, "warnings": warnings, "notes": notes}
-        print(json.dumps({**document, "clearance": room} if options.robot else document, indent=2))
-    elif not findings and not notes and not room:
+        document = {"file": path.name, "refused": refused, "warnings": warnings, "notes": notes, "unused": without_effect}
+        print(json.dumps({**document, "clearance": room, "narrow_lanes": lanes} if options.robot else document, indent=2))
+    elif not findings and not notes and not room and not without_effect:
         print(f"{path.name}: nothing to report")
     else:
         for finding in findings:
             print(f"{path.name}: {finding.severity}: {finding.line}")
-        for note in (*notes, *room):
+        for note in (*notes, *room, *lanes):
             print(f"{path.name}: note: {note}")
+        if without_effect:
+            print(f"{path.name}: info: {without_effect}")
     return 2 if refused else 0
 
 
@@ -195,6 +199,7 @@ def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
     from rich.table import Table
 
     from mrp_sumo.maps.oddities import oddities
+    from mrp_sumo.maps.unused import unused
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(map_.name), title_style="bold", title_justify="left")
@@ -219,7 +224,7 @@ def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
         row("grid", "{width} x {height} cells of {cell_m:g} m, {free} of {total} free".format(**grid))
     for finding in map_.findings:
         table.add_row(*_shown(finding))
-    for note in known["clearance"]["notes"]:
+    for note in (*known["clearance"]["notes"], *filter(None, (unused(map_),))):
         table.add_row("note", f"[dim]{escape(note)}[/]")
     for note in _shortened(oddities(map_.building) if map_.building else ()):
         table.add_row("note", f"[dim]{escape(note)}[/]")

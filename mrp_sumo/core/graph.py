@@ -104,9 +104,17 @@ class NavGraph:
         return frozen(np.array(["lift" in options for options in self.lane_options], np.bool_))
 
     @cached_property
+    def is_backward(self) -> BoolArray:
+        """[L] whether robots drive backwards on a lane (option `orientation_constraint`)."""
+        if self.lane_options.count(NO_OPTIONS) == self.num_lanes:
+            return frozen(np.zeros(self.num_lanes, np.bool_))
+        return frozen(np.array([options.get("orientation_constraint") == "backward" for options in self.lane_options], np.bool_))
+
+    @cached_property
     def heading_rad(self) -> FloatArray:
         """[L] which way robots face on a lane, -pi to pi; in a lift, the way that they will leave it: they turn before the ride."""
         along = self.xy[self.head] - self.xy[self.tail]
+        along[self.is_backward] *= -1.0
         heading: FloatArray = np.arctan2(along[:, 1], along[:, 0])
         for lane in np.flatnonzero(self.is_ride).tolist():
             at, behind = int(self.head[lane]), int(self.tail[lane])

@@ -76,6 +76,21 @@ class Problem:
         barred = self.barred[np.unique(self.fleet.kind)].any(0)
         return replace(self, graph=_without(self.graph, barred.tobytes()), barred=None)
 
+    def for_reach(self) -> "Problem":
+        """The same problem without the lanes that are barred for a type which has room at both of their ends.
+
+        Then a robot is on its lanes as long as it stays on vertices from which its type can come to its goal.
+        """
+        if self.barred is None:
+            return self
+        graph, short = self.graph, np.zeros(self.graph.num_lanes, np.bool_)
+        for k in np.unique(self.fleet.kind).tolist():
+            own = self.graph_of_kind[k]
+            there = np.zeros(graph.num_vertices, np.bool_)
+            there[own.tail] = there[own.head] = True
+            short |= self.barred[k] & there[graph.tail] & there[graph.head]
+        return replace(self, graph=_without(graph, short.tobytes()), barred=self.barred[:, ~short])
+
     @property
     def target(self) -> IntArray:
         """[R] goal vertex of each robot; its own start where it has no goal."""

@@ -411,7 +411,9 @@ class Work:
             self._outwards[graph, centre] = tuple(_outwards(graph, centre))
         free = (v for v in self._outwards[graph, centre] if v not in taken)
         nearest = next(free)
-        return next((v for v in chain((nearest,), free) if v not in doorstep and (v == at or v not in stood_on)), nearest)
+        passed = graph.vertex_options
+        clear = (v for v in chain((nearest,), free) if v not in doorstep and not passed[v].get("is_passthrough_point"))
+        return next((v for v in clear if v == at or v not in stood_on), nearest)
 
 
 class _Source:

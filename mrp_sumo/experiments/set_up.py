@@ -137,7 +137,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             step_s=step_s,
             seed=scenario.seed,
             start_heading_rad=_headings(scenario.robots.start_heading_deg, len(start)),
-            goal_heading_rad=_headings(scenario.robots.goal_heading_deg, len(goal)),
+            goal_heading_rad=_goal_headings(scenario, graph, goal),
             effort=scenario.planner.budget or 0,
             barred=barred,
             goal_kind=None if scenario.robots.fleet is None else fleet.kind,
@@ -545,11 +545,13 @@ def _without_room(
         if barred[kind].all():
             raise ScenarioError(f"{file.at(*_type_at(file, kind))}: no lane of '{graph.name}' leaves '{model.name}' room beside the walls")
         if barred[kind].any():
-            notes.append(
-                f"{np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes are none of '{model.name}': {', '.join(narrow.notes)}"
-            )
-    if "types" not in getattr(chosen_planner, "supports", ()):
-        lanes = ", on lanes with room for all types" if notes else ""
+            lane = int(np.flatnonzero(barred[kind])[np.argmin(narrow.lane_m[barred[kind]])])
+            ends = f"'{graph.label(int(graph.tail[lane]))}' - '{graph.label(int(graph.head[lane]))}'"
+            where = f"the narrowest {ends}: {narrow.lane_m[lane]:.2f} m to a wall"
+            notes.append(f"'{model.name}' has no room on {np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes, {where}")
+    supports = getattr(chosen_planner, "supports", ())
+    if "types" not in supports:
+        lanes = ", on lanes with room for all types" if notes and "reach" not in supports else ""
         notes.append(f"'{file.scenario.planner.name}' plans for all robots as for the slowest and largest{lanes}")
     return (barred if barred.any() else None), tuple(notes)
 
@@ -624,16 +626,33 @@ def _headings(degrees: float | list[float | None] | None, count: int) -> FloatAr
     return frozen(np.radians(np.array([np.nan if heading is None else heading for heading in each], np.float64)))
 
 
+def _goal_headings(scenario: Scenario, graph: PlanGraph, goal: IntArray) -> FloatArray | None:
+    """[G] as the scenario says, else as the map does, where robots can face so without turning aside from all lanes."""
+    if scenario.robots.goal_heading_deg is not None or scenario.tasks is not None:
+        return _headings(scenario.robots.goal_heading_deg, len(goal))
+    found = np.array([float(graph.vertex_options[v].get("theta_rad", np.nan)) for v in goal.tolist()])
+    for i in np.flatnonzero(~np.isnan(found)).tolist():
+        if not _along_a_lane(graph, int(goal[i]), found[i]):
+            found[i] = np.nan
+    return None if np.isnan(found).all() else frozen(found)
+
+
+def _along_a_lane(graph: PlanGraph, vertex: int, heading_rad: float) -> bool:
+    """Whether robots at a vertex face so on a lane that leads to it or away from it."""
+    there = graph.heading_rad[(graph.head == vertex) | (graph.tail == vertex)]
+    return bool((np.abs((there - heading_rad + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any())
+
+
 def _require_headings(file: ScenarioFile, problem: Problem) -> None:
     """Robots stay at a goal along one of its lanes, as they came or turned round; a heading between these is a mistake."""
     graph, wanted, degrees = problem.graph, problem.goal_heading_rad, file.scenario.robots.goal_heading_deg
-    if wanted is None:
+    if wanted is None or degrees is None:
         return
     for goal in np.flatnonzero(~np.isnan(wanted)).tolist():
         v = problem.goal[goal]
-        there = graph.heading_rad[(graph.head == v) | (graph.tail == v)]
-        if (np.abs((there - wanted[goal] + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any():
+        if _along_a_lane(graph, int(v), float(wanted[goal])):
             continue
+        there = graph.heading_rad[(graph.head == v) | (graph.tail == v)]
         place: Place = ("robots", "goal_heading_deg", goal) if isinstance(degrees, list) else ("robots", "goal_heading_deg")
         fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(there), 1) % 360))
         raise ScenarioError(

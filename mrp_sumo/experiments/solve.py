@@ -185,7 +185,7 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
     result = replace(result, prepare_time_s=prepare_time_s)
     verdict = None
     if result.status is Status.INFEASIBLE and problem.barred is not None and as_supported(setup.planner, problem) is not problem:
-        hint = f"'{scenario.planner.name}' uses lanes only on which all types have room, continuous and pbs give each its own"
+        hint = f"'{scenario.planner.name}' uses lanes only on which all types have room; continuous, pbs and prioritised give each its own"
         result = replace(result, message=f"{result.message}; {hint}")
     if result.goal_of is not None:
         problem = problem.assigned(result.goal_of)

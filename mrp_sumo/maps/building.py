@@ -116,6 +116,7 @@ class Building:
     offset: tuple[float, float] | None = None  # of the file, for georeferenced systems
     origin_m: tuple[float, float] = (0.0, 0.0)  # what `Level.xy` has less than the nav graphs of Open-RMF
     findings: tuple[Finding, ...] = ()  # of reading the file
+    unused: tuple[str, ...] = ()  # what is drawn and has no effect here, with counts
 
     @cached_property
     def graphs(self) -> Mapping[int, int]:

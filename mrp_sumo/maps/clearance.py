@@ -78,6 +78,17 @@ class Narrow:
             found.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
         return tuple(found)
 
+    @property
+    def lane_notes(self) -> tuple[str, ...]:
+        """A line for each lane without room, the nearest to a wall first."""
+        half_m = self.robot.width_m / 2
+        return tuple(
+            f"lane {self._lane(lane)} leads through a wall"
+            if self.lane_m[lane] == 0
+            else f"lane {self._lane(lane)} is {self.lane_m[lane]:.2f} m from a wall, '{self.robot.name}' needs {half_m:.2f} m"
+            for lane in self.lanes.tolist()
+        )
+
     def _lane(self, lane: int) -> str:
         return f"{self._vertex(self.graph.tail[lane])} -> {self._vertex(self.graph.head[lane])}"
 

@@ -1,4 +1,4 @@
-"""Draw a `building.yaml` in metres: stations, lanes, walls, floors and doors of one level, as the RMF Traffic Editor would save them.
+"""Draw a `building.yaml` in metres: stations, lanes, walls, floors, doors and lifts of levels, as the RMF Traffic Editor would save it.
 
 The drawing's frame has its origin at the lower left of the building, x right, y up. The file is in pixels from the upper left corner
 of an empty canvas with a margin around the building, and carries two measurements, so that every importer finds the metres again.
@@ -7,7 +7,8 @@ Refuses two stations on one spot or of one name, and lanes between unknown stati
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -33,8 +34,19 @@ DOOR = (
 )
 
 
+@dataclass(frozen=True)
+class DrawnLift:
+    """A cabin that stops at the same place on all levels of a building; its door is on its south side."""
+
+    x_m: float
+    y_m: float
+    width_m: float
+    depth_m: float
+    door_m: float  # width of the door
+
+
 class Drawing:
-    """A building under the pen. Coordinates are metres; whatever is drawn is written in the order it was drawn."""
+    """A level, or a building of one, under the pen. Coordinates are metres; whatever is drawn is written in the order it was drawn."""
 
     def __init__(self, name: str, width_m: float, height_m: float) -> None:
         """`width_m` and `height_m` are the building's, and what the measurements span."""
@@ -103,14 +115,25 @@ class Drawing:
         self.doors.append((self._corner(a), self._corner(b), name, kind, direction))
 
     def text(self) -> str:
-        """The file."""
+        """The file of a building of one level, L1."""
+        return _text(self.name, [*self.level("L1", 0.0), "lifts: {}"])
+
+    def level(self, name: str, elevation_m: float, fiducials: bool = False) -> list[str]:
+        """The lines of a level; with fiducials at two corners, which levels of one building share."""
         first = len(self.stations)
         rulers = [self._corner((x, y)) for x, y in ((0, -0.5), (self.width_m, -0.5), (-0.5, 0), (-0.5, self.height_m))]
-        lines = ["coordinate_system: reference_image", "graphs:", "  {}", "levels:", "  L1:"]
+        lines = [f"  {name}:"]
         if self.doors:
             lines.append("    doors:")
             lines += [f"      - [{first + a}, {first + b}, {DOOR % (turn, _scalar(name), kind)}]" for a, b, name, kind, turn in self.doors]
-        lines += ["    elevation: 0", "    floors:"]
+        lines.append(f"    elevation: {_number(elevation_m)}")
+        if fiducials:
+            lines.append("    fiducials:")
+            lines += [
+                f"      - [{self._pixels(x, y)}, {name}]"
+                for x, y, name in ((0, 0, "southwest"), (self.width_m, self.height_m, "northeast"))
+            ]
+        lines.append("    floors:")
         for corners, texture in self.floors:
             lines += [f"      - parameters: {FLOOR % texture}", f"        vertices: [{', '.join(str(first + c) for c in corners)}]"]
         lines.append("    lanes:")
@@ -126,9 +149,11 @@ class Drawing:
         if self.walls:
             lines.append("    walls:")
             lines += [f"      - [{first + a}, {first + b}, {WALL}]" for a, b in self.walls]
-        lines += [f"    x_meters: {_number(self.width_m + 2 * MARGIN_M)}", f"    y_meters: {_number(self.height_m + 2 * MARGIN_M)}"]
-        lines += ["lifts: {}", f"name: {_scalar(self.name)}"]
-        return "\n".join(lines) + "\n"
+        return [*lines, f"    x_meters: {_number(self.width_m + 2 * MARGIN_M)}", f"    y_meters: {_number(self.height_m + 2 * MARGIN_M)}"]
+
+    def pixels(self, x: float, y: float) -> tuple[float, float]:
+        """From the upper left corner, y down."""
+        return (x + MARGIN_M) / METERS_PER_PIXEL, (self.height_m + MARGIN_M - y) / METERS_PER_PIXEL
 
     def write(self, path: Path) -> None:
         """Write the file, whole or not at all."""
@@ -145,7 +170,40 @@ class Drawing:
 
     def _pixels(self, x: float, y: float) -> str:
         """In pixels from the upper left corner, y down."""
-        return f"{_number((x + MARGIN_M) / METERS_PER_PIXEL)}, {_number((self.height_m + MARGIN_M - y) / METERS_PER_PIXEL)}"
+        return ", ".join(map(_number, self.pixels(x, y)))
+
+
+def building_text(name: str, levels: Mapping[str, Drawing], height_m: float, lifts: Mapping[str, DrawnLift]) -> str:
+    """The file of a building of several levels, each of the same extent and so much higher than the one before, and its lifts.
+
+    A lift stops where a station of a level is in its cabin.
+    """
+    lines = [line for k, (level, drawing) in enumerate(levels.items()) for line in drawing.level(level, k * height_m, fiducials=True)]
+    lines.append("lifts:")
+    lowest, *_, highest = levels
+    for lift, drawn in lifts.items():
+        x, y = levels[lowest].pixels(drawn.x_m, drawn.y_m)
+        door = f"{{door_type: 2, motion_axis_orientation: 0, width: {_number(drawn.door_m)}, x: 0, y: {_number(-drawn.depth_m / 2)}}}"
+        lines += [
+            f"  {lift}:",
+            f"    depth: {_number(drawn.depth_m)}",
+            f"    doors: {{door: {door}}}",
+            f"    highest_floor: {highest}",
+            f"    initial_floor_name: {lowest}",
+            f"    level_doors: {{{', '.join(f'{level}: [door]' for level in levels)}}}",
+            f"    lowest_floor: {lowest}",
+            "    plugins: true",
+            f"    reference_floor_name: {lowest}",
+            f"    width: {_number(drawn.width_m)}",
+            f"    x: {_number(x)}",
+            f"    y: {_number(y)}",
+            "    yaw: 0",
+        ]
+    return _text(name, lines)
+
+
+def _text(name: str, lines: Sequence[str]) -> str:
+    return "\n".join(["coordinate_system: reference_image", "graphs:", "  {}", "levels:", *lines, f"name: {_scalar(name)}"]) + "\n"
 
 
 def _number(value: float) -> str:

@@ -135,8 +135,10 @@ def first_line(function: Function) -> str:
     return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
 
 
-def count_of(steps: float) -> float | int:
-    """A number of steps; an int where it is whole."""
+def count_of(steps: float) -> float | int | None:
+    """A number of steps; an int where it is whole, None where there is none."""
+    if not math.isfinite(steps):
+        return None
     whole = round(float(steps))
     return whole if abs(steps - whole) < 1e-6 * max(1.0, abs(steps)) else float(steps)
 

@@ -69,7 +69,7 @@ def soc_steps(run: Evidence) -> float | None:
 
 
 @metric("steps", "more", "what the planner proved about `soc_steps` of any plan; 0 where it proves nothing", one_goal=True)
-def lower_bound_steps(run: Evidence) -> float:
+def lower_bound_steps(run: Evidence) -> float | None:
     return count_of(run.result.lower_bound_steps)
 
 

@@ -117,8 +117,11 @@ def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanRes
 
 
 def as_supported(chosen: Planner, problem: Problem) -> Problem:
-    """The problem as a planner is asked: on lanes for all, unless it knows types of robots (`supports` has 'types')."""
-    return problem if "types" in getattr(chosen, "supports", ()) else problem.for_any()
+    """The problem as a planner is asked: on lanes for all, unless it plans with those of each type (`supports` has 'types'), or
+    keeps each robot where it can still reach its goal on the lanes of its type ('reach').
+    """
+    supports = getattr(chosen, "supports", ())
+    return problem if "types" in supports else problem.for_reach() if "reach" in supports else problem.for_any()
 
 
 def used_up(problem: Problem, labels: float) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray, NavGraph, frozen
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.search._distance import UNREACHABLE, reversed_lanes, steps_to_all
 
 __all__ = ["UNREACHABLE", "Distances", "distances"]
@@ -66,6 +67,17 @@ class Distances:
 def prepare() -> None:
     """Compile or load the search, so that the first table takes no longer than the next."""
     Distances(frozen(np.array([0, 1, 1], np.int64)), frozen(np.array([1], np.int64))).to(1)
+
+
+def steps_to_targets(problem: Problem) -> StepArray:
+    """[R, V] steps from each vertex to each robot's goal on the lanes of its type; read-only."""
+    target, kind = problem.target, problem.fleet.kind
+    if problem.barred is None:
+        return distances(problem.graph).to_all(target)
+    table = np.empty((problem.num_robots, problem.graph.num_vertices), np.int32)
+    for k in np.unique(kind).tolist():
+        table[kind == k] = distances(problem.graph_of_kind[k]).to_all(target[kind == k])
+    return frozen(table)
 
 
 _shared: WeakKeyDictionary[NavGraph, Distances] = WeakKeyDictionary()

@@ -132,10 +132,11 @@ def draw_by_type(
 
 
 def _stations(graph: PlanGraph, *, anywhere: bool) -> IntArray:
-    """The stations, or all vertices, of the strongly connected component with most of them; none in a lift."""
+    """The stations, or all vertices, of the strongly connected component with most of them; none in a lift, or only to pass through."""
     station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
     if graph.is_ride.any():  # who stands at a lift keeps others from it
         station = station[~graph.having("cabin")[station]]
+    station = station[~graph.having("is_passthrough_point")[station]]
     if len(station):
         piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
         station = station[piece == np.bincount(piece).argmax()]

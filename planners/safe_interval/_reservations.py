@@ -6,7 +6,7 @@ from mrp_sumo.core.clashes import no_clashes
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search._sipp import FOREVER, FOUND, FULL, find_path, new_intervals, reserve, reset, with_double_room
-from mrp_sumo.search.distance import distances
+from mrp_sumo.search.distance import steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of
 
 
@@ -16,8 +16,7 @@ class Reservations:
     def __init__(self, problem: Problem, *, following: bool) -> None:
         """`following` is whether a vertex must be free for a step before it is entered."""
         self._window = problem.window_steps
-        tables = distances(problem.graph)
-        self._first, self._head, self._table = tables.first, tables.head, tables.to_all(problem.target)
+        self._first, self._head, self._table = problem.graph.first, problem.graph.head, steps_to_targets(problem)
         self._start, self._goal, self._following = problem.start, problem.target, following
         self._num_vertices, self._clashes = problem.graph.num_vertices, clashes_of(problem)
         self.least = self._table[np.arange(problem.num_robots), problem.start]  # [R] steps of each robot's shortest path

@@ -34,7 +34,7 @@ class Prioritised:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
+    supports: ClassVar[frozenset[str]] = frozenset({"effort", "window", "reach"})
 
     def __post_init__(self) -> None:
         if self.restarts < 0:

@@ -73,3 +73,9 @@ def test_plan_graph_is_made_of_a_graph_whose_lanes_were_looked_up():
     assert nav.first.tolist() == [0, 1, 2]
     graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
     assert (graph.head is nav.head, graph.vertex_of_station.tolist(), graph.nav_lane.tolist()) == (True, [0, 1], [-1, -1])
+
+
+def test_robots_face_away_from_where_they_go_on_lanes_that_they_drive_backwards():
+    options = [{}, {"orientation_constraint": "backward"}]
+    graph = nav_graph(name="dock", xy=[(0, 0), (2, 0)], lanes=[(0, 1), (1, 0)], lane_options=options)
+    assert graph.is_backward.tolist() == [False, True] and np.cos(graph.heading_rad) == pytest.approx([1.0, 1.0])

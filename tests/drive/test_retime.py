@@ -202,3 +202,14 @@ def test_a_robot_that_faces_the_wrong_way_starts_half_a_turn_later_and_turns_bef
     assert run.goal_s[0] == pytest.approx(came + 2.0) and planned.end_s == pytest.approx(run.goal_s)
     assert run.yaw_rad[[0, -1], 0] % (2 * np.pi) == pytest.approx([np.pi, 1.5 * np.pi])
     assert run.booked_s[0, BOOKINGS.index("turning")] == pytest.approx(6.0)
+
+
+def test_a_robot_backs_out_of_its_dock_without_turning():
+    def time_of(options):
+        graph = graph_of([(0, 0), (2, 0)], [(0, 1)], 2.0)
+        graph = replace(graph, lane_options=({}, options))
+        problem, plan = problem_of(graph, [[0, 1, 0]], step_s=20.0)
+        return retime(problem, plan, ExecutionSettings(policy="adg")).end_s[0]
+
+    turn_s = np.pi / BURGER.turn_rate_rad_s
+    assert time_of({}) - time_of({"orientation_constraint": "backward"}) == pytest.approx(turn_s, abs=0.11)

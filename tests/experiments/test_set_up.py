@@ -211,8 +211,9 @@ def test_lanes_without_room_for_a_type_are_none_of_its_lanes(tmp_path):
     lanes = np.flatnonzero(problem.barred[1])
     assert not problem.barred[0].any() and len(lanes) and (problem.graph.xy[problem.graph.tail[lanes], 0] >= 10).all()
     assert problem.fleet.kind.tolist() == [0, 1] and problem.goal_kind.tolist() == [0, 1]
-    assert "none of 'custom_1'" in setup.notes[0] and "'cbs' plans for all robots as for the slowest" in setup.notes[1]
+    assert "'custom_1' has no room on" in setup.notes[0] and "'cbs' plans for all robots as for the slowest" in setup.notes[1]
     assert problem.for_any().graph.num_lanes == problem.graph.num_lanes - len(lanes)
+    assert problem.for_reach().graph is problem.graph  # nobody has room at both ends of a lane and not on it
 
 
 def test_a_goal_that_only_other_types_reach_is_refused(tmp_path):

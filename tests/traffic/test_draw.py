@@ -7,9 +7,9 @@ import pytest
 import yaml
 from golden import INSTANCES, MRP_BENCH
 
-from mrp_sumo.core.graph import nav_graph, plan_graph
+from mrp_sumo.core.graph import nav_graph, plan_graph, with_lanes
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.draw import mrp_bench_draw, uniform_draw
+from mrp_sumo.traffic.draw import draw_by_type, mrp_bench_draw, uniform_draw
 
 
 def drawn_graph(lanes, num_vertices, stations=None):
@@ -98,3 +98,23 @@ def test_no_two_robots_start_nearer_to_each_other_than_they_may_stand():
 def test_draw_that_groups_make_impossible_is_refused():
     with pytest.raises(PlanError, match="cannot draw 8 robots: there are 7 stations on which robots may stand at once"):
         grouped({2, 3, 4, 5}, 0.1)(8, 0)
+
+
+def test_nobody_starts_or_ends_where_robots_only_pass_through():
+    graph = drawn_graph([(0, 1), (1, 0), (1, 2), (2, 1)], 3)
+    graph = replace(graph, vertex_options=({}, {"is_passthrough_point": True}, {}))
+    start, goal = uniform_draw(graph, 2, 1)
+    assert sorted(start.tolist()) == sorted(goal.tolist()) == [0, 2]
+    with pytest.raises(PlanError, match="cannot draw 3 robots: there are 2 stations"):
+        uniform_draw(graph, 3, 1)
+
+
+def test_types_are_drawn_where_they_have_room_and_apart_from_those_that_are_given():
+    small = drawn_graph([(a, b) for a in range(8) for b in (a - 1, a + 1) if 0 <= b < 8], 8)
+    large = with_lanes(small, small.tail >= 2)
+    large = with_lanes(large, large.head >= 2)  # which has no way to vertices 0 and 1
+    kind, none = np.array([0, 0, 1, 1]), np.full(4, -1)
+    for seed in range(9):
+        start, goal = draw_by_type([small, large], kind, np.array([3, -1, -1, -1]), none, seed, 0.5)
+        assert start[0] == 3 and len(set(start.tolist())) == len(set(goal.tolist())) == 4
+        assert min(start[2:].tolist() + goal[2:].tolist()) >= 2

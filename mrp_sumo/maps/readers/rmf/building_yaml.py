@@ -24,6 +24,7 @@ from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader, draft_of, told
 from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
+HUMAN_GRAPH = 9
 SYSTEMS = ("reference_image", "cartesian_meters", "wgs84", "web_mercator")
 
 
@@ -91,7 +92,31 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
         offset=offset,
         origin_m=origin,
         findings=reader.notes.findings(),
+        unused=_unused(document, given, system),
     )
+
+
+def _unused(document: Mapping[str, Any], levels: Mapping[Any, Any], system: str) -> tuple[str, ...]:
+    """What is drawn for people and other programs."""
+    drawn = [level for level in levels.values() if isinstance(level, Mapping)]
+
+    def listed(key: str) -> int:
+        return sum(len(level[key]) for level in drawn if isinstance(level.get(key), list | dict))
+
+    lanes = [lane for level in drawn for lane in level.get("lanes") or () if isinstance(lane, list) and len(lane) == 3]
+    human = sum(isinstance(lane[2], Mapping) and lane[2].get("graph_idx") in ([2, HUMAN_GRAPH], HUMAN_GRAPH) for lane in lanes)
+    crowd = document.get("crowd_sim")
+    groups = crowd.get("agent_groups") if isinstance(crowd, Mapping) else None
+    counts = {
+        "zones": listed("zones") + (len(document["zones"]) if isinstance(document.get("zones"), list | dict) else 0),
+        "human lanes": human,
+        "groups of crowd_sim": sum(isinstance(g, Mapping) and bool(g.get("agents_number")) for g in groups)
+        if isinstance(groups, list)
+        else 0,
+        "models": listed("models"),
+        "fiducials": 0 if system == "reference_image" and len(levels) > 1 else listed("fiducials"),
+    }
+    return tuple(f"{name}: {count}" for name, count in counts.items() if count)
 
 
 def _header(document: Any, source: Text, meters_per_pixel: float | None) -> tuple[str, str, str, Mapping[Any, Any]]:
