@@ -130,7 +130,7 @@ def _check(options: argparse.Namespace) -> int:
     else:
         for finding in findings:
             print(f"{path.name}: {finding.severity}: {finding.line}")
-        for note in (*notes, *room, *lanes):
+        for note in (*notes, *room, *(lanes if len(lanes) > 1 else ())):
             print(f"{path.name}: note: {note}")
         if without_effect:
             print(f"{path.name}: info: {without_effect}")
