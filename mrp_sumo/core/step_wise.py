@@ -33,6 +33,8 @@ class StepWiseProblem:
     first: IntArray  # [N + 1] each task's first errand; after the last task the first begins again, under another number
     errand: IntArray  # cells
     num_revealed: int  # how many tasks are in the pool at any time
+    ticks: int = 0  # that an action takes by the rules of 2026; 0: by those of 2024, in steps
+    size: float = 1.0  # cells, side of a robot's square by the rules of 2026
 
     def __post_init__(self) -> None:
         height, width = self.free.shape
@@ -55,6 +57,8 @@ class StepWiseProblem:
             raise PlanError(f"{self.name}: task {empty[0]} has no errands")
         if self.num_revealed < 1 or not self.num_tasks:
             raise PlanError(f"{self.name}: {self.num_tasks} tasks of which {self.num_revealed} are revealed, expected 1 or more")
+        if self.ticks < 0 or not 0 < self.size <= 1:
+            raise PlanError(f"{self.name}: actions of {self.ticks} ticks, squares of {self.size:g} cells, expected sizes above 0, at most 1")
 
     @property
     def num_robots(self) -> int:
@@ -75,7 +79,7 @@ class StepWiseProblem:
 
 @dataclass(frozen=True, eq=False)
 class StepWiseSolution:
-    """What robots did, and which tasks they had. Step t leads from time t to time t + 1."""
+    """What robots did, and which tasks they had. Step t leads from time t to time t + 1; where times are ticks, it is a part of an action."""
 
     start: IntArray  # [R] cells
     heading: IntArray  # [R] at time 0
@@ -85,6 +89,7 @@ class StepWiseSolution:
     released: IntArray  # [tasks revealed] times
     errands: tuple[tuple[int, ...], ...]  # their cells
     num_done: int
+    in_ticks: bool = False
 
     @property
     def num_steps(self) -> int:

@@ -1,10 +1,11 @@
-"""Problems and solutions of the League of Robot Runners, in the formats of 2024 (Start-Kit 2.1); problems of 2026 are read too.
+"""Problems and solutions of the League of Robot Runners, in the formats of 2024 (Start-Kit 2.1) and 2026.
 
 A problem is a JSON file that names a map (MovingAI, with `E` and `S` for free cells), an agents file and a tasks file, beside it. A
 solution has `start` [[row, column, "E"]], `actualPaths` (one string a robot, letters F, R, C, W separated by commas),
 `actualSchedule` ("time:task,..." a robot), `events` [[time, robot, task, errands done]], `tasks` [[task, time revealed, [row, column,
-...]]] and `numTaskFinished`. Refuses files that lack these, cells that are blocked or off the map, and tasks without errands. What
-a problem of 2026 says beside (ticks, sizes, delays) is not used.
+...]]] and `numTaskFinished`. A problem of 2026 also has `agentCounter`, the ticks that an action takes, and `agentSize`; its delays are drawn
+anew for every run, so they are not used. Of its solutions, which say so in `version`, a letter is a tick and W a tick without progress.
+Refuses files that lack these, cells that are blocked or off the map, and tasks without errands.
 """
 
 import json
@@ -62,7 +63,20 @@ def read_problem(path: Path) -> StepWiseProblem:
     first = np.cumsum([0, *(len(values) for _, values in tasks)]).astype(np.int64)
     errand = np.array([cell for _, values in tasks for cell in values], np.int64)
     num_revealed = max(1, math.floor(share * team + 1e-9))
-    return StepWiseProblem(path.stem, frozen(free), frozen(start), frozen(first), frozen(errand), num_revealed)
+    ticks, size = _of_2026(path, document)
+    return StepWiseProblem(path.stem, frozen(free), frozen(start), frozen(first), frozen(errand), num_revealed, ticks, size)
+
+
+def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:
+    """How many ticks an action takes, and how large a robot's square is; 0 ticks for problems of other years."""
+    if "agentCounter" not in document and "2026" not in str(document.get("version", "")):
+        return 0, 1.0
+    ticks, size = document.get("agentCounter", 10), document.get("agentSize", 1.0)
+    if not isinstance(ticks, int) or isinstance(ticks, bool) or not 1 <= ticks <= 1000:
+        raise PlanError(f"{path.name}: agentCounter is {ticks!r:.20}, expected a whole number of ticks from 1 to 1000")
+    if not isinstance(size, int | float) or isinstance(size, bool) or not 0 < size <= 1:
+        raise PlanError(f"{path.name}: agentSize is {size!r:.20}, expected a number of cells above 0, at most 1")
+    return ticks, float(size)
 
 
 def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
@@ -107,6 +121,7 @@ def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
         released=np.array([row[1] for row in parts["tasks"]], np.int64),
         errands=tuple(tuple(_cell(problem, *pair) for pair in zip(row[2][::2], row[2][1::2])) for row in parts["tasks"]),
         num_done=done,
+        in_ticks=bool(problem.ticks) and "2024" not in str(document.get("version", "")),
     )
 
 
@@ -150,7 +165,7 @@ def print_solution(problem: StepWiseProblem, solution: StepWiseSolution, plan_ti
     paths = [",".join(row) for row in letters[solution.action]]
     document = {
         "actionModel": "MAPF_T",
-        "version": "2024 LoRR",
+        "version": "2026 LoRR" if solution.in_ticks else "2024 LoRR",
         "AllValid": "Yes",
         "teamSize": problem.num_robots,
         "start": [[c // width, c % width, HEADING_LETTERS[h]] for c, h in zip(solution.start.tolist(), solution.heading.tolist())],

@@ -1,20 +1,22 @@
-"""The referee of step-wise lifelong solutions: replays the rules of the League of Robot Runners of 2024 and names the first fault.
+"""The referee of step-wise lifelong solutions: replays the rules of the League of Robot Runners and names the first fault.
 
-Robots begin at the problem's cells, heading east. In each step each one goes forward, turns right or left by a quarter, or waits.
-Nobody leaves the map or enters a blocked cell, no two robots are in one cell, and no two change places; to follow is allowed. After
-each step, in this order: what the schedule says from this time on takes effect, errands are done (at most one a robot: the next
+Robots begin at the problem's cells, heading east. By the rules of 2024 each one goes forward, turns right or left by a quarter, or waits in
+each step. Nobody leaves the map or enters a blocked cell, no two robots are in one cell, and no two change places; to follow is allowed.
+Those of 2026, where an action takes several ticks, are in `traffic.ticks`. After each step or tick, in this order: what the schedule says from this time on takes effect, errands are done (at most one a robot: the next
 of its task, where it stands), finished tasks leave the pool, and as many are revealed in the order of the problem. A robot may be
 given a task that is in the pool and that nobody else has; who has opened one keeps it until it is finished.
 
 What a solution states (starts, errands done, tasks revealed, tasks finished) has to be what follows. Knows no planner.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, StepWiseProblem, StepWiseSolution, cell_ahead
+from mrp_sumo.traffic.ticks import Fault, in_ticks, place_of
 
 
 @dataclass(frozen=True)
@@ -29,10 +31,6 @@ class StepWiseVerdict:
     def valid(self) -> bool:
         """Whether there is no fault."""
         return not self.fault
-
-
-class _Fault(Exception):
-    pass
 
 
 class Pool:
@@ -103,81 +101,81 @@ def judge_step_wise(problem: StepWiseProblem, solution: StepWiseSolution) -> Ste
         _require_start(problem, solution)
         _replay(problem, solution, pool)
         _require_account(problem, solution, pool)
-    except _Fault as fault:
+    except Fault as fault:
         return StepWiseVerdict(str(fault), pool.num_finished, pool.num_errands)
     return StepWiseVerdict("", pool.num_finished, pool.num_errands)
 
 
 def _require_start(problem: StepWiseProblem, solution: StepWiseSolution) -> None:
     if len(solution.start) != problem.num_robots:
-        raise _Fault(f"{len(solution.start)} robots, but the problem has {problem.num_robots}")
+        raise Fault(f"{len(solution.start)} robots, but the problem has {problem.num_robots}")
     for r in np.flatnonzero((solution.start != problem.start) | (solution.heading != EAST)):
-        cell = _place(problem, int(problem.start[r]))
-        raise _Fault(f"time 0: robot {r} does not start at {cell} heading east, as the problem says")
+        cell = place_of(problem, int(problem.start[r]))
+        raise Fault(f"time 0: robot {r} does not start at {cell} heading east, as the problem says")
 
 
 def _replay(problem: StepWiseProblem, solution: StepWiseSolution, pool: Pool) -> None:
-    ahead = cell_ahead(problem.free)
-    cell, heading = problem.start.copy(), np.full(problem.num_robots, EAST)
     if len(solution.schedule) and not ((solution.schedule[:, 1] >= 0) & (solution.schedule[:, 1] < problem.num_robots)).all():
-        raise _Fault("the schedule is of robots that there are not")
+        raise Fault("the schedule is of robots that there are not")
     scheduled = np.maximum(solution.schedule[:, 0], 1)  # what holds from time 0 on takes effect with the first step
     at_time = np.searchsorted(scheduled, np.arange(solution.num_steps + 2))
     of_time = np.searchsorted(solution.event[:, 0], np.arange(solution.num_steps + 2))
     if len(solution.event) and not 1 <= solution.event[0, 0] <= solution.event[-1, 0] <= solution.num_steps:
-        raise _Fault(f"an errand is done outside the times 1 to {solution.num_steps}")
-    for now in range(1, solution.num_steps + 1):
-        action = solution.action[:, now - 1]
-        before = cell
-        forward = action == FORWARD
-        cell = np.where(forward, ahead[before, heading], before)
-        heading = (heading + (action == RIGHT) - (action == LEFT)) % 4
-        _require_no_conflict(problem, now, before, cell)
+        raise Fault(f"an errand is done outside the times 1 to {solution.num_steps}")
+    unit = "tick" if solution.in_ticks else "time"
+    for now, cell in enumerate((in_ticks if solution.in_ticks else _in_steps)(problem, solution), 1):
         changes = solution.schedule[at_time[now] : at_time[now + 1], 1:].tolist()
         if fault := pool.give([(robot, task) for robot, task in changes]):
-            raise _Fault(f"time {now}: {fault}")
+            raise Fault(f"{unit} {now}: {fault}")
         done = sorted(pool.advance(now, cell.tolist()))
         stated = sorted(tuple(row) for row in solution.event[of_time[now] : of_time[now + 1]].tolist())
         if done != stated:
             only = next((e for e in stated if e not in done), None)
             e = only or next(e for e in done if e not in stated)
-            where = _place(problem, int(cell[e[1]])) if 0 <= e[1] < problem.num_robots else "nowhere"
+            where = place_of(problem, int(cell[e[1]])) if 0 <= e[1] < problem.num_robots and cell[e[1]] >= 0 else "no cell"
             says = "is stated, but" if only else "is not stated, though"
-            raise _Fault(f"time {now}: errand {e[3]} of task {e[2]} by robot {e[1]} {says} the robot is at {where} with its schedule")
+            raise Fault(f"{unit} {now}: errand {e[3]} of task {e[2]} by robot {e[1]} {says} the robot is at {where} with its schedule")
+
+
+def _in_steps(problem: StepWiseProblem, solution: StepWiseSolution) -> Iterator[IntArray]:
+    """[R] the cells of robots after each step, by the rules of 2024. Raises Fault."""
+    ahead = cell_ahead(problem.free)
+    cell, heading = problem.start.copy(), np.full(problem.num_robots, EAST)
+    for now in range(1, solution.num_steps + 1):
+        action, before = solution.action[:, now - 1], cell
+        cell = np.where(action == FORWARD, ahead[before, heading], before)
+        heading = (heading + (action == RIGHT) - (action == LEFT)) % 4
+        _require_no_conflict(problem, now, before, cell)
+        yield cell
 
 
 def _require_no_conflict(problem: StepWiseProblem, now: int, before: IntArray, cell: IntArray) -> None:
     for r in np.flatnonzero(cell < 0):
-        raise _Fault(f"time {now}: robot {r} drives from {_place(problem, int(before[r]))} into what is not free")
+        raise Fault(f"time {now}: robot {r} drives from {place_of(problem, int(before[r]))} into what is not free")
     order = np.argsort(cell, kind="stable")
     for k in np.flatnonzero(cell[order[1:]] == cell[order[:-1]]):
-        place = _place(problem, int(cell[order[k]]))
-        raise _Fault(f"time {now}: vertex conflict of robots {order[k]} and {order[k + 1]} at {place}")
+        place = place_of(problem, int(cell[order[k]]))
+        raise Fault(f"time {now}: vertex conflict of robots {order[k]} and {order[k + 1]} at {place}")
     at = np.full(problem.free.size, -1, np.int64)
     at[before] = np.arange(len(before))
     other = at[cell]
     swap = (other >= 0) & (cell != before) & (cell[other] == before)
     for r in np.flatnonzero(swap):
-        ends = f"{_place(problem, int(before[r]))} and {_place(problem, int(cell[r]))}"
-        raise _Fault(f"time {now}: edge conflict of robots {r} and {other[r]} between {ends}")
+        ends = f"{place_of(problem, int(before[r]))} and {place_of(problem, int(cell[r]))}"
+        raise Fault(f"time {now}: edge conflict of robots {r} and {other[r]} between {ends}")
 
 
 def _require_account(problem: StepWiseProblem, solution: StepWiseSolution, pool: Pool) -> None:
     if solution.released.tolist() != pool.released:
         num = f"{len(solution.released)} tasks are stated to be revealed, {len(pool.released)} are"
         wrong = [(k, a, b) for k, (a, b) in enumerate(zip(solution.released.tolist(), pool.released)) if a != b]
-        raise _Fault(f"task {wrong[0][0]} is stated to be revealed at time {wrong[0][1]}, but is at {wrong[0][2]}" if wrong else num)
+        raise Fault(f"task {wrong[0][0]} is stated to be revealed at time {wrong[0][1]}, but is at {wrong[0][2]}" if wrong else num)
     for k, cells in enumerate(solution.errands):
         if cells != tuple(problem.errands_of(k).tolist()):
-            raise _Fault(f"task {k} has other errands than the problem says")
+            raise Fault(f"task {k} has other errands than the problem says")
     if solution.num_done != pool.num_finished:
-        raise _Fault(f"{solution.num_done} tasks are stated to be finished, {pool.num_finished} are")
+        raise Fault(f"{solution.num_done} tasks are stated to be finished, {pool.num_finished} are")
 
 
 def _named(task: int) -> str:
     return f"task {task}" if task != NOTHING else "no task"
-
-
-def _place(problem: StepWiseProblem, cell: int) -> str:
-    width = problem.free.shape[1]
-    return f"row {cell // width}, column {cell % width}"
