@@ -98,6 +98,11 @@ def problem_on(graph, start, goal, seed=0):
     return Problem(graph, fleet_of(POINT, len(start)), np.array(start), np.array(goal), np.arange(len(start)), 1.0, seed)
 
 
+def ending_there(problem, plan):
+    """The problem of going where a plan for a window ends."""
+    return replace(problem, goal=plan.vertex[plan.first[1:] - 1])
+
+
 def random_grid(size, num_robots, seed, blocked=0.2):
     """A square of cells of which a share is blocked, with starts and goals drawn in one component."""
     free = np.random.default_rng([seed, 99]).random((size, size)) >= blocked

@@ -3,7 +3,7 @@
 
     tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...] [--json]
     tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F] [--json]
-    tools/bench_lifelong.py --kiva [--robots N ...] [--planner NAME ...] [--steps N] [--seeds N] [--json]
+    tools/bench_lifelong.py --kiva [--driven] [--robots N ...] [--planner NAME ...] [--steps N] [--seeds N] [--json]
     tools/bench_lifelong.py --speed [--robots N ...] [--engine NAME ...] [--seconds S] [--planner NAME ...] [--json]
 
 DATA is a folder with `epibt_random` (a map of 819 free cells, robots in agents_0.csv to agents_7.csv, goals in tasks_one.csv: robot r
@@ -16,9 +16,11 @@ drawn by the seed, every dispatcher with the same tasks. `makespan` is when the 
 release to its end, `p95` and `max` of the same (steps, which are seconds there); `empty` the mean way to a pick-up; `cpu_s` of the whole
 run, the planner's and the checks' included.
 
-With `--kiva` N robots (default: 60, 100, 140) drive on the map of `kiva_lifelong`, a cell a step, and turn in no time. They are given goals
-in turn, not the nearest ones, and planned every 5 steps for the next 20: `goals` a step over 1,000 steps, beside those of RHCR's paper
-(PBS, the same window and period), whose robots have their next goals before they come to one.
+With `--kiva` N robots (default: 60, 100, 140) go from goal to goal on the map of `kiva_lifelong`, drawn evenly from all endpoints, and are
+planned every 5 steps for the next 20: `goals` a step over 1,000 steps, beside those of RHCR's paper (PBS, the same window and period), in
+the model of that paper: a cell a step, all robots in step. `pbs` knows the goals after the next one, as RHCR does; others plan to each
+robot's next one. `cpu_s` is the planner's and the checks'. With `--driven` robots of 0.4 m on cells of 1 m drive those plans at 1 m/s on
+the kinematic engine, in their order, and `cpu_s` is that of the whole run.
 
 With `--speed` N TurtleBot3 (default: 100 and 1,000) drive for S seconds (default: 600) among shelves on a generated floor, and orders come
 at a rate that keeps most of them busy: `times_real` is simulated time over wall time of the loop, planning included; `planning` the
@@ -28,6 +30,7 @@ share of it that the planner took; `peak_mb` the memory of the whole process, so
 import argparse
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from tempfile import TemporaryDirectory
@@ -37,14 +40,20 @@ import numpy as np
 
 import mrp_sumo as ms
 from mrp_sumo.cli.scenario_choice import pairs
+from mrp_sumo.core.plan import paths_of_plan
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.formats.lorr import read_map, read_problem
 from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make
+from mrp_sumo.search.distance import Distances, distances
+from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
 
 EPIBT = {100: 2788, 200: 3823, 300: 3655, 400: 3349, 500: 3379, 600: 2632, 700: 2416, 800: 1658}  # robots -> goals in 1,000 steps
+EVERY, WINDOW = 5, 20  # steps
 RHCR = {60: 2.33, 100: 3.56, 140: 4.55}  # robots -> goals a step
 LEAGUE = {  # problem -> steps, tasks of the best entry
     "random.domain/random_32_32_20_100": (500, 1186),
@@ -53,15 +62,6 @@ LEAGUE = {  # problem -> steps, tasks of the best entry
 }
 DISPATCHERS = ("nearest", "token_passing", "tpts", "regret", "central", "hungarian", "min_cost_flow")
 MAPD_WIDTH = {"robots": 6, "dispatcher": 13, "seed": 4, "makespan": 8, "service": 8, "p95": 7, "max": 7, "empty": 6, "calls": 6, "cpu_s": 6}
-IN_TURN = '''"""Goals in turn: robot by robot, the oldest first."""
-
-from mrp_sumo.drive.dispatchers.by_task import ByTask
-
-
-class InTurn(ByTask):
-    def given(self, now_s, around):
-        return dict(zip(around.work.free.tolist(), around.work.unassigned))
-'''
 KIVA_WIDTH = {"robots": 6, "planner": 11, "seed": 4, "steps": 5, "goals": 6, "rhcr": 5, "calls": 6, "failed": 6, "cpu_s": 8}
 SPEED_WIDTH = {"robots": 6, "engine": 9, "planner": 11, "simulated_s": 11, "wall_s": 8, "cpu_s": 8, "times_real": 10}
 SPEED_WIDTH |= {"planning": 8, "done": 5, "open": 5, "peak_mb": 7}
@@ -74,6 +74,7 @@ def main() -> int:
     parser.add_argument("data", type=Path, nargs="?")
     parser.add_argument("--mapd", action="store_true", help="compare dispatchers")
     parser.add_argument("--kiva", action="store_true", help="compare planners in windows")
+    parser.add_argument("--driven", action="store_true", help="with --kiva: in seconds, not in steps")
     parser.add_argument("--speed", action="store_true", help="measure the speed of runs")
     parser.add_argument("--engine", action="append", choices=("kinematic", "sumo"), help="may be repeated (default: both)")
     parser.add_argument("--seconds", type=float, default=600.0, metavar="S")
@@ -152,29 +153,67 @@ def _kiva(options: argparse.Namespace) -> int:
     base, unit = ms.Scenario.read("kiva_lifelong"), ms.Scenario.read("mapd_lifelong").values["robots"]["type"]
     rows = (bundled_folder("networks") / "kiva" / "kiva.map").read_text().splitlines()[4:][::-1]  # from the lowest row
     free = [(y, x) for y, row in enumerate(rows) for x, letter in enumerate(row) if letter != "@"]
-    home = [f"v{v}" for v, (y, x) in enumerate(free) if y % 4 and (x in (1, 2, 4, 5) or x in (len(rows[0]) - k for k in (2, 3, 5, 6)))]
+    home = [v for v, (y, x) in enumerate(free) if y % 4 and (x in (1, 2, 4, 5) or x in (len(rows[0]) - k for k in (2, 3, 5, 6)))]
+    endpoint = [int(v[1:]) for v in base.values["tasks"]["groups"]["endpoint"]]
     steps = options.steps or 1000
-    folder = TemporaryDirectory()
-    (Path(folder.name) / "in_turn.py").write_text(IN_TURN)
     for robots in options.robots or RHCR:
         for seed in range(options.seeds):
-            starts = [home[k] for k in np.random.default_rng([seed, robots]).choice(len(home), robots, replace=False)]
+            rng = np.random.default_rng([seed, robots])
+            start = rng.choice(home, robots, replace=False)
+            drawn = [rng.choice(endpoint, steps // 8).tolist() for _ in range(robots)]  # more than anybody comes to
+            goals = [[v for v, before in zip(ahead, [None, *ahead]) if v != before] for ahead in drawn]
             fleet = base.replace(
-                robots={"starts": starts, "type": unit},
+                robots={"starts": [f"v{v}" for v in start], "type": unit},
                 seed=seed,
                 discretisation={"cell_m": 1.0},
-                tasks={"streams": [{**base.values["tasks"]["streams"][0], "arrivals": {"open": robots}}]},
+                tasks=[{"stops": [f"v{v}" for v in ahead]} for ahead in goals],
                 record={"bag": False},
                 execution={"engine": "kinematic", "time_limit_s": float(steps), "planning": {"budget_s": 0, "period_s": 5, "window_s": 20}},
-            ).replace(execution={"dispatcher": f"{folder.name}/in_turn.py:InTurn"})
-            for name in options.planner or ["lns2"]:
+            )
+            for name in options.planner or ["pbs"]:
                 before = _cpu_s()
-                run = ms.run(fleet.replace(planner=name))
-                row = {"robots": robots, "planner": name, "seed": seed, "steps": steps, "goals": run.metrics["tasks_done"] / steps}
-                row |= {"rhcr": RHCR.get(robots), "calls": run.metrics["planner_calls"], "failed": run.metrics["planner_calls_failed"]}
-                _print_row(options, KIVA_WIDTH, row | {"cpu_s": _cpu_s() - before})
-    folder.cleanup()
+                if options.driven:
+                    run = ms.run(fleet.replace(planner=name))
+                    counts = len(run.kept.execution.stops.task), run.metrics["planner_calls"], run.metrics["planner_calls_failed"]
+                else:
+                    problem = ms.problem(fleet.replace(planner=name))
+                    make("planners", name, {}).prepare()
+                    before = _cpu_s()
+                    counts = _in_windows(replace(problem, step_s=1.0), make("planners", name, {}), [list(ahead) for ahead in goals], steps)
+                row = {"robots": robots, "planner": name, "seed": seed, "steps": steps, "goals": counts[0] / steps}
+                row |= {"rhcr": RHCR.get(robots), "calls": counts[1], "failed": counts[2], "cpu_s": _cpu_s() - before}
+                _print_row(options, KIVA_WIDTH, row)
     return 0
+
+
+def _in_windows(problem: Problem, planner: Planner, goals: list[list[int]], steps: int) -> tuple[int, int, int]:
+    """Goals reached in so many steps, calls of the planner, and calls that failed: robots stand still then until the next."""
+    at, known, reached, failed = problem.start.copy(), distances(problem.graph), 0, 0
+    several = "stops" in getattr(planner, "supports", ())
+    for begin in range(0, steps, EVERY):
+        ahead = [_ahead(int(v), of_robot, known) if several else of_robot[:1] for v, of_robot in zip(at, goals)]
+        asked = replace(problem, start=at.copy(), goal=np.array([stops[-1] for stops in ahead]), goal_of=np.arange(len(at)))
+        asked = replace(asked, via=tuple(tuple(stops[:-1]) for stops in ahead), window_steps=WINDOW, seed=problem.seed + begin)
+        plan = planner.plan(asked, 60.0).plan
+        if plan is None:
+            failed += 1
+            continue
+        ends = plan.vertex[plan.first[1:] - 1]
+        if not judge(replace(asked, goal=ends), plan).valid:
+            raise SystemExit(f"the plan from step {begin} on has conflicts")
+        for r, path in enumerate(paths_of_plan(plan, 1.0)):
+            for v in path[1 : EVERY + 1].tolist():
+                while v == goals[r][0]:
+                    reached += 1
+                    del goals[r][0]
+            at[r] = path[min(EVERY, len(path) - 1)]
+    return reached, steps // EVERY, failed
+
+
+def _ahead(at: int, goals: list[int], known: Distances) -> list[int]:
+    """A robot's next goals, until they are further than a window."""
+    far = np.cumsum([known.to(goal)[before] for before, goal in zip([at, *goals], goals[:WINDOW])])
+    return goals[: int(np.searchsorted(far, WINDOW)) + 1]
 
 
 def _speed(options: argparse.Namespace) -> int:

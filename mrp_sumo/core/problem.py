@@ -30,6 +30,7 @@ class Problem:
     window_steps: int = 0  # how long robots have to keep clear of each other, for planners that support 'window'; 0: to the end
     start_heading_rad: FloatArray | None = None  # [R] NaN: that of the robot's first lane; None: for all of them
     goal_heading_rad: FloatArray | None = None  # [G] of the robot that stays there, NaN: any; None: at all of them
+    via: tuple[tuple[int, ...], ...] = ()  # [R] vertices to pass on the way, for planners that support 'stops'; (): nobody has any
     effort: int = 0  # labels after which planners that support 'effort' stop, on every machine alike; 0: only when time is up
     barred: BoolArray | None = None  # [K, L] lanes on which robots of each type have no room; None: all robots may drive everywhere
     goal_kind: IntArray | None = None  # [G] type of the robots that a goal is for; None: all goals are for any

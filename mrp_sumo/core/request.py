@@ -5,6 +5,7 @@ One-shot planning is the request of time 0, in which every robot stands at its s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +32,19 @@ class Request:
     closed: BoolArray  # [L] lanes that nobody may use
     reason: str = ""  # why it is made, for people
 
+    @property
+    def end(self) -> IntArray:
+        """[K] the last stop of each robot, which has one or more."""
+        return self.stop[self.stop_first[1:] - 1]
+
+    @property
+    def via(self) -> tuple[tuple[int, ...], ...]:
+        """[K] the stops of each robot before its last."""
+        return tuple(tuple(self.stop[a : b - 1].tolist()) for a, b in zip(self.stop_first[:-1].tolist(), self.stop_first[1:].tolist()))
+
+
+AnyRequest = TypeVar("AnyRequest", bound=Request)
+
 
 def stops_ahead(tasks: Sequence[Sequence[Task]]) -> tuple[IntArray, IntArray]:
     """[K + 1], [S] the stops of each robot's tasks in CSR form."""
@@ -39,24 +53,39 @@ def stops_ahead(tasks: Sequence[Sequence[Task]]) -> tuple[IntArray, IntArray]:
     return frozen(first.astype(np.int64)), frozen(np.array([v for of_robot in stops for v in of_robot], np.int64))
 
 
-def one_stop_each(request: Request) -> None:
-    """Refuse a request in which a robot has several stops, or none. Raises PlanError."""
+def next_stops(request: Request) -> Request:
+    """The request without the stops that come after each robot's next one."""
+    first = request.stop_first[:-1]
+    return replace(request, stop_first=np.arange(len(first) + 1), stop=frozen(request.stop[first]))
+
+
+def with_stops_before(request: AnyRequest, via: Sequence[Sequence[int]]) -> AnyRequest:
+    """A request of one stop each, with these [K] stops to be made before."""
+    count = [len(stops) + 1 for stops in via]
+    stop = [v for stops, end in zip(via, request.stop.tolist()) for v in (*stops, end)]
+    return replace(request, stop_first=frozen(np.cumsum([0, *count]).astype(np.int64)), stop=frozen(np.array(stop, np.int64)))
+
+
+def a_stop_each(request: Request) -> None:
+    """Refuse a request in which a robot has no stop. Raises PlanError."""
     count = np.diff(request.stop_first)
-    if (count != 1).any():
-        robot = int(request.robot[np.flatnonzero(count != 1)[0]])
-        name, found = request.site.fleet.robot_name[robot], int(count[count != 1][0])
-        raise PlanError(f"{name} has {found} stops ahead, and a one-shot planner expects one")
+    if (count < 1).any():
+        name = request.site.fleet.robot_name[int(request.robot[np.flatnonzero(count < 1)[0]])]
+        raise PlanError(f"{name} has no stops ahead, expected one or more")
 
 
 def one_shot(request: Request) -> Problem:
-    """The request as a classical problem: a start and a goal for each of its robots, in any heading, on the lanes that are open.
+    """The request as a problem: a start and a goal for each of its robots, in any heading, on the lanes that are open.
+
+    Stops before a robot's last are to be passed on its way.
 
     Raises
     ------
     PlanError
-        When a robot has several stops, or none.
+        When a robot has no stop.
     """
-    one_stop_each(request)
+    a_stop_each(request)
+    several = len(request.stop) > len(request.robot)
     site, any_closed = request.site, bool(request.closed.any())
     return replace(
         site,
@@ -64,8 +93,9 @@ def one_shot(request: Request) -> Problem:
         barred=site.barred[:, ~request.closed] if any_closed and site.barred is not None else site.barred,
         fleet=some_of(site.fleet, request.robot),
         start=frozen(request.start),
-        goal=frozen(request.stop),
+        goal=frozen(request.end),
         goal_of=frozen(np.arange(len(request.robot))),
+        via=request.via if several else (),
         start_heading_rad=None,
         goal_heading_rad=None,
         goal_kind=None,

@@ -58,7 +58,7 @@ class StepWiseProblem:
         if self.num_revealed < 1 or not self.num_tasks:
             raise PlanError(f"{self.name}: {self.num_tasks} tasks of which {self.num_revealed} are revealed, expected 1 or more")
         if self.ticks < 0 or not 0 < self.size <= 1:
-            raise PlanError(f"{self.name}: actions of {self.ticks} ticks, squares of {self.size:g} cells, expected sizes above 0, at most 1")
+            raise PlanError(f"{self.name}: actions of {self.ticks} ticks, squares of {self.size:g} cells, expected 0 to 1 cells")
 
     @property
     def num_robots(self) -> int:
@@ -79,7 +79,7 @@ class StepWiseProblem:
 
 @dataclass(frozen=True, eq=False)
 class StepWiseSolution:
-    """What robots did, and which tasks they had. Step t leads from time t to time t + 1; where times are ticks, it is a part of an action."""
+    """What robots did, and which tasks they had. Step t leads from time t to time t + 1. By the rules of 2026 steps are ticks."""
 
     start: IntArray  # [R] cells
     heading: IntArray  # [R] at time 0

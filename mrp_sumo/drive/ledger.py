@@ -148,6 +148,18 @@ class Ledger:
         """[R] the visits after which new ways begin: those of the cut while there is one, else the last that robots have been granted."""
         return self._of_robot["granted"].copy() if self._cut is None else self._cut
 
+    @property
+    def committed(self) -> tuple[tuple[int, ...], ...]:
+        """[R] vertices that each robot is to pass whatever comes, from the last that it has come to, to where new ways begin."""
+        visits, ways = self.visits, []
+        for k, end in zip(visits.reached.tolist(), self.joint.tolist()):
+            way = [int(visits.vertex[k])]
+            while k != end:
+                k = int(visits.next[k])
+                way.append(int(visits.vertex[k]))
+            ways.append(tuple(way))
+        return tuple(ways)
+
     def cut(self, lead_s: float, kinematics: Kinematics, closed: BoolArray, stays: BoolArray) -> None:
         """Freeze what robots have been granted, and what they will be in some time; nobody is granted more until `lift`.
 
@@ -275,13 +287,19 @@ class Ledger:
         """Whether most visits are over, and there are many."""
         return self.num_visits > max(MANY, 4 * self._num_kept)
 
-    def forget(self) -> None:
-        """Forget visits that are over, and those that were cut off. Ids change."""
+    def forget(self, needed: IntArray) -> None:
+        """Forget visits that are over, and those that were cut off. Ids change, those of `needed` in place.
+
+        Parameters
+        ----------
+        needed
+            [R] visits, of which neither they are forgotten nor what comes after them.
+        """
         rank, ids = self._columns["rank"], []
         for r, oldest in enumerate(self.state.grants.oldest.tolist()):
             mine, reached = self.all_ids(r), int(self._of_robot["reached"][r])
-            needed = int(np.searchsorted(rank[mine], min(rank[reached], rank[oldest])))
-            ids.append(mine[max(0, needed - 1) :])  # robots stop a little short of what they have reached
+            since = int(np.searchsorted(rank[mine], min(rank[reached], rank[oldest], rank[needed[r]])))
+            ids.append(mine[max(0, since - 1) :])  # robots stop a little short of what they have reached
         keep = np.zeros(self.num_visits, np.bool_)
         keep[np.concatenate(ids)] = True
         for entry in self.entries:
@@ -302,7 +320,8 @@ class Ledger:
             breaks = np.flatnonzero(np.diff(mine) != 1) + 1
             self._pieces[r] = [(int(new[part[0]]), int(new[part[-1]]) + 1) for part in np.split(mine, breaks)]
         waits, grants = self.state.waits, self.state.grants
-        of_robots = (*self._of_robot.values(), grants.oldest, grants.wanted, waits.where, *([] if self._cut is None else [self._cut]))
+        cut = [] if self._cut is None else [self._cut]
+        of_robots = (*self._of_robot.values(), needed, grants.oldest, grants.wanted, waits.where, *cut)
         for visits in of_robots:
             visits[:] = np.where((visits >= 0) & keep[np.maximum(visits, 0)], new[np.maximum(visits, 0)], -1)
         self.num_visits = self._num_kept = int(keep.sum())

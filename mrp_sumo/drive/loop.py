@@ -33,7 +33,7 @@ from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
 from mrp_sumo.drive.reroute import Replan, first_of
-from mrp_sumo.drive.rolling import Rolling
+from mrp_sumo.drive.rolling import Rolling, steps_ahead
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import Work
@@ -147,6 +147,7 @@ class Drive:
             parking=settings.parking,
             batteries=settings.batteries,
             charging=settings.charging,
+            ahead_steps=steps_ahead(settings, self.ledger.problem.step_s),
         )
         self.batteries: Batteries | None = None
         if settings.tasks and settings.batteries:
@@ -189,7 +190,7 @@ class Drive:
                 break
             if self.ledger.is_full:
                 before_forgetting(self.ledger)
-                self.ledger.forget()
+                self.ledger.forget(self.tasks.seen)
                 bodies.divert((), self.ledger.visits)
             decided = step > 0 and self._decide(step)
             if (step % look_every == 0 and self._dispatch(bodies)) or decided:

@@ -3,18 +3,18 @@
 Robots go on driving what they have been granted. One that can reach its goal no more stays where it is.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from time import perf_counter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
 from mrp_sumo.core.plan import Plan, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.request import Request, one_shot, one_stop_each
+from mrp_sumo.core.request import Request, a_stop_each, next_stops, one_shot, with_stops_before
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
@@ -134,15 +134,29 @@ def planned(request: Request, begin_s: float, around: Surroundings, planner: str
     Raises
     ------
     PlanError
-        When it finds no plan, and for a robot with several stops or none.
+        When it finds no plan, and for a robot without stops.
     """
-    one_stop_each(request)
+    a_stop_each(request)
+    request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
     stays, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
-    stays[request.robot], end[request.robot] = False, request.stop
+    stays[request.robot], end[request.robot] = False, request.end
     stays |= around.work.busy
-    answer = replan(situation(begin_s, around, stays | around.world.broken, end), around, planner, parameters, limits)
-    ends = dict(zip(request.robot.tolist(), request.stop.tolist()))
+    found = situation(begin_s, around, stays | around.world.broken, end)
+    if len(request.stop) > len(request.robot):
+        via = dict(zip(request.robot.tolist(), request.via))
+        reached = zip(found.request.robot.tolist(), found.request.stop.tolist())
+        passed = [via.get(r, ()) if goal == end[r] else () for r, goal in reached]
+        found = replace(found, request=with_stops_before(found.request, passed))
+    answer = replan(found, around, planner, parameters, limits)
+    ends = dict(zip(request.robot.tolist(), request.end.tolist()))
     return replace(answer, reason=request.reason, text="", ends=ends)
+
+
+def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:
+    """What a registered planner supports."""
+    from mrp_sumo.planning.registry import planner as make
+
+    return cast(Collection[str], getattr(make(planner, parameters), "supports", ()))
 
 
 def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Replan:

@@ -18,7 +18,7 @@ import numpy as np
 from mrp_sumo.core.execution import PlannerCalls
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.dispatcher import Dispatcher
-from mrp_sumo.drive.replanning import LatePlanError, Limits, planned
+from mrp_sumo.drive.replanning import LatePlanError, Limits, planned, supports_of
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Kinematics
@@ -46,9 +46,7 @@ class Rolling:
         self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
         self.calls = PlannerCalls()
         self.answer: Answer | None = None  # that has not taken effect yet
-        step_s = around.ledger.problem.step_s
-        window_s = settings.planning.window_s
-        self._window_steps = WINDOW_STEPS if window_s is None else max(1, round(window_s / step_s)) if window_s else 0
+        self._window_steps = window_of(settings, around.ledger.problem.step_s)
         self._next_s = 0.0  # no request before
         self._window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
@@ -128,3 +126,16 @@ class Rolling:
     def _count(self, **counts: float) -> None:
         calls = self.calls
         self.calls = replace(calls, **{name: getattr(calls, name) + count for name, count in counts.items()})
+
+
+def window_of(settings: ExecutionSettings, step_s: float) -> int:
+    """Steps for which robots keep clear of each other; 0: to the end."""
+    window_s = settings.planning.window_s
+    return WINDOW_STEPS if window_s is None else max(1, round(window_s / step_s)) if window_s else 0
+
+
+def steps_ahead(settings: ExecutionSettings, step_s: float) -> int:
+    """Steps for which the planner wants to know the stops of robots that they need not stay at; 0: it knows each robot's next one."""
+    if not settings.tasks or "stops" not in supports_of(settings.planner, settings.planner_parameters):
+        return 0
+    return window_of(settings, step_s)

@@ -1,8 +1,8 @@
 """Work: the tasks of a run as they become known and are done, who has which, and how far it is.
 
 A robot makes its task's stops one after the other, each at a place of the stop's station that no other robot is at or on its way to; it
-stays there for the service time. Where no place is free it goes to one of the station's places to wait, or near them. Robots without work
-stay where they are, unless somebody has to come there.
+stays there for the service time, or goes by where that is none and the planner knows stops ahead. Where no place is free it goes to one of
+the station's places to wait, or near them. Robots without work stay where they are, unless somebody has to come there.
 """
 
 import heapq
@@ -17,7 +17,7 @@ from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.request import Request
+from mrp_sumo.core.request import Request, with_stops_before
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import CHARGE, NOBODY, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits
@@ -52,7 +52,9 @@ class Work:
         parking: Sequence[int] = (),
         batteries: Sequence[Battery] = (),
         charging: Charging | None = None,
+        ahead_steps: int = 0,
     ) -> None:
+        """`ahead_steps` is how far the planner wants to know stops at which nothing is to be done; with 0 robots stop at each."""
         num_robots = problem.num_robots
         self.out = np.zeros(num_robots, np.bool_)  # [R] robots that will never go on
         self._parking, self._batteries, self._charging = parking, batteries, charging
@@ -71,6 +73,9 @@ class Work:
         self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over
         self._since_s = np.zeros(num_robots)  # [R] before which the stop cannot have been made
         self._aim = np.full(num_robots, NONE)  # [R] vertex where it is to be made; -1: the robot is on its way to no stop
+        self._aims_at = np.zeros(num_robots, np.int64)  # [R] and which of its task's stops that is
+        self._ahead_steps = ahead_steps
+        self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
         self._idle = np.zeros((num_robots, 2))  # [R, 2] s that each had stood on its way, and where it was sent, when it set out
         self._stops: list[tuple[int, int, str, int, float, float, float, float, float, float]] = []  # rows of the `StopLog`
         self._robot: list[int] = []
@@ -125,20 +130,23 @@ class Work:
         if level is not None:
             self._level = level
         for r in np.flatnonzero(self.current != NONE).tolist():
+            if self._ahead_steps:
+                self._pass_stops(r, now_s, visits, booked_s[r])
             self._note(r, now_s, visits, booked_s[r])
+        self.seen[:] = visits.reached
         self._reveal(now_s)
         if level is not None and self._charging is not None:
             self._see_who_charges(now_s, self._charging, booked_s)
         if now_s >= self._again_s:
             self.news, self._again_s = True, np.inf
 
-    def request(self, now_s: float, start: IntArray, closed: BoolArray, given: Mapping[int, int]) -> WorkRequest:
+    def request(self, now_s: float, committed: Sequence[Sequence[int]], closed: BoolArray, given: Mapping[int, int]) -> WorkRequest:
         """The request for the ways of all robots that are not at work.
 
         Parameters
         ----------
-        start
-            [R] vertices that robots are committed to reach.
+        committed
+            [R] vertices that robots are to pass whatever comes, from where they are, to where their new ways begin.
         closed
             [L] lanes that nobody may use.
         given
@@ -155,18 +163,24 @@ class Work:
                 raise PlugInError(f"task '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
             raise PlugInError(f"task '{needs.name}' is nothing for {name}, which has no room on the way")
         self.news = False
+        start = np.array([way[-1] for way in committed], np.int64)
         passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
         keeps = (self.current != NONE) & ~passed_on
         nth = self.stop + self._leaving
         for r in np.flatnonzero(keeps & self._leaving).tolist():
             keeps[r] = not self._is_last(r)
-        stop = {r: self.tasks[k].stops[0] for r, k in given.items()}
-        stop |= {r: self.tasks[int(self.current[r])].stops[int(nth[r])] for r in np.flatnonzero(keeps & ~self.busy & ~self.out).tolist()}
+        nth[~keeps] = 0
+        stop: dict[int, Stop] = {}
+        via: dict[int, Sequence[int]] = {}
+        for r in (*given, *np.flatnonzero(keeps & ~self.busy & ~self.out).tolist()):
+            stops = self.tasks[given.get(r, int(self.current[r]))].stops
+            nth[r], via[r] = self._ahead(committed[r], stops, int(nth[r]))
+            stop[r] = stops[int(nth[r])]
         vertex, made = self._aims(start, stop, given)
         robots = np.flatnonzero(~self.busy & ~self.out)
         task = np.array([given.get(r, int(self.current[r]) if keeps[r] else NONE) for r in robots.tolist()], np.int64)
-        nth = np.where(keeps[robots], nth[robots], 0)
-        return WorkRequest(
+        nth = nth[robots]
+        request = WorkRequest(
             now_s=now_s,
             site=self.problem,
             robot=frozen(robots),
@@ -179,6 +193,7 @@ class Work:
             task=np.where(made[robots], task, NONE),
             nth=nth,
         )
+        return with_stops_before(request, [via.get(r, ()) for r in robots.tolist()])
 
     def accepted(self, request: WorkRequest, now_s: float, booked_s: FloatArray) -> None:
         """Robots are on the ways that were asked for; `booked_s` as for `update`."""
@@ -191,10 +206,10 @@ class Work:
             self._robot[task], self._times["assigned_s"][task] = r, request.now_s
             self._waiting.remove(task)
         self.news |= len(given) < len(request.given) or any(self._robot[k] == NOBODY for k in freed)
-        for r, vertex, task, nth in zip(*(column.tolist() for column in (request.robot, request.stop, request.task, request.nth))):
+        for r, vertex, task, nth in zip(*(column.tolist() for column in (request.robot, request.end, request.task, request.nth))):
             if not self.serving[r]:
-                asked = task != NONE and task == self.current[r] and nth == self.stop[r]
-                self._aim[r] = vertex if asked else NONE
+                asked = task != NONE and task == self.current[r] and nth >= self.stop[r]
+                self._aim[r], self._aims_at[r] = vertex if asked else NONE, nth
 
     def failed(self, now_s: float) -> None:
         """There was no answer to a request: it is made again in a while."""
@@ -268,10 +283,48 @@ class Work:
     def _next(self, robot: int) -> Stop:
         return self.tasks[int(self.current[robot])].stops[int(self.stop[robot])]
 
+    def _ahead(self, committed: Sequence[int], stops: Sequence[Stop], nth: int) -> tuple[int, Sequence[int]]:
+        """Which of its task's stops a robot's way is to end at, and the vertices of those that it makes in passing before."""
+        via: list[int] = []
+        for v in committed:
+            while self._is_passed(stops, nth) and stops[nth].places[0] == v:
+                nth += 1
+        at, left = committed[-1], self._ahead_steps
+        while self._is_passed(stops, nth):
+            v = stops[nth].places[0]
+            left -= int(distances(self.problem.graph).to(v)[at])
+            if left <= 0:
+                break
+            via.append(v)
+            at, nth = v, nth + 1
+        return nth, via
+
+    def _is_passed(self, stops: Sequence[Stop], nth: int) -> bool:
+        """Whether a stop of a task is made in passing: at one place, for no time, and not its last."""
+        return bool(self._ahead_steps) and nth + 1 < len(stops) and not stops[nth].service_s and len(stops[nth].places) == 1
+
+    def _pass_stops(self, r: int, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
+        """Note stops that were made in passing."""
+        stops, reached, k = self.tasks[int(self.current[r])].stops, int(visits.reached[r]), int(self.seen[r])
+        stands = k == reached == int(visits.granted[r])
+        here = k if stands else int(visits.next[k]) if k != reached else NONE
+        while here != NONE:
+            while self._is_passed(stops, int(self.stop[r])) and stops[int(self.stop[r])].places[0] == visits.vertex[here]:
+                begins_s = max(float(visits.arrived_s[here]), float(self._since_s[r]))
+                if np.isnan(self._times["opened_s"][int(self.current[r])]):
+                    self._times["opened_s"][int(self.current[r])] = begins_s
+                self._until_s[r] = begins_s
+                self._note_stop(r, int(visits.vertex[here]), begins_s, now_s, booked_s)
+                self._since_s[r], self._until_s[r], self._idle[r] = begins_s, np.inf, _idle(booked_s)
+                self.stop[r] += 1
+                self.news = True
+            here = int(visits.next[here]) if here != reached else NONE
+
     def _note(self, r: int, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
         """Arrivals, and services that are over."""
         last = visits.last[r]
-        if not self.serving[r] and self._aim[r] != NONE and visits.reached[r] == last and visits.vertex[last] == self._aim[r]:
+        aims = self._aim[r] != NONE and self._aims_at[r] == self.stop[r]
+        if not self.serving[r] and aims and visits.reached[r] == last and visits.vertex[last] == self._aim[r]:
             begins_s = max(float(visits.arrived_s[last]), float(self._since_s[r]))
             opened_s = self._times["opened_s"]
             if np.isnan(opened_s[self.current[r]]):

@@ -3,9 +3,9 @@
 A problem is a JSON file that names a map (MovingAI, with `E` and `S` for free cells), an agents file and a tasks file, beside it. A
 solution has `start` [[row, column, "E"]], `actualPaths` (one string a robot, letters F, R, C, W separated by commas),
 `actualSchedule` ("time:task,..." a robot), `events` [[time, robot, task, errands done]], `tasks` [[task, time revealed, [row, column,
-...]]] and `numTaskFinished`. A problem of 2026 also has `agentCounter`, the ticks that an action takes, and `agentSize`; its delays are drawn
-anew for every run, so they are not used. Of its solutions, which say so in `version`, a letter is a tick and W a tick without progress.
-Refuses files that lack these, cells that are blocked or off the map, and tasks without errands.
+...]]] and `numTaskFinished`. A problem of 2026 also has `agentCounter`, the ticks that an action takes, and `agentSize`; its delays
+are drawn anew for every run, so they are not used. In its solutions, which say so in `version`, a letter is a tick, and W one without
+progress. Refuses files that lack these, cells that are blocked or off the map, and tasks without errands.
 """
 
 import json

@@ -2,8 +2,10 @@
 
 Robots begin at the problem's cells, heading east. By the rules of 2024 each one goes forward, turns right or left by a quarter, or waits in
 each step. Nobody leaves the map or enters a blocked cell, no two robots are in one cell, and no two change places; to follow is allowed.
-Those of 2026, where an action takes several ticks, are in `traffic.ticks`. After each step or tick, in this order: what the schedule says from this time on takes effect, errands are done (at most one a robot: the next
-of its task, where it stands), finished tasks leave the pool, and as many are revealed in the order of the problem. A robot may be
+Those of 2026, where an action takes several ticks, are in `traffic.ticks`.
+
+After each step or tick, in this order: what the schedule says from this time on takes effect, errands are done (at most one a robot: the
+next of its task, where it stands), finished tasks leave the pool, and as many are revealed in the order of the problem. A robot may be
 given a task that is in the pool and that nobody else has; who has opened one keeps it until it is finished.
 
 What a solution states (starts, errands done, tasks revealed, tasks finished) has to be what follows. Knows no planner.

@@ -224,7 +224,7 @@ class VirtualFleet:
         self.now_s = round(self.step_count * self.settings.step_length_s, 9)
         if self.ledger.is_full:
             self.ledger.entries = self.ledger.entries[-1:]
-            self.ledger.forget()
+            self.ledger.forget(self.ledger.visits.reached.copy())
             self.bodies.divert((), self.ledger.visits)
 
     def _observe(self) -> None:

@@ -1,5 +1,7 @@
 """Priority-based search with the robots' real motion: which of two robots in conflict goes first is branched on, depth first.
 
+In a window it plans in unit steps, by all stops that robots have ahead.
+
 Each robot takes the earliest way around those above it (see `continuous` for ways, times and resources); two robots in conflict without
 a priority between them are a branching. Guarantee: drivable, not complete, though it finds plans that no fixed order of robots has.
 
@@ -7,7 +9,7 @@ Source: Ma, Harabor, Stuckey, Li, Koenig, "Searching with consistent prioritizat
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, ClassVar
 
@@ -34,7 +36,7 @@ class Pbs:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types", "window", "stops"})
 
     def __post_init__(self) -> None:
         if self.max_nodes < 1:
@@ -47,6 +49,7 @@ class Pbs:
         from planners._world import small_problem
 
         self.plan(small_problem(), 60.0)
+        self.plan(replace(small_problem(), window_steps=4), 60.0)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree is searched, or has `max_nodes`."""
@@ -56,6 +59,10 @@ class Pbs:
         began = perf_counter()
         if refusal := impossible(problem):
             return refusal
+        if problem.window_steps and problem.num_robots:
+            from planners.safe_interval._window_search import plan_window
+
+            return plan_window(problem.for_any(), time_limit_s, self.max_nodes)
         if not problem.num_robots:
             return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=perf_counter() - began)
         timetable = Timetable(problem, self.step_length_s)

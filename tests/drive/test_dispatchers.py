@@ -35,7 +35,7 @@ class Fleet:
         ]
         self.booked_s = np.zeros((len(at), len(BOOKINGS)))
         self.work = Work([TaskList(tuple(listed))], problem)
-        ledger = SimpleNamespace(problem=problem)
+        ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at])
         self.around = SimpleNamespace(
             work=self.work,
             ledger=ledger,
@@ -71,7 +71,7 @@ def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
     fleet = Fleet([2, 15], (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
     fleet.work._reveal(0.0)
     with pytest.raises(PlugInError, match="task '' needs a robot of type 'lift', robot_0 is none"):
-        fleet.work.request(0.0, fleet.around.start, fleet.around.closed, {0: 0})
+        fleet.work.request(0.0, fleet.around.ledger.committed, fleet.around.closed, {0: 0})
 
 
 @pytest.mark.parametrize("dispatcher", ALL)

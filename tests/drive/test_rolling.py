@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from worlds import BURGER, drive, line, problem_of, problem_on, square_grid
+from worlds import BURGER, drive, ending_there, line, problem_of, problem_on, square_grid
 
-from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.plan import PlanResult, Status
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskStream
-from mrp_sumo.core.task import Station
+from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskStream
+from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import ledger as ledger_module
 from mrp_sumo.drive import replanning
 from mrp_sumo.drive.fit import resources_for
@@ -112,15 +112,15 @@ def test_what_is_frozen_includes_that_those_who_pass_before_have_left():
     assert ledger.state.yielding.pause.tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("planner", ["prioritised", "lns2", "pibt", "ecbs"])
+@pytest.mark.parametrize("planner", ["prioritised", "lns2", "pibt", "ecbs", "pbs"])
 def test_robots_that_cannot_pass_each_other_are_planned_for_a_window(planner):
     problem = replace(problem_on(line(9), [0, 8], [8, 0]), window_steps=3, drivable=True)
     result = planner_of(planner, {}).plan(problem, 60.0)
     assert result.status is Status.SOLVED
-    assert result.plan.arrive_s.max() <= 3 * problem.step_s and not judge(problem, result.plan).conflicts
+    assert result.plan.arrive_s.max() <= 3 * problem.step_s and judge(ending_there(problem, result.plan), result.plan).valid
 
 
-@pytest.mark.parametrize("planner", ["prioritised", "lns2", "lacam", "pibt", "ecbs"])
+@pytest.mark.parametrize("planner", ["prioritised", "lns2", "lacam", "pibt", "ecbs", "pbs"])
 def test_nobody_collides_within_a_window(planner):
     rng = np.random.default_rng(1)
     for seed in range(3):
@@ -128,7 +128,7 @@ def test_nobody_collides_within_a_window(planner):
         problem = replace(problem_on(square_grid(6), start, goal, seed), window_steps=4, drivable=True)
         result = planner_of(planner, {}).plan(problem, 60.0)
         assert result.status is Status.SOLVED
-        assert result.plan.arrive_s.max() <= 4 * problem.step_s and not judge(problem, result.plan).conflicts
+        assert result.plan.arrive_s.max() <= 4 * problem.step_s and judge(ending_there(problem, result.plan), result.plan).valid
 
 
 def test_windows_bring_robots_past_each_other_and_to_their_stops(tmp_path):
@@ -136,12 +136,29 @@ def test_windows_bring_robots_past_each_other_and_to_their_stops(tmp_path):
     assert run.tasks.state.count("done") >= 12 and run.calls.failed + run.calls.late <= 2
 
 
+def test_robots_go_by_stops_at_which_nothing_is_to_be_done(tmp_path):
+    tasks = TaskList((Task(0, tuple(Stop(v) for v in (3, 6, 8)), name="round"),))
+    usual = {"planning": Planning(budget_s=1.0), "engine": "kinematic", "dispatcher": "nearest", "tasks": (tasks,)}
+    runs = [drive(tmp_path, line(9), [[0]], planner=planner, **usual) for planner in ("pbs", "prioritised")]
+    by, stopping = (run.stops for run in runs)
+    assert by.vertex.tolist() == stopping.vertex.tolist() == [3, 6, 8] and by.task.tolist() == [0, 0, 0]
+    booked = [run.booked_s[0, BOOKINGS.index("moving")] for run in runs]
+    assert runs[0].tasks.done_s[0] == pytest.approx(booked[0] + 1.0, abs=0.3)  # it moves all the time, once there is an answer
+    assert runs[1].tasks.done_s[0] > runs[0].tasks.done_s[0] + 1.0
+    assert (by.begin_s == by.end_s).all() and (by.since_s[1:] == by.end_s[:-1]).all()
+
+
 def test_a_ledger_that_forgets_drives_and_logs_the_same(tmp_path, monkeypatch):
     runs = []
     for many in (10**6, 20):
         monkeypatch.setattr(ledger_module, "MANY", many)
         num_forgotten, forget = [0], Ledger.forget
-        monkeypatch.setattr(Ledger, "forget", lambda ledger, count=num_forgotten, forget=forget: (count.append(1), forget(ledger))[1])
+
+        def counted(ledger, needed, count=num_forgotten, forget=forget):
+            count.append(1)
+            forget(ledger, needed)
+
+        monkeypatch.setattr(Ledger, "forget", counted)
         runs.append(carry(tmp_path, planner="prioritised", planning=Planning(budget_s=1.0, window_s=15.0), time_limit_s=120.0))
         monkeypatch.setattr(Ledger, "forget", forget)
     assert len(num_forgotten) > 3  # in the second run

@@ -25,7 +25,7 @@ class ByTask(ABC):
     def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""
         if around.work.news:
-            yield around.work.request(now_s, around.start, around.closed, self.given(now_s, around))
+            yield around.work.request(now_s, around.ledger.committed, around.closed, self.given(now_s, around))
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

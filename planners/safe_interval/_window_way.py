@@ -1,0 +1,203 @@
+"""Kernels of the best way of one robot through a window of steps, by its stops, around the ways of others.
+
+Sources: Li, Tinka, Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale warehouses", AAAI 2021 (windows;
+states that count the stops made); Silver, "Cooperative pathfinding", AIIDE 2005 (A* in space and time). Beyond the window a way is as
+long as the shortest one by the stops that are left. Of the shortest ways it is the one that crosses fewest others.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.clashes import Clashes
+from mrp_sumo.search._clashing import move_of
+from mrp_sumo.search._distance import UNREACHABLE
+from mrp_sumo.search._kernel import kernel
+
+NOBODY, SEVERAL = -1, -2
+NO_WAY = 1 << 40
+MOST_CROSSED = 31  # ways that cross more others are not told apart
+
+
+class Task(NamedTuple):
+    """R robots on a graph of V vertices and L lanes, each with stops, S in all, and W steps for which they keep clear of each other."""
+
+    first: np.ndarray  # [V + 1]
+    head: np.ndarray  # [L]
+    tail: np.ndarray  # [L]
+    clashes: Clashes
+    start: np.ndarray  # [R]
+    stop_first: np.ndarray  # [R + 1]
+    stop: np.ndarray  # [S] in the order in which they are made; each robot has one or more
+    steps: np.ndarray  # [S, V] int32 to each stop
+    after: np.ndarray  # [S] steps from each stop by those after it to the robot's last
+    window: int
+
+
+class Room(NamedTuple):
+    """Who is where, and room for a search: K stops at most, N = (W + 1) (K + 1) V states."""
+
+    above: np.ndarray  # [W + 1, V] int32 who holds a vertex at a step and must not be met
+    others: np.ndarray  # [W + 1, V] int32 likewise, of those who may be crossed at a price; SEVERAL: more than one
+    mark: np.ndarray  # [N] int64 the search that came to a state
+    steps: np.ndarray  # [N] int32 its cost
+    crossed: np.ndarray  # [N] int32 others crossed
+    before: np.ndarray  # [N] int32 the state before
+    top: np.ndarray  # [B] int32 the last entry of each bucket of states: by steps, then by others crossed
+    state: np.ndarray  # [E] int32 of each entry
+    below: np.ndarray  # [E] int32 the entry before it in its bucket
+    count: np.ndarray  # [2] int64 searches; labels of all of them
+
+
+def room_for(task: Task) -> Room:
+    """Room for the searches of a task."""
+    num_vertices = len(task.first) - 1
+    num_states = (task.window + 1) * (int(np.diff(task.stop_first).max(initial=1)) + 1) * num_vertices
+    return Room(
+        *(np.full((task.window + 1, num_vertices), NOBODY, np.int32) for _ in range(2)),
+        np.zeros(num_states, np.int64),
+        *(np.zeros(num_states, np.int32) for _ in range(3)),
+        np.full((2 * task.window + 1) * (MOST_CROSSED + 1), -1, np.int32),
+        *(np.zeros(4 * num_states, np.int32) for _ in range(2)),
+        np.zeros(2, np.int64),
+    )
+
+
+@kernel(allocates=False)
+def enter(table, at, robot):
+    """Put a robot's way into a table of who is where."""
+    for t in range(table.shape[0]):
+        v = at[robot, t]
+        table[t, v] = robot if table[t, v] == NOBODY else SEVERAL
+
+
+@kernel(allocates=False)
+def leave(table, at, num_robots):
+    """Empty a table of all ways."""
+    for r in range(num_robots):
+        for t in range(table.shape[0]):
+            table[t, at[r, t]] = NOBODY
+
+
+@kernel(inline="always", allocates=False)
+def meets(task, table, u, v, t):
+    """Whether a robot meets somebody of a table that goes from u to v, or waits, and arrives at step t."""
+    found = table[t, v] != NOBODY
+    if not found and u != v and table[t - 1, v] != NOBODY and table[t, u] != NOBODY:
+        found = table[t - 1, v] == SEVERAL or table[t - 1, v] == table[t, u]
+    if not found and task.clashes.any:
+        found = comes_too_close(task, table, u, v, t)
+    return found
+
+
+@kernel(allocates=False)
+def comes_too_close(task, table, u, v, t):
+    """Whether a move clashes with one of a table."""
+    clashes, move = task.clashes, move_of(task.first, task.head, u, v)
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        w = clashes.vertex[k]
+        if table[t - 1, w] != NOBODY or table[t, w] != NOBODY:
+            return True
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        other = table[t - 1, task.tail[lane]]
+        if other != NOBODY and (other == table[t, task.head[lane]] or other == SEVERAL):
+            return True
+    return False
+
+
+@kernel(allocates=False)
+def closes_ring(room, at, robot, u, v, t):
+    """Whether a move from u to v that ends at step t completes a ring of robots that all move at once."""
+    for _ in range(len(at)):
+        other = room.above[t - 1, v]
+        if other < 0:
+            other = room.others[t - 1, v]
+        if other < 0 or other == robot or at[other, t] == v:
+            return False
+        v = at[other, t]
+        if v == u:
+            return True
+    return False
+
+
+@kernel(inline="always", allocates=False)
+def _to_go(task, begin, num_stops, made, v):
+    """Steps from a vertex by the stops that have not been made, or back to the last."""
+    row = begin + min(made, num_stops - 1)
+    return np.int64(task.steps[row, v]) + (task.after[row] if made < num_stops else 0)
+
+
+@kernel(allocates=False)
+def find_way(task, room, at, robot):
+    """The best way of a robot that is in neither table, written to its row of `at`.
+
+    Returns
+    -------
+    int
+        Its steps, with those that it takes beyond the window; NO_WAY where there is none.
+    """
+    first, head, window = task.first, task.head, task.window
+    top, state, below = room.top, room.state, room.below
+    begin, num_stops = task.stop_first[robot], task.stop_first[robot + 1] - task.stop_first[robot]
+    end, rings = task.stop[begin + num_stops - 1], not task.clashes.rotations
+    layer = (num_stops + 1) * (len(first) - 1)
+    room.count[0] += 1
+    now = room.count[0]
+    start, made = task.start[robot], np.int64(0)
+    while made < num_stops and task.stop[begin + made] == start:
+        made += 1
+    least = _to_go(task, begin, num_stops, made, start)
+    if least >= UNREACHABLE:
+        return NO_WAY
+    x = made * (len(first) - 1) + start
+    room.mark[x], room.steps[x], room.crossed[x], room.before[x] = now, 0, 0, -1
+    top[0], state[0], below[0] = 0, x, -1
+    num, bucket, highest = np.int64(1), np.int64(0), np.int64(0)
+    labels = 0
+    found = NO_WAY
+    while True:
+        while bucket <= highest and top[bucket] < 0:
+            bucket += 1
+        if bucket > highest:
+            break
+        x = np.int64(state[top[bucket]])
+        top[bucket] = below[top[bucket]]
+        t, made, u = x // layer, x % layer // (len(first) - 1), x % (len(first) - 1)
+        cost, crossed = np.int64(room.steps[x]), np.int64(room.crossed[x])
+        length = cost + _to_go(task, begin, num_stops, made, u)
+        if bucket != (length - least) * (MOST_CROSSED + 1) + crossed:
+            continue  # reached better meanwhile
+        if t == window:
+            found = length
+            while x >= 0:
+                at[robot, x // layer] = x % (len(first) - 1)
+                x = np.int64(room.before[x])
+            break
+        labels += 1
+        if num + first[u + 1] - first[u] + 1 > len(state):
+            break
+        row = begin + min(made, num_stops - 1)
+        for lane in range(first[u], first[u + 1] + 1):
+            v = np.int64(head[lane]) if lane < first[u + 1] else u
+            if task.steps[row, v] >= UNREACHABLE or meets(task, room.above, u, v, t + 1):
+                continue
+            if rings and v != u and closes_ring(room, at, robot, u, v, t + 1):
+                continue
+            there = made
+            while there < num_stops and task.stop[begin + there] == v:
+                there += 1
+            steps = cost + (0 if made == num_stops and v == u and v == end else 1)
+            price = min(crossed + (1 if meets(task, room.others, u, v, t + 1) else 0), MOST_CROSSED)
+            y = (t + 1) * layer + there * (len(first) - 1) + v
+            if room.mark[y] == now and (room.steps[y] < steps or (room.steps[y] == steps and room.crossed[y] <= price)):
+                continue
+            room.mark[y], room.steps[y], room.crossed[y], room.before[y] = now, steps, price, x
+            to = (steps + _to_go(task, begin, num_stops, there, v) - least) * (MOST_CROSSED + 1) + price
+            state[num], below[num] = y, top[to]
+            top[to] = num
+            num += 1
+            highest, bucket = max(highest, to), min(bucket, to)
+    top[: highest + 1] = -1
+    room.count[1] += labels
+    return found
