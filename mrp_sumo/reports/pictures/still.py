@@ -19,12 +19,13 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import STATE_NAMES, RunRecord
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor, name_places, write_name
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix
-from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, view_record, view_states
+from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, level_corners, view_record, view_states
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 MARGIN_M = 0.6
 TRAIL_S = 20.0
+LEVEL_PT = 10.0  # names of levels
 ROBOT_PT = 7.5  # names of robots
 NAMED = 60  # number of robots up to which they are named and the plan is drawn
 LEAST_PT = (8.0, 4.5)  # least length of a robot on the page: up to NAMED robots, and beyond
@@ -80,6 +81,8 @@ def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
         raise MrpSumoError(f"{at_s:g} s is outside the run, which lasts from 0 to {end_s:g} s")
     figure, ax, points_per_m = _page(record, outline, width_in)
     draw_floor(ax, record, outline, points_per_m)
+    for name, x, y in level_corners(record, outline):
+        ax.text(x, y + 3 / points_per_m, name, fontsize=LEVEL_PT, color=LIGHT["ink"], va="bottom", zorder=3).set_parse_math(False)
     counts = _draw_robots(ax, record, at_s, points_per_m)
     _write_head_and_foot(figure, ax, record, at_s, counts, planned=not run.executed)
     return figure
@@ -106,7 +109,7 @@ def _page(record: RunRecord, outline: Outline | None, width_in: float) -> tuple[
     low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
     w, h = high - low
     inch_per_m = float(min((width_in - 0.4) / w, 14 / h))
-    head_in, foot_in = 0.75, 0.45
+    head_in, foot_in = 0.75 if len(np.unique(nav.level)) == 1 else 0.95, 0.45
     page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
     figure = Picture(*page, LIGHT["paper"])
     left = (page[0] - w * inch_per_m) / 2

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 ABSENT = 4  # a state in addition to those of io.record: not on the floor
 TURNING_RAD = 0.02  # a sample
 MARGIN_M = 0.6  # around all that is drawn
+BESIDE_M = 3.0  # walls this far beside a level's vertices are its own; the next level is farther
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
 
@@ -226,3 +227,18 @@ def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray
             outlines.append(xy[ConvexHull(xy).vertices])
     fine = is_furniture[island[end[:, 0]]] if len(end) else np.zeros(0, np.bool_)
     return outlines, walls[fine], walls[~fine]
+
+
+def level_corners(record: RunRecord, outline: "Outline | None") -> list[tuple[str, float, float]]:
+    """Name and upper left corner, m, of each level; none where there is one only."""
+    nav = record.nav or record.graph
+    found = []
+    for k, name in enumerate(nav.level_names if len(np.unique(nav.level)) > 1 else ()):
+        xy = nav.xy[nav.level == k]
+        if not len(xy):
+            continue
+        if outline is not None and len(outline.walls):
+            walls = outline.walls.reshape(-1, 2)
+            xy = np.concatenate([xy, walls[(walls[:, 0] > xy[:, 0].min() - BESIDE_M) & (walls[:, 0] < xy[:, 0].max() + BESIDE_M)]])
+        found.append((name, float(xy[:, 0].min()), float(xy[:, 1].max())))
+    return found

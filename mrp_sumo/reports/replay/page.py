@@ -28,7 +28,16 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import DAMAGE, load_run
 from mrp_sumo.metrics.evaluate import succeeded
-from mrp_sumo.reports.pictures.view import AnyRun, extent, furniture_and_walls, is_grid_map, subtitle_of, view_record, view_states
+from mrp_sumo.reports.pictures.view import (
+    AnyRun,
+    extent,
+    furniture_and_walls,
+    is_grid_map,
+    level_corners,
+    subtitle_of,
+    view_record,
+    view_states,
+)
 from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
 
 SOURCES = Path(__file__).parent
@@ -396,6 +405,9 @@ def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: Floa
         bare = np.array([not (nav.vertex_name[v] or kind[v]) for v in range(nav.num_vertices)], np.bool_)
         bare[np.setdiff1d(np.arange(nav.num_vertices), np.concatenate([nav.tail, nav.head]))] = False
         parts["junctions"] = _flat(nav.xy[bare][:MAX_JUNCTIONS] - low)
+    parts["levels"] = [
+        {"name": name, "x": round(x - low[0], 3), "y": round(y - low[1], 3)} for name, x, y in level_corners(record, outline)
+    ]
     return parts
 
 

@@ -374,6 +374,10 @@ export class Scene {
       context.fillText(text, x, y);
       return true;
     };
+    for (const level of run.map.levels) {
+      const [x, y] = this.toScreen(level.x, level.y);
+      write(level.name, x + 0.5 * context.measureText(level.name).width, y - 10, theme.ink, `700 13px ${FAMILY}`, true);
+    }
     const above = (r) => Math.max(0.5 * Math.hypot(run.length[r], run.width[r]) * c.scale, 0.6 * this.least) + 10;
     const label = (r, must) => {
       const [x, y] = this.toScreen(m.pose[3 * r], m.pose[3 * r + 1]);
