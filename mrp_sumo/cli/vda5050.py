@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("scenario", help="scenario file, or the name of a bundled scenario such as office_9")
     add("--broker", required=True, metavar="HOST[:PORT]", help="MQTT broker")
     add("--as", dest="part", choices=("fleet", "master"), default="fleet", help="vehicles (the default), or what drives vehicles of others")
-    add("--version", default="2.1", metavar="VERSION", help="of VDA 5050: 2.1 (default) or 3.0")
+    add("--version", default="2.1", metavar="VERSION", help="of VDA 5050: 2.0, 2.1 (default) or 3.0")
     add("--manufacturer", default="mrp_sumo", metavar="NAME", help="in topics and headers (default: mrp_sumo)")
     add("--speed", type=float, default=1.0, metavar="N", help="simulated seconds a second (default: 1, real time)")
     add("--duration", type=float, metavar="S", help="end after S simulated seconds (default: with Ctrl+C)")

@@ -32,6 +32,7 @@ from mrp_sumo.maps.map import Map
 SAMPLE_S = 0.1
 LONGEST_S = 24 * 3600.0
 SHORTEST_LANE_M = 1e-3
+STAYS_M = 0.05  # of a node, for as long as a vehicle has not left it
 BODY = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
 WAITS = ("blocked",)  # types of errors that are waits; others are disturbances
 
@@ -65,7 +66,8 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
         raise MrpSumoError(f"{path.name}: {span_s / 3600:.1f} h from the first pose to the last, expected a day at most: cut it")
     fleet = _fleet(vehicles, model)
     graph, ways = _graph(log, vehicles, begin_s, path.stem)
-    plan = plan_of_visits([(vertex, at_s, np.append(at_s[:-1], np.inf)) for vertex, at_s in ways])
+    leave_s = [_departures(vehicle, graph.xy[vertex], at_s + begin_s) - begin_s for vehicle, (vertex, at_s) in zip(vehicles, ways)]
+    plan = plan_of_visits([(vertex, at_s, left_s) for (vertex, at_s), left_s in zip(ways, leave_s)])
     goal = plan.last_vertex
     problem = Problem(graph, fleet, plan.vertex[plan.first[:-1]], goal, np.arange(len(goal)), _step_s(graph, fleet))
     execution = _execution(log, vehicles, begin_s, span_s, plan, graph)
@@ -145,6 +147,19 @@ def _graph(log: Log, vehicles: list[Recorded], begin_s: float, name: str) -> tup
     graph = plan_graph(nav, kind="roadmap", cell_m=round(float(np.median(length_m)), 3) if lanes else 1.0)
     ways = [(np.array([number[node] for node, _ in way], np.int64), _ascending([t for _, t in way])) for way in visits]
     return graph, ways
+
+
+def _departures(vehicle: Recorded, xy: FloatArray, at_s: FloatArray) -> FloatArray:
+    """[N] when a vehicle left the places [N, 2] at which it came at times [N]: as long as its poses are there, it stays."""
+    t_s, place, leave_s = np.array(vehicle.t_s), np.column_stack((vehicle.x_m, vehicle.y_m)), at_s.copy()
+    bounds = np.searchsorted(t_s, at_s)
+    for k, (a, b) in enumerate(pairwise(bounds.tolist())):
+        there = np.hypot(*(place[a:b] - xy[k]).T) < STAYS_M
+        stayed = int(np.argmin(there)) if not there.all() else len(there)
+        if stayed:
+            leave_s[k] = min(float(t_s[a + stayed - 1]), float(at_s[k + 1]))
+    leave_s[-1] = np.inf
+    return leave_s
 
 
 def _ascending(t_s: list[float]) -> FloatArray:

@@ -1,15 +1,19 @@
 """Vehicles at a real broker, on the loopback: what is said when connections come and go, and what is refused."""
 
 import json
+import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 import yaml
-from wire.worlds import scenario
+from wire.worlds import PLACES, scenario
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
@@ -29,12 +33,27 @@ def free_port():
 @pytest.fixture(scope="module")
 def broker(tmp_path_factory):
     """A broker that lets `fleet` in, with the password `secret`."""
-    folder, port = tmp_path_factory.mktemp("broker"), free_port()
+    folder = tmp_path_factory.mktemp("broker")
     from pwdlib import PasswordHash
     from pwdlib.hashers.argon2 import Argon2Hasher
 
     (folder / "passwords").write_text(f"fleet:{PasswordHash((Argon2Hasher(),)).hash('secret')}\n")
     plugins = {"amqtt.plugins.authentication.FileAuthPlugin": {"password_file": str(folder / "passwords")}}
+    with running(folder, plugins) as port:
+        yield Broker("127.0.0.1", port, "fleet", "secret")
+
+
+@pytest.fixture
+def open_port(tmp_path):
+    """The port of a broker that lets everybody in."""
+    with running(tmp_path, {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}) as port:
+        yield port
+
+
+@contextmanager
+def running(folder, plugins):
+    """A broker on the loopback. Yields its port."""
+    port = free_port()
     settings = {"listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}}, "plugins": plugins}
     (folder / "broker.yaml").write_text(yaml.safe_dump(settings))
     command = [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(folder / "broker.yaml")]
@@ -45,8 +64,49 @@ def broker(tmp_path_factory):
                 break
             except OSError:
                 time.sleep(0.05)
-        yield Broker("127.0.0.1", port, "fleet", "secret")
+        yield port
         process.terminate()
+
+
+@contextmanager
+def theirs(script, *arguments):
+    """A program of vda-5050-lib (npm, MIT), for version 2.0."""
+    node, modules = shutil.which("node"), Path(sys.prefix) / "node" / "node_modules"
+    if not node or not (modules / "vda-5050-lib").is_dir():
+        pytest.skip("no node or vda-5050-lib (tools/ci_tools.sh installs it)")
+    command = [node, str(Path(__file__).parent / "others" / script), *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "NODE_PATH": str(modules)}) as process:
+        yield process
+        process.terminate()
+
+
+@pytest.mark.slow
+def test_our_master_drives_the_vehicles_of_others(open_port, tmp_path):
+    scenario(tmp_path)
+    with theirs("vehicles.cjs", open_port) as vehicles:
+        assert vehicles.stdout.readline() == "ready\n"
+        at = ["--broker", f"127.0.0.1:{open_port}", "--version", "2.0", "--as", "master"]
+        assert main(["vda5050", str(tmp_path / "carts.yaml"), *at, "--out", str(tmp_path / "run")]) == 0
+    found = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert found["status"] == "completed" and found["audit"]["num_overlaps"] == 0
+
+
+@pytest.mark.slow
+def test_the_master_of_others_drives_our_vehicles(open_port, tmp_path):
+    scenario(tmp_path)
+    at = ["--broker", f"127.0.0.1:{open_port}", "--version", "2.0", "--duration", "60"]
+    command = [sys.executable, "-m", "mrp_sumo", "vda5050", str(tmp_path / "carts.yaml"), *at]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as fleet:
+        assert "2 vehicles" in fleet.stdout.readline()
+        with theirs("master.cjs", open_port, json.dumps(PLACES)) as master:
+            said = master.stdout.read().splitlines()
+        fleet.send_signal(signal.SIGINT)
+        assert fleet.wait(20) == 0
+    assert [line for line in said if "robot_0" in line] == [
+        *("action robot_0 WAITING", "node robot_0 a", "node robot_0 b", "node robot_0 c"),
+        *("action robot_0 RUNNING", "action robot_0 FINISHED", "processed robot_0 ok false false"),
+    ]
+    assert "processed robot_1 ok false false" in said
 
 
 def heard(link, wanted, seconds=5.0):
@@ -131,7 +191,7 @@ def test_wrong_password_is_a_line(broker, tmp_path, capsys):
     [
         (["--broker", "127.0.0.1:1"], "no connection to the broker 127.0.0.1:1: connection refused"),
         (["--broker", "127.0.0.1:99999"], "--broker 127.0.0.1:99999: expected HOST or HOST:PORT"),
-        (["--broker", "x", "--version", "1.1"], "VDA 5050 1.1: expected 2.1 or 3.0"),
+        (["--broker", "x", "--version", "1.1"], "VDA 5050 1.1: expected one of 2.0, 2.1, 3.0"),
         (["--broker", "x", "--speed", "0"], "--speed: found 0"),
         (["--broker", "x", "--ca", "a.pem"], "--ca is for --tls"),
         (["--broker", "x", "--tls", "--key", "a.pem"], "--cert and --key belong together"),

@@ -19,7 +19,7 @@ MOST_NODES = 1000
 MOST_ACTIONS = 100  # of a node, an edge, or a message of instant actions
 MOST_PARAMETERS = 50
 LARGEST = 2**32  # of numbers
-BLOCKING = {"2.1": ("NONE", "SOFT", "HARD"), "3.0": ("NONE", "SINGLE", "SOFT", "HARD")}
+BLOCKING = (("NONE", "SOFT", "HARD"), ("NONE", "SINGLE", "SOFT", "HARD"))  # in 2.x, and in 3.0
 ACTION = {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}
 OPTIONAL: dict[str, dict[str, Any]] = {  # members that may be there, with their types
     "node": {"nodePosition": OBJECT, "nodeDescription": TEXT, "nodeDescriptor": TEXT},
@@ -35,14 +35,14 @@ OPTIONAL: dict[str, dict[str, Any]] = {  # members that may be there, with their
     "order": {"zoneSetId": TEXT, "orderDescription": TEXT, "orderDescriptor": TEXT},
 }
 PI = 3.14159265359  # as the schemas have it
-WORDS_FOR: dict[str, dict[str, tuple[str, ...]]] = {  # what members may say, where the schemas list it
-    "2.1": {"corridorRefPoint": ("KINEMATICCENTER", "CONTOUR")},
-    "3.0": {
+WORDS_FOR: tuple[dict[str, tuple[str, ...]], ...] = (  # what members may say, where the schemas list it; in 2.x, and in 3.0
+    {"corridorRefPoint": ("KINEMATICCENTER", "CONTOUR")},
+    {
         "orientationType": ("GLOBAL", "TANGENTIAL"),
         "corridorReferencePoint": ("KINEMATIC_CENTER", "CONTOUR"),
         "releaseLossBehavior": ("STOP", "RETURN"),
     },
-}
+)
 
 
 @dataclass(frozen=True)
@@ -282,8 +282,8 @@ def _actions(found: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
         _require(one, ACTION, f"{at}[{i}]", OPTIONAL["action"])
         for key in ("actionId", "actionType"):
             _require_id(one[key], f"{at}[{i}].{key}")
-        if one["blockingType"] not in BLOCKING[dialect.version]:
-            kinds = ", ".join(BLOCKING[dialect.version])
+        if one["blockingType"] not in BLOCKING[dialect.is_new]:
+            kinds = ", ".join(BLOCKING[dialect.is_new])
             raise RefusalError(MALFORMED, f"{at}[{i}].blockingType is '{one['blockingType'][:WORDS]}', expected one of {kinds}")
         parameters: dict[str, Any] = {}
         listed = one.get("actionParameters", [])
@@ -319,7 +319,7 @@ def _within(found: Json, ranges: Mapping[str, tuple[float, float]], at: str) -> 
 
 def _says(found: Json, at: str, dialect: Dialect) -> None:
     """Refuse words that are none of those that are listed."""
-    for key, words in WORDS_FOR[dialect.version].items():
+    for key, words in WORDS_FOR[dialect.is_new].items():
         if key in found and found[key] not in words:
             raise RefusalError(MALFORMED, f"{at}.{key} is '{found[key][:WORDS]}', expected one of {', '.join(words)}")
 
