@@ -10,9 +10,11 @@ link or anchor ends the build.
 """
 
 import argparse
+import contextlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -20,7 +22,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[1]
 DOCS, SITE = PROJECT / "docs", PROJECT / "site"
-TUTORIALS = ("try.md", "integrator.md", "robots.md", "lifelong.md", "own_planner.md", "own_plugins.md", "compare.md")
+TUTORIALS = ("try.md", "integrator.md", "fleet_manager.md", "robots.md", "lifelong.md", "own_planner.md", "own_plugins.md", "compare.md")
 EMBEDDED = {  # replay page -> scenario and options
     "office_5": ("office_5",),
     "office_9": ("office_9",),
@@ -60,31 +62,39 @@ def main() -> int:
 
 
 def followed(page: str) -> list[str]:
-    """Follow a page. Returns a line for each thing that does not work."""
-    script, wrong = "", []
+    """Follow a page. Returns a line for each thing that does not work. What it leaves running in the background ends with it."""
+    script, wrong, groups = "", [], []
     with tempfile.TemporaryDirectory() as place:
         for language, title, text in BLOCK.findall((DOCS / page).read_text(encoding="utf-8")):
             if title:
                 Path(place, title).write_text(text, encoding="utf-8")
             elif language == "bash":
-                wrong += [f"{page}: `{line}`: {why}" for line in text.splitlines() if line.strip() and (why := why_not(line, place))]
+                wrong += [
+                    f"{page}: `{line}`: {why}" for line in text.splitlines() if line.strip() and (why := why_not(line, place, groups))
+                ]
             elif language == "python":
                 script += text
         if script:
             Path(place, "page.py").write_text(script, encoding="utf-8")
-            if why := why_not("python page.py", place):
+            if why := why_not("python page.py", place, groups):
                 wrong.append(f"{page}: its Python: {why}")
+        for group in groups:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(group, signal.SIGTERM)
     return wrong
 
 
-def why_not(line: str, place: str) -> str:
-    """Run a command as a reader does. Returns why it failed, '' if it did not."""
+def why_not(line: str, place: str, groups: list[int]) -> str:
+    """Run a command as a reader does, in a process group of its own, which is noted. Returns why it failed, '' if it did not."""
     print(f"docs: {line}", flush=True)
     commands = f'mrp-sumo() {{ "{sys.executable}" -m mrp_sumo "$@"; }}; python() {{ "{sys.executable}" "$@"; }}; {line}'
     environment = {**os.environ, "PYTHONPATH": str(PROJECT), "BROWSER": "true"}
-    done = subprocess.run(["bash", "-c", commands], cwd=place, env=environment, capture_output=True, text=True)
-    said = (done.stderr.strip() or done.stdout.strip()).splitlines()
-    return f"exit code {done.returncode}: {said[-1] if said else ''}" if done.returncode else ""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(["bash", "-c", commands], cwd=place, env=environment, start_new_session=True, **pipes) as process:
+        groups.append(process.pid)
+        output, errors = process.communicate()
+    said = (errors.strip() or output.strip()).splitlines()
+    return f"exit code {process.returncode}: {said[-1] if said else ''}" if process.returncode else ""
 
 
 def add_runs(pages: Path, scratch: Path) -> None:
