@@ -16,7 +16,8 @@ from mrp_sumo.errors import MrpSumoError
 
 Json = dict[str, Any]
 
-VERSIONS = ("2.0", "2.1", "3.0")  # of 2.0, which lacks a few optional members of 2.1, only the number is known here
+VERSIONS = ("2.1", "3.0")
+AS_2_1 = "2.0"  # which lacks a few optional members of 2.1, and is taken for it under its own number
 KINDS = ("connection", "factsheet", "instantActions", "order", "state", "visualization")
 MANUFACTURER = "mrp_sumo"
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)  # of simulated time
@@ -28,11 +29,11 @@ STANDING_MPS = 0.01
 class Dialect:
     """The words of a version."""
 
-    version: str  # one of VERSIONS
+    version: str  # '2.1' or '3.0'; '2.0' is the first under another number
 
     def __post_init__(self) -> None:
-        if self.version not in VERSIONS:
-            raise MrpSumoError(f"VDA 5050 {self.version}: expected one of {', '.join(VERSIONS)}")
+        if self.version not in (*VERSIONS, AS_2_1):
+            raise MrpSumoError(f"VDA 5050 {self.version}: expected {' or '.join(VERSIONS)}")
 
     @property
     def is_new(self) -> bool:
