@@ -14,6 +14,7 @@ FORMATS = {  # option -> (name of the file or folder, help)
     "csv": ("trajectory.csv", "one line a robot and sample"),
     "geojson": ("run.geojson", "map, paths and events, in metres"),
     "fcd": ("fcd.xml", "floating car data, as SUMO writes them"),
+    "rmf-plans": ("rmf_plans.json", "plan and releases as messages of Open-RMF's next generation, as JSON (experimental)"),
     "viewers": ("viewers", "set-ups for RViz 2, Foxglove, PlotJuggler and Rerun (folder)"),
 }
 
@@ -80,6 +81,10 @@ def run(options: argparse.Namespace) -> int:
             exports.write_ros1(out, record, lambda folder: write_bag(folder, record, choice))
         else:
             exports.write_ros2(out, lambda folder: write_bag(folder, record, choice))
+    elif options.format == "rmf-plans":
+        from mrp_sumo.reports.rmf_plans import write_rmf_plans
+
+        write_rmf_plans(out, record)
     else:
         {
             "csv": exports.write_csv,

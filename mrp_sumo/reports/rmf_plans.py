@@ -1,0 +1,135 @@
+"""A run's plan as messages of Open-RMF's next generation, as JSON: `Plan` with departure blockers, and `PlanRelease`. Experimental.
+
+Written against Plan.msg, Waypoint.msg, TrafficDependency.msg and PlanRelease.msg, which are not released yet. A waypoint is a visit, its
+progress the planned time of arrival. Where a robot has to let another one pass, the waypoint before is blocked until the other has come
+to where it has left what both need: the same order that the executor keeps. Releases are what was granted. Only the first plan is said,
+and its releases until robots were sent other ways.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+from uuid import NAMESPACE_URL, uuid5
+
+import numpy as np
+
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.motion_plan import lanes_along
+from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.io.record import RunRecord
+from mrp_sumo.reports.exports import replacing
+from mrp_sumo.traffic.passages import Schedule, waits
+from mrp_sumo.traffic.resources import needs_of, resources_of
+from mrp_sumo.traffic.schedule import schedule_of
+
+Json = dict[str, Any]
+
+
+def write_rmf_plans(path: Path, record: RunRecord) -> None:
+    """Write a JSON file: `plans` by participant, and `releases` by time.
+
+    Raises
+    ------
+    MrpSumoError
+        For a run without a plan, or with one whose order nobody can keep.
+    """
+    plan, graph = record.plan, record.graph
+    if plan is None:
+        raise MrpSumoError(f"the run '{record.name}' has no plan")
+    start = plan.vertex[plan.first[:-1]]
+    problem = Problem(graph, record.fleet, start, plan.last_vertex, np.arange(plan.num_robots), 1.0)
+    resources = resources_of(graph, record.fleet.apart_m)
+    needs = needs_of(graph, plan, lanes_along(graph, plan)[0], resources, record.fleet.kind)
+    try:
+        schedule = schedule_of(problem, plan, needs)
+    except PlanError as error:
+        raise MrpSumoError(f"the run '{record.name}': {error}") from None
+    names, robot = record.fleet.robot_name, plan.robot
+    ids = [_plan_id(record.name, record.seed, name) for name in names]
+    progress = _ascending(plan.arrive_s, plan.first)
+    blockers = _blockers(schedule, robot)
+    plans = []
+    for r, name in enumerate(names):
+        visits = range(int(plan.first[r]), int(plan.first[r + 1]))
+        said = [
+            _waypoint(
+                record,
+                int(plan.vertex[k]),
+                float(progress[k]),
+                [
+                    {"name": names[other], "plan_id": ids[other], "required_progress": float(progress[until])}
+                    for other, until in sorted(blockers.get(k, {}).items())
+                ],
+            )
+            for k in visits
+        ]
+        plans.append({"name": name, "plan": {"waypoints": said, "start_time": _time(0.0), "plan_id": ids[r], "workflow": ""}})
+    document = {"experimental": True, "plans": plans, "releases": _releases(record, ids)}
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+
+
+def _blockers(schedule: Schedule, robot: np.ndarray) -> dict[int, dict[int, int]]:
+    """Visit that must not be left -> other robot -> the visit that it has to come to first; without those that earlier ones imply."""
+    after, left_at = waits(schedule)
+    found: dict[int, dict[int, int]] = {}
+    for passage, until in zip(after.tolist(), left_at.tolist()):
+        visit = int(schedule.visit[passage])
+        if until < len(robot) and visit and robot[visit - 1] == robot[visit]:
+            of_visit = found.setdefault(visit - 1, {})
+            other = int(robot[until])
+            of_visit[other] = max(of_visit.get(other, 0), until)
+    known: dict[tuple[int, int], int] = {}
+    for visit in sorted(found):
+        for other, until in list(found[visit].items()):
+            pair = (int(robot[visit]), other)
+            if known.get(pair, -1) >= until:
+                del found[visit][other]
+            else:
+                known[pair] = until
+    return found
+
+
+def _waypoint(record: RunRecord, vertex: int, progress: float, blockers: list[Json]) -> Json:
+    graph, level = record.graph, int(record.graph.level[vertex])
+    return {
+        "position": (graph.xy[vertex] - record.shift_m[level]).tolist(),
+        "arrival_constraints": {"regions": [], "nodes": []},
+        "progress": progress,
+        "maps": [graph.level_names[level]],
+        "departure_blockers": blockers,
+        "departure_trajectory": [],  # a straight line
+        "departure_action": "",
+        "arrival_action": "",
+    }
+
+
+def _releases(record: RunRecord, ids: list[Json]) -> list[Json]:
+    """What robots were granted of their first plan, by time."""
+    grants, replies = record.execution.grants, record.execution.replies
+    if grants is None:
+        return []
+    until_s = replies[0].t_s if replies else np.inf
+    return [
+        {"time": _time(t_s), "name": record.fleet.robot_name[r], "release": {"waypoint_id": visit, "plan_id": ids[r]}}
+        for t_s, r, visit in zip(grants.t_s.tolist(), grants.robot.tolist(), grants.visit.tolist())
+        if t_s < until_s
+    ]
+
+
+def _plan_id(run: str, seed: int, name: str) -> Json:
+    return {"destination_session": {"uuid": list(uuid5(NAMESPACE_URL, f"{run}/{seed}/{name}").bytes)}, "plan_version": 0}
+
+
+def _time(t_s: float) -> Json:
+    nanoseconds = round(t_s * 1e9)
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+
+
+def _ascending(arrive_s: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """[N] the times of arrival, each after the one before of its robot, as progress has to be."""
+    found = np.array(arrive_s, np.float64)
+    for begin, end in zip(first[:-1].tolist(), first[1:].tolist()):
+        for k in range(begin + 1, end):
+            found[k] = max(found[k], np.nextafter(np.float32(found[k - 1]), np.float32(np.inf)))
+    return found
