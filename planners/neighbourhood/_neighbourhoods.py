@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
+from planners.neighbourhood._cells import anyone_in, num_in
 from planners.neighbourhood._traffic import Task, holds
 
 DECAY = 0.01  # of a neighbourhood kind's record
@@ -28,7 +29,7 @@ class Neighbourhood(NamedTuple):
     num_hits: np.ndarray  # [R] int64 of each robot
 
 
-@kernel
+@kernel(allocates=False)
 def pick_kind(hood, rng):
     x = rng.random() * (hood.record[0] + hood.record[1] + hood.record[2])
     if x < hood.record[0]:
@@ -36,7 +37,7 @@ def pick_kind(hood, rng):
     return 1 if x < hood.record[0] + hood.record[1] else 2
 
 
-@kernel
+@kernel(allocates=False)
 def _choose(hood, num, robot):
     """Add a robot to the neighbourhood unless it is in it."""
     if hood.chosen[robot]:
@@ -46,7 +47,7 @@ def _choose(hood, num, robot):
     return num + 1
 
 
-@kernel
+@kernel(allocates=False)
 def fill_any(hood, num, size, rng):
     """Fill up with any robots."""
     num_robots = len(hood.chosen)
@@ -56,7 +57,7 @@ def fill_any(hood, num, size, rng):
     return num
 
 
-@kernel
+@kernel(allocates=False)
 def fill_by_hits(hood, num, size, rng):
     """Fill up with robots by the number of their collisions."""
     num_robots = len(hood.chosen)
@@ -75,7 +76,7 @@ def fill_by_hits(hood, num, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@kernel
+@kernel(allocates=False)
 def around_late(task, traffic, hood, size, rng):
     """A robot that is late, and those met on random walks that would bring it home earlier."""
     num_robots = len(task.goal)
@@ -95,7 +96,7 @@ def around_late(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@kernel
+@kernel(allocates=False)
 def _walk(task, traffic, hood, num, size, robot, before, rng):
     """Walk from a random step of a robot's path, so that it could still arrive `before`; choose whom it meets."""
     if traffic.end[robot] <= 0:
@@ -129,19 +130,20 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
     return num
 
 
-@kernel
+@kernel(allocates=False)
 def _choose_on(traffic, hood, num, size, v, t):
     """Choose the robots that hold a vertex at a step."""
-    if traffic.num_on[v, t] == 1 and num < size:
-        return _choose(hood, num, np.int64(traffic.who[v, t]))
-    if traffic.num_on[v, t] > 1:
+    there = num_in(traffic.on, v, t)
+    if there == 1 and num < size:
+        return _choose(hood, num, anyone_in(traffic.on, v, t))
+    if there > 1:
         for robot in range(len(traffic.at)):
             if num < size and holds(traffic, robot, v, t):
                 num = _choose(hood, num, np.int64(robot))
     return num
 
 
-@kernel
+@kernel(allocates=False)
 def _choose_about(task, traffic, hood, num, size, v, t):
     """Choose the robots that hold a vertex at a step, or stand too close to it."""
     num = _choose_on(traffic, hood, num, size, v, t)
@@ -151,12 +153,12 @@ def _choose_about(task, traffic, hood, num, size, v, t):
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             num = _choose_on(traffic, hood, num, size, clashes.vertex[k], t)
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
-            if num < size and traffic.num_along[clashes.lane[k], t] > 0:
+            if num < size and num_in(traffic.arrivals, clashes.lane[k], t) > 0:
                 num = _choose_on(traffic, hood, num, size, task.head[clashes.lane[k]], t)
     return num
 
 
-@kernel
+@kernel(allocates=False)
 def around_place(task, traffic, hood, size, rng):
     """Robots that are about a place at about one time: around a random robot's position at a random step."""
     num_robots = len(traffic.at)
@@ -181,7 +183,7 @@ def around_place(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@kernel
+@kernel(allocates=False)
 def around_collision(task, traffic, hood, size, rng):
     """Robots of one component of the graph of collisions: all, and whom they meet on walks, or some on a random walk in it."""
     num_robots = len(task.goal)
@@ -206,7 +208,7 @@ def around_collision(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-@kernel
+@kernel(allocates=False)
 def around_failure(task, traffic, hood, size, rng):
     """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
     num_robots = len(task.goal)
@@ -227,7 +229,7 @@ def around_failure(task, traffic, hood, size, rng):
     for t in range(traffic.end[robot], traffic.at.shape[1]):
         if num >= size:
             break
-        if traffic.num_on[task.goal[robot], t] > 1:
+        if num_in(traffic.on, task.goal[robot], t) > 1:
             num = _choose_on(traffic, hood, num, size, task.goal[robot], t)
     return fill_any(hood, num, size, rng)
 

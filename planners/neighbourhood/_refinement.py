@@ -8,6 +8,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.clashes import clashes_of
 from planners._world import SLICE_S
 from planners.neighbourhood import _lns
+from planners.neighbourhood._cells import MOST_CELLS, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
 from planners.neighbourhood._sipps import Labels, room_for_labels
@@ -64,8 +65,12 @@ def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline
 
 def room_bytes(task: Task, horizon: int) -> int:
     """Memory for traffic and searches over so many steps."""
-    clashes = horizon * (2 * len(task.first) + 3 * len(task.head)) if task.clashes.any else 0
-    return horizon * (24 * len(task.first) + 2 * len(task.head) + 4 * len(task.goal)) + clashes
+    vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
+    labels = 20_000 + 16 * vertices + 2 * lanes
+    clashes = horizon * (2 * vertices + 3 * lanes) if task.clashes.any else 0
+    on, along = (rows * horizon if rows * horizon <= MOST_CELLS else 3 * slots_for(robots * horizon) for rows in (vertices, lanes))
+    runs = vertices * horizon if vertices * horizon <= MOST_CELLS else 2 * slots_for(labels)
+    return horizon * ((vertices + lanes) // 4 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
 
 
 def polishing_labels(a_robot: int, num_robots: int) -> int:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
+from planners.neighbourhood._cells import MOST_CELLS, home, slots_for
 from planners.neighbourhood._traffic import closes_ring, run_end
 
 
@@ -26,12 +27,36 @@ class Labels(NamedTuple):
     heap_label: np.ndarray  # [N] int64
     link: np.ndarray  # [N] int64 the next label of the same length, where crossing is forbidden
     queue: np.ndarray  # [T] int64 the first label of each length, likewise
-    pushed: np.ndarray  # [V, T] int64 stamp, cost and arrival of the last label that was worth it
-    closed: np.ndarray  # [V, T] int64 stamp and earliest arrival that was expanded
+    pushed: np.ndarray  # [K] int64 of each run, see `run_slot`: stamp, cost and arrival of the last label that was worth it
+    closed: np.ndarray  # [K] int64 likewise: stamp and earliest arrival that was expanded
+    run: np.ndarray  # [K] int64 which run a slot is of; [0] where each that can be has its slot
+    run_stamp: np.ndarray  # [K] int64 the search that it is of, likewise
     stamp: np.ndarray  # [2] int64 number of searches, number of labels in all of them
 
 
-@kernel
+@kernel(inline="always")
+def run_slot(labels, v, high):
+    """Where what is known of a vertex's run with this last step is kept."""
+    run = np.int64(v) * len(labels.queue) + high
+    if len(labels.run) == 0:
+        return run
+    return _hashed_run(labels.run, labels.run_stamp, labels.pushed, labels.closed, labels.stamp[0], run)
+
+
+@kernel(allocates=False)
+def _hashed_run(runs, run_stamp, pushed, closed, stamp, run):
+    """Its slot among hashed ones; those of earlier searches are empty."""
+    mask = len(runs) - 1
+    k = home(run, mask)
+    while run_stamp[k] == stamp:
+        if runs[k] == run:
+            return k
+        k = (k + 1) & mask
+    runs[k], run_stamp[k], pushed[k], closed[k] = run, stamp, 0, 0
+    return k
+
+
+@kernel(inline="always")
 def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until):
     """The first arrival at u from v, not before `t`, that swaps and clashes with nobody and closes no ring; beyond `until`: none."""
     while t <= until and (
@@ -43,7 +68,7 @@ def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, un
     return t
 
 
-@kernel
+@kernel(allocates=False)
 def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 
@@ -77,7 +102,7 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, l
     return end
 
 
-@kernel
+@kernel(allocates=False)
 def _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
     """`plan_one` where nobody may be crossed: only arrivals count, so that a queue of lengths does for a heap.
 
@@ -111,7 +136,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
         if v == goal and high == horizon - 1:
             _write(labels, traffic, robot, x)
             return low, num_labels
-        mark = seen[v, high]
+        mark = seen[run_slot(labels, v, high)]
         if mark >= stamp and mark - stamp < low:
             continue
         leave = high if following else high + 1
@@ -126,11 +151,11 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
                 if not occupied:
                     until = min(end, last)
                     t = _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until)
-                    mark = seen[u, end]
-                    if t <= until and (mark < stamp or mark - stamp > t):
+                    k = run_slot(labels, u, end) if t <= until else np.int64(0)
+                    if t <= until and (seen[k] < stamp or seen[k] - stamp > t):
                         if num_labels >= room:
                             return np.int64(-1), num_labels
-                        seen[u, end] = stamp + t
+                        seen[k] = stamp + t
                         vertex[num_labels], lows[num_labels], highs[num_labels], parent[num_labels] = u, t, end, x
                         link[num_labels] = queue[t + to_go]
                         queue[t + to_go] = num_labels
@@ -138,7 +163,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
                 t = end + 1
 
 
-@kernel
+@kernel(allocates=False)
 def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
     """`plan_one` where others may be crossed."""
     busy, along, following, barred, near = traffic.busy, traffic.along, traffic.following, traffic.barred, len(traffic.num_near) > 1
@@ -157,7 +182,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
     labels.heap_label[0] = 0
     while num_heap > 0:
         x = labels.heap_label[0]
-        num_heap = _pop(labels, num_heap)
+        num_heap = _pop(labels.heap_key, labels.heap_label, num_heap)
         final = x < 0
         if final:
             x = -1 - x
@@ -165,10 +190,11 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
         if final:
             _write(labels, traffic, robot, x)
             return low, num_labels
-        mark = labels.closed[v, high]
+        k = run_slot(labels, v, high)
+        mark = labels.closed[k]
         if mark >= stamp and mark - stamp <= low:
             continue
-        labels.closed[v, high] = stamp + low
+        labels.closed[k] = stamp + low
         if v == goal:
             later, t = cost, high + 1
             while t < horizon:
@@ -178,7 +204,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
             if later == cost:  # nobody comes by any more
                 _write(labels, traffic, robot, x)
                 return low, num_labels
-            num_heap = _push(labels, num_heap, (later << 40) + (low << 20), -1 - x)
+            num_heap = _push(labels.heap_key, labels.heap_label, num_heap, (later << 40) + (low << 20), -1 - x)
         if num_labels + 8 * (first[v + 1] - first[v] + 1) > room or num_heap + 8 * (first[v + 1] - first[v] + 1) > room:
             return np.int64(-1), num_labels
         if high + 1 + steps[v] <= limit:
@@ -207,26 +233,27 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
     return np.int64(-1), num_labels
 
 
-@kernel
+@kernel(inline="always")
 def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_go):
     """Put a label in the queue unless a better one of its run was there before."""
-    mark = labels.pushed[v, high]
+    k = run_slot(labels, v, high)
+    mark = labels.pushed[k]
     if mark >= stamp and ((mark - stamp) >> 18) <= cost and ((mark - stamp) & 0x3FFFF) <= low:
         return num_labels, num_heap
-    mark = labels.closed[v, high]
+    mark = labels.closed[k]
     if mark >= stamp and mark - stamp <= low:
         return num_labels, num_heap
-    labels.pushed[v, high] = stamp + (min(cost, 0x3FFF) << 18) + low
+    labels.pushed[k] = stamp + (min(cost, 0x3FFF) << 18) + low
     labels.vertex[num_labels] = v
     labels.low[num_labels] = low
     labels.high[num_labels] = high
     labels.cost[num_labels] = cost
     labels.parent[num_labels] = parent
-    num_heap = _push(labels, num_heap, (cost << 40) + ((low + to_go) << 20) + to_go, num_labels)
+    num_heap = _push(labels.heap_key, labels.heap_label, num_heap, (cost << 40) + ((low + to_go) << 20) + to_go, num_labels)
     return num_labels + 1, num_heap
 
 
-@kernel
+@kernel(allocates=False)
 def _write(labels, traffic, robot, x):
     """The path that ends in label x, and the stay at its end."""
     at = traffic.at[robot]
@@ -238,9 +265,8 @@ def _write(labels, traffic, robot, x):
         x = labels.parent[x]
 
 
-@kernel
-def _push(labels, num, key, label):
-    keys, heap = labels.heap_key, labels.heap_label
+@kernel(allocates=False)
+def _push(keys, heap, num, key, label):
     k = num
     while k > 0:
         up = (k - 1) >> 1
@@ -252,9 +278,8 @@ def _push(labels, num, key, label):
     return num + 1
 
 
-@kernel
-def _pop(labels, num):
-    keys, heap = labels.heap_key, labels.heap_label
+@kernel(allocates=False)
+def _pop(keys, heap, num):
     num -= 1
     key, label = keys[num], heap[num]
     k = 0
@@ -275,10 +300,14 @@ def _pop(labels, num):
 def room_for_labels(num_vertices: int, num_lanes: int, horizon: int) -> Labels:
     """Room for searches over so many steps."""
     num_labels = 20_000 + 16 * num_vertices + 2 * num_lanes
+    sparse = num_vertices * horizon > MOST_CELLS
+    num_runs = slots_for(num_labels + 2) if sparse else num_vertices * horizon
     return Labels(
         *(np.zeros(num_labels, np.int64) for _ in range(8)),
         queue=np.zeros(horizon, np.int64),
-        pushed=np.zeros((num_vertices, horizon), np.int64),
-        closed=np.zeros((num_vertices, horizon), np.int64),
+        pushed=np.zeros(num_runs, np.int64),
+        closed=np.zeros(num_runs, np.int64),
+        run=np.zeros(num_runs if sparse else 0, np.int64),
+        run_stamp=np.zeros(num_runs if sparse else 0, np.int64),
         stamp=np.zeros(2, np.int64),
     )

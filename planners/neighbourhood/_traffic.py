@@ -13,6 +13,7 @@ import numpy as np
 from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
+from planners.neighbourhood._cells import Cells, anyone_in, cells_of, enter, leave, num_in, slot_of
 
 WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
 _LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
@@ -37,11 +38,10 @@ class Traffic(NamedTuple):
 
     at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
-    num_on: np.ndarray  # [V, T] uint8 robots that hold a vertex
-    who: np.ndarray  # [V, T] int32 one of them, -1 where there is none
+    on: Cells  # robots that hold a vertex
     busy: np.ndarray  # [V, W] int64 bits: somebody holds or bars it
     num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
-    num_along: np.ndarray  # [L, T] uint8 robots that arrive by a lane at a step
+    arrivals: Cells  # robots that arrive by a lane
     along: np.ndarray  # [L, W] int64 bits: somebody does
     num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
     barred: np.ndarray  # [L, W] int64 bits: some do; [1, 1] without clashes
@@ -50,7 +50,7 @@ class Traffic(NamedTuple):
     window: int  # paths count up to the step before this one only
 
 
-@kernel
+@kernel(allocates=False)
 def run_end(bits, t):
     """(whether the bit at t is set, the last step of the run of equal bits around t)."""
     word = t >> 5
@@ -67,7 +67,7 @@ def run_end(bits, t):
     return bit == 1, (len(bits) << 5) - 1
 
 
-@kernel
+@kernel(allocates=False)
 def lane_between(first, head, u, v):
     """The lane from u to v, -1 where there is none."""
     for lane in range(first[u], first[u + 1]):
@@ -76,32 +76,30 @@ def lane_between(first, head, u, v):
     return np.int64(-1)
 
 
-@kernel
+@kernel(allocates=False)
 def add_path(task, traffic, robot):
     """Enter the robot's row of `at` in the rest of the traffic."""
     first, head = task.first, task.head
-    at, num_on, who, busy, following = traffic.at[robot], traffic.num_on, traffic.who, traffic.busy, traffic.following
+    at, on, busy, following = traffic.at[robot], traffic.on, traffic.busy, traffic.following
     before = np.int64(-1)
     for t in range(traffic.window):
         v = np.int64(at[t])
         bit = np.int64(1) << (t & 31)
-        num_on[v, t] += 1
-        who[v, t] = robot
+        on.who[enter(on, v, t)] = robot
         busy[v, t >> 5] |= bit
         if t > 0 and v != before:
             lane = lane_between(first, head, before, v)
-            traffic.num_along[lane, t] += 1
+            enter(traffic.arrivals, lane, t)
             traffic.along[lane, t >> 5] |= bit
             if following:
-                num_on[before, t] += 1
-                who[before, t] = robot
+                on.who[enter(on, before, t)] = robot
                 busy[before, t >> 5] |= bit
         before = v
     if task.clashes.any:
         _bar(task, traffic, robot)
 
 
-@kernel
+@kernel(allocates=False)
 def _bar(task, traffic, robot):
     """Bar what is too close to the robot's moves."""
     clashes, at, num_near, busy, num_barred, barred = (
@@ -119,11 +117,11 @@ def _bar(task, traffic, robot):
             barred[clashes.lane[k], t >> 5] |= np.int64(1) << (t & 31)
 
 
-@kernel
+@kernel(allocates=False)
 def _unbar(task, traffic, robot):
     """Take back what `_bar` did."""
-    clashes, at, num_on, num_near, busy, num_barred, barred = (
-        task.clashes, traffic.at[robot], traffic.num_on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    clashes, at, on, num_near, busy, num_barred, barred = (
+        task.clashes, traffic.at[robot], traffic.on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
     for t in range(1, traffic.window):
         move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
@@ -131,7 +129,7 @@ def _unbar(task, traffic, robot):
             v = clashes.vertex[k]
             for step in range(t - 1, t + 1):
                 num_near[v, step] -= 1
-                if num_near[v, step] == 0 and num_on[v, step] == 0:
+                if num_near[v, step] == 0 and num_in(on, v, step) == 0:
                     busy[v, step >> 5] &= ~(np.int64(1) << (step & 31))
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
             lane = clashes.lane[k]
@@ -140,7 +138,7 @@ def _unbar(task, traffic, robot):
                 barred[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
 
 
-@kernel
+@kernel(allocates=False)
 def remove_path(task, traffic, robot):
     """Take the robot's path out of the traffic; its row of `at` stays."""
     first, head = task.first, task.head
@@ -153,30 +151,29 @@ def remove_path(task, traffic, robot):
         _let_go(traffic, robot, v, t)
         if t > 0 and v != before:
             lane = lane_between(first, head, before, v)
-            traffic.num_along[lane, t] -= 1
-            if traffic.num_along[lane, t] == 0:
+            if leave(traffic.arrivals, lane, t) == 0:
                 traffic.along[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
             if following:
                 _let_go(traffic, robot, before, t)
         before = v
 
 
-@kernel
+@kernel(allocates=False)
 def _let_go(traffic, robot, v, t):
     """The robot holds v no longer at t."""
-    traffic.num_on[v, t] -= 1
-    if traffic.num_on[v, t] == 0:
+    if leave(traffic.on, v, t) == 0:
         if len(traffic.num_near) == 1 or traffic.num_near[v, t] == 0:
             traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
-        traffic.who[v, t] = -1
-    elif traffic.who[v, t] == robot:
+        return
+    k = slot_of(traffic.on, v, t)
+    if traffic.on.who[k] == robot:
         for other in range(len(traffic.at)):
             if other != robot and holds(traffic, other, v, t):
-                traffic.who[v, t] = other
+                traffic.on.who[k] = other
                 break
 
 
-@kernel
+@kernel(allocates=False)
 def holds(traffic, robot, v, t):
     """Whether a robot with a path holds a vertex at a step."""
     if traffic.end[robot] < 0 or t >= traffic.window:
@@ -184,12 +181,12 @@ def holds(traffic, robot, v, t):
     return traffic.at[robot, t] == v or (traffic.following and t > 0 and traffic.at[robot, t - 1] == v)
 
 
-@kernel
+@kernel(allocates=False)
 def closes_ring(traffic, v, u, t):
     """Whether a move from v that arrives on u at step t completes a ring of robots that move at once."""
     w = u
     for _ in range(len(traffic.at)):
-        robot = traffic.who[w, t - 1]
+        robot = anyone_in(traffic.on, w, t - 1)
         if robot < 0:
             return False
         onward = np.int64(traffic.at[robot, t])
@@ -201,7 +198,7 @@ def closes_ring(traffic, v, u, t):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def enter_all(task, traffic):
     """Put all paths of `at` into the empty traffic."""
     for robot in range(len(task.goal)):
@@ -212,14 +209,14 @@ def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool,
     """Traffic without paths over `horizon` steps, a multiple of WORD; they count for `window` steps, 0: for all."""
     num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
     near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
+    held = num_robots * horizon * (2 if following else 1)
     return Traffic(
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
-        num_on=np.zeros((num_vertices, horizon), np.uint8),
-        who=np.full((num_vertices, horizon), -1, np.int32),
+        on=cells_of(num_vertices, horizon, held, with_who=True),
         busy=np.zeros((num_vertices, horizon // WORD), np.int64),
         num_near=np.zeros((near[0], near[2]), np.uint16),
-        num_along=np.zeros((num_lanes, horizon), np.uint8),
+        arrivals=cells_of(num_lanes, horizon, num_robots * horizon, with_who=False),
         along=np.zeros((num_lanes, horizon // WORD), np.int64),
         num_barred=np.zeros((near[1], near[2]), np.uint16),
         barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.int64),

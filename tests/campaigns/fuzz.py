@@ -236,7 +236,18 @@ WORDS += (
     "execution={}",
     "map.graph=all",
 )
-UNSAFE = ("warmup", "batch", "list", "schema", "generate", "report")  # take long, or write where they are told to; a report of / is long
+UNSAFE = (
+    "warmup",
+    "batch",
+    "list",
+    "schema",
+    "generate",
+    "report",
+    "paper",
+    "demo",
+    "capacity",
+    "vda5050",
+)  # take long, or write where they are told to; a report of / is long
 
 
 class _TooLong(BaseException):
