@@ -1,17 +1,19 @@
 """Plans for robots that keep their order: nobody comes too close to anybody, nobody rotates, and complete planners stay complete."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from truth import Rules, crowded_problem, least_cost
 from worlds import BURGER, problem_on, square_grid
 
-from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.plan import Status, paths_of_plan
+from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.motion_plan import lanes_along
+from mrp_sumo.planning.answers import answer_of
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.passages import order_of
 from mrp_sumo.traffic.referee import judge
@@ -109,3 +111,27 @@ def test_goals_that_are_too_close_are_named(name, parameters):
     result = answer(name, parameters, problem)
     assert result.status is Status.INFEASIBLE
     assert "v1" in result.message and "v2" in result.message
+
+
+@pytest.mark.parametrize("name", ["prioritised", "continuous", "pbs"])
+def test_a_large_robot_takes_the_way_round_that_a_small_one_need_not(name):
+    """From 0 to 2 directly by 1, where only the small one has room, or by 3, 4 and 5."""
+    graph = plan_graph(
+        nav_graph(
+            name="ring",
+            xy=[(0, 0), (2, 0), (4, 0), (4, 2), (2, 2), (0, 2)],
+            lanes=[lane for a in range(6) for lane in ((a, (a + 1) % 6), ((a + 1) % 6, a))],
+        ),
+        kind="roadmap",
+        cell_m=2.0,
+    )
+    barred = np.zeros((2, graph.num_lanes), np.bool_)
+    barred[1, (graph.tail == 1) | (graph.head == 1)] = True
+    fleet = fleet_of_types([BURGER, replace(BURGER, length_m=0.6, width_m=0.6)], np.array([0, 1]))
+    problem = Problem(graph, fleet, np.array([2, 0]), np.array([5, 3]), np.arange(2), 12.0, drivable=True, barred=barred)
+    result = answer_of(planner(name, {}), problem, 10.0)
+    assert result.plan is not None
+    ways = [result.plan.vertex[a:b].tolist() for a, b in pairwise(result.plan.first.tolist())]
+    assert 1 not in ways[1] and judge(problem, result.plan, in_seconds=name != "prioritised").valid
+    through = plan_of_paths([[2, 3, 4, 5], [0, 1, 2, 3]], problem.step_s)
+    assert "robot_1 drives from 'v0' to 'v1' at 0 s, where a burger has no room" in judge(problem, through).faults
