@@ -7,6 +7,7 @@ import numpy as np
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
+from mrp_sumo.metrics.tasks import spent_s
 
 
 @metric(
@@ -110,9 +111,8 @@ def _shares(run: Evidence) -> dict[str, float]:
     if logs is None or execution is None or execution.tasks is None or not execution.sim_time_s:
         return {}
     tasks, end_s = execution.tasks, execution.sim_time_s
-    spent_s = np.nan_to_num(np.where(np.isnan(tasks.done_s), end_s, tasks.done_s) - tasks.assigned_s)
-    whole_s = end_s * run.problem.num_robots
-    busy, charging = spent_s[tasks.is_order].sum() / whole_s, spent_s[~tasks.is_order].sum() / whole_s
+    of_task_s, whole_s = spent_s(tasks, end_s), end_s * run.problem.num_robots
+    busy, charging = of_task_s[tasks.is_order].sum() / whole_s, of_task_s[~tasks.is_order].sum() / whole_s
     blocked = logs[1].stood_s.sum() / whole_s
     found = {"working": busy - blocked, "blocked": blocked, "charging": charging, "idle": 1 - busy - charging}
     return {name: float(share) for name, share in found.items()}

@@ -147,8 +147,24 @@ def robot_busy_share(run: Evidence) -> float | None:
     tasks, execution = _tasks(run), run.execution
     if tasks is None or execution is None or not execution.sim_time_s:
         return None
-    end_s = np.where(np.isnan(tasks.done_s), execution.sim_time_s, tasks.done_s)
-    return float(np.nansum(end_s - tasks.assigned_s) / (execution.sim_time_s * run.problem.num_robots))
+    return float(spent_s(tasks, execution.sim_time_s).sum() / (execution.sim_time_s * run.problem.num_robots))
+
+
+def spent_s(tasks: TaskLog, end_s: float) -> FloatArray:
+    """[K] seconds of its robot that each task took, up to the end of the run; 0 of a task that nobody had.
+
+    A robot is given its next task while it is still served at the last stop of one; those moments count once, for the first.
+    """
+    found = np.zeros(len(tasks.name))
+    order = np.lexsort((tasks.assigned_s, tasks.robot))
+    robot, free_s = -1, 0.0
+    for k in order[np.isfinite(tasks.assigned_s[order])].tolist():
+        if tasks.robot[k] != robot:
+            robot, free_s = int(tasks.robot[k]), 0.0
+        done_s = end_s if np.isnan(tasks.done_s[k]) else float(tasks.done_s[k])
+        found[k] = max(0.0, done_s - max(float(tasks.assigned_s[k]), free_s))
+        free_s = max(free_s, done_s)
+    return found
 
 
 @metric("s", "none", "when the warm-up ends, by MSER-5 on service times; null where the run is too short to tell")
