@@ -3,7 +3,7 @@
 
     tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...] [--json]
     tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F] [--json]
-    tools/bench_lifelong.py --kiva [--driven] [--robots N ...] [--planner NAME ...] [--steps N] [--seeds N] [--json]
+    tools/bench_lifelong.py --kiva [--driven] [--type NAME ...] [--engine NAME ...] [--robots N ...] [--planner NAME ...] [--steps N]
     tools/bench_lifelong.py --speed [--robots N ...] [--engine NAME ...] [--seconds S] [--planner NAME ...] [--json]
 
 DATA is a folder with `epibt_random` (a map of 819 free cells, robots in agents_0.csv to agents_7.csv, goals in tasks_one.csv: robot r
@@ -19,8 +19,12 @@ run, the planner's and the checks' included.
 With `--kiva` N robots (default: 60, 100, 140) go from goal to goal on the map of `kiva_lifelong`, drawn evenly from all endpoints, and are
 planned every 5 steps for the next 20: `goals` a step over 1,000 steps, beside those of RHCR's paper (PBS, the same window and period), in
 the model of that paper: a cell a step, all robots in step. `pbs` knows the goals after the next one, as RHCR does; others plan to each
-robot's next one. `cpu_s` is the planner's and the checks'. With `--driven` robots of 0.4 m on cells of 1 m drive those plans at 1 m/s on
-the kinematic engine, in their order, and `cpu_s` is that of the whole run.
+robot's next one. `cpu_s` is the planner's and the checks'.
+
+With `--kiva --driven` robots drive: `unit` ones of 0.4 m on cells of 1 m, at 1 m/s and turning in no time, or a type that `--type` names,
+on cells that it fits in. They are planned as often, by the steps of their plans (`step_s` each), and `goals` is per such step, too.
+`moving`, `turning` and `waiting` are shares of the robots' time, `detour` is what they drove over the shortest ways, and `cpu_s` that of
+the whole run.
 
 With `--speed` N TurtleBot3 (default: 100 and 1,000) drive for S seconds (default: 600) among shelves on a generated floor, and orders come
 at a rate that keeps most of them busy: `times_real` is simulated time over wall time of the loop, planning included; `planning` the
@@ -40,6 +44,7 @@ import numpy as np
 
 import mrp_sumo as ms
 from mrp_sumo.cli.scenario_choice import pairs
+from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.step_wise import StepWiseProblem
@@ -62,6 +67,9 @@ LEAGUE = {  # problem -> steps, tasks of the best entry
 }
 DISPATCHERS = ("nearest", "token_passing", "tpts", "regret", "central", "hungarian", "min_cost_flow")
 MAPD_WIDTH = {"robots": 6, "dispatcher": 13, "seed": 4, "makespan": 8, "service": 8, "p95": 7, "max": 7, "empty": 6, "calls": 6, "cpu_s": 6}
+CELL_M = {"unit": 1.0, "turtlebot3": 0.4, "amr_600": 1.2}
+DRIVEN_WIDTH = {"robots": 6, "type": 10, "engine": 9, "planner": 11, "seed": 4, "steps": 5, "step_s": 6, "goals": 6, "per_h": 7}
+DRIVEN_WIDTH |= {"moving": 6, "turning": 7, "waiting": 7, "detour": 6, "calls": 5, "failed": 6, "cpu_s": 8}
 KIVA_WIDTH = {"robots": 6, "planner": 11, "seed": 4, "steps": 5, "goals": 6, "rhcr": 5, "calls": 6, "failed": 6, "cpu_s": 8}
 SPEED_WIDTH = {"robots": 6, "engine": 9, "planner": 11, "simulated_s": 11, "wall_s": 8, "cpu_s": 8, "times_real": 10}
 SPEED_WIDTH |= {"planning": 8, "done": 5, "open": 5, "peak_mb": 7}
@@ -75,6 +83,7 @@ def main() -> int:
     parser.add_argument("--mapd", action="store_true", help="compare dispatchers")
     parser.add_argument("--kiva", action="store_true", help="compare planners in windows")
     parser.add_argument("--driven", action="store_true", help="with --kiva: in seconds, not in steps")
+    parser.add_argument("--type", action="append", choices=tuple(CELL_M), help="with --driven; may be repeated (default: unit)")
     parser.add_argument("--speed", action="store_true", help="measure the speed of runs")
     parser.add_argument("--engine", action="append", choices=("kinematic", "sumo"), help="may be repeated (default: both)")
     parser.add_argument("--seconds", type=float, default=600.0, metavar="S")
@@ -148,9 +157,9 @@ def _print_mapd(options: argparse.Namespace, run: ms.Run, robots: int, name: str
 
 
 def _kiva(options: argparse.Namespace) -> int:
-    """A row for each fleet, seed and planner."""
-    _print_head(options, KIVA_WIDTH)
-    base, unit = ms.Scenario.read("kiva_lifelong"), ms.Scenario.read("mapd_lifelong").values["robots"]["type"]
+    """A row for each fleet, seed and planner, and for each type and engine where robots drive."""
+    _print_head(options, DRIVEN_WIDTH if options.driven else KIVA_WIDTH)
+    base = ms.Scenario.read("kiva_lifelong")
     rows = (bundled_folder("networks") / "kiva" / "kiva.map").read_text().splitlines()[4:][::-1]  # from the lowest row
     free = [(y, x) for y, row in enumerate(rows) for x, letter in enumerate(row) if letter != "@"]
     home = [v for v, (y, x) in enumerate(free) if y % 4 and (x in (1, 2, 4, 5) or x in (len(rows[0]) - k for k in (2, 3, 5, 6)))]
@@ -163,27 +172,52 @@ def _kiva(options: argparse.Namespace) -> int:
             drawn = [rng.choice(endpoint, steps // 8).tolist() for _ in range(robots)]  # more than anybody comes to
             goals = [[v for v, before in zip(ahead, [None, *ahead]) if v != before] for ahead in drawn]
             fleet = base.replace(
-                robots={"starts": [f"v{v}" for v in start], "type": unit},
+                robots={"starts": [f"v{v}" for v in start]},
                 seed=seed,
-                discretisation={"cell_m": 1.0},
                 tasks=[{"stops": [f"v{v}" for v in ahead]} for ahead in goals],
                 record={"bag": False},
-                execution={"engine": "kinematic", "time_limit_s": float(steps), "planning": {"budget_s": 0, "period_s": 5, "window_s": 20}},
             )
             for name in options.planner or ["pbs"]:
-                before = _cpu_s()
                 if options.driven:
-                    run = ms.run(fleet.replace(planner=name))
-                    counts = len(run.kept.execution.stops.task), run.metrics["planner_calls"], run.metrics["planner_calls_failed"]
-                else:
-                    problem = ms.problem(fleet.replace(planner=name))
-                    make("planners", name, {}).prepare()
-                    before = _cpu_s()
-                    counts = _in_windows(replace(problem, step_s=1.0), make("planners", name, {}), [list(ahead) for ahead in goals], steps)
+                    for kind in options.type or ["unit"]:
+                        for engine in options.engine or ["kinematic"]:
+                            _drive_kiva(options, fleet.replace(planner=name), kind, engine, steps)
+                    continue
+                problem, planner = ms.problem(_of_type(fleet, "unit").replace(planner=name)), make("planners", name, {})
+                planner.prepare()
+                before = _cpu_s()
+                counts = _in_windows(replace(problem, step_s=1.0), planner, [list(ahead) for ahead in goals], steps)
                 row = {"robots": robots, "planner": name, "seed": seed, "steps": steps, "goals": counts[0] / steps}
                 row |= {"rhcr": RHCR.get(robots), "calls": counts[1], "failed": counts[2], "cpu_s": _cpu_s() - before}
                 _print_row(options, KIVA_WIDTH, row)
     return 0
+
+
+def _of_type(fleet: ms.Scenario, kind: str) -> ms.Scenario:
+    """The fleet with robots of a type, on cells of a size that suits it."""
+    unit = ms.Scenario.read("mapd_lifelong").values["robots"]["type"]
+    return fleet.replace(robots={"type": unit if kind == "unit" else kind}, discretisation={"cell_m": CELL_M[kind]})
+
+
+def _drive_kiva(options: argparse.Namespace, fleet: ms.Scenario, kind: str, engine: str, steps: int) -> None:
+    """Have robots drive from goal to goal for so many steps of their plans, and print the row."""
+    fleet = _of_type(fleet, kind)
+    problem = ms.problem(fleet)
+    step_s, known = problem.step_s, distances(problem.graph)
+    planning = {"budget_s": 0, "period_s": EVERY * step_s, "window_s": WINDOW * step_s}
+    before = _cpu_s()
+    run = ms.run(fleet.replace(execution={"engine": engine, "time_limit_s": steps * step_s, "planning": planning}))
+    stops, booked = run.kept.execution.stops, run.kept.execution.booked_s
+    share = dict(zip(BOOKINGS, (booked.sum(0) / booked.sum()).tolist()))
+    same = np.diff(stops.task, prepend=-1) == 0
+    before_it = np.where(same, np.roll(stops.vertex, 1), problem.start[stops.robot])
+    least = sum(int(known.to(v)[a]) for a, v in zip(before_it.tolist(), stops.vertex.tolist()))
+    cells = run.metrics["distance_m"] / CELL_M[kind]
+    row = {"robots": problem.num_robots, "type": kind, "engine": engine, "planner": fleet.values["planner"]["name"], "seed": fleet.seed}
+    row |= {"steps": steps, "step_s": step_s, "goals": len(stops.task) / steps, "per_h": 3600 * len(stops.task) / (steps * step_s)}
+    row |= {"moving": share["moving"], "turning": share["turning"], "waiting": 1 - share["moving"] - share["turning"]}
+    row |= {"detour": cells / least - 1, "calls": run.metrics["planner_calls"]}
+    _print_row(options, DRIVEN_WIDTH, row | {"failed": run.metrics["planner_calls_failed"], "cpu_s": _cpu_s() - before})
 
 
 def _in_windows(problem: Problem, planner: Planner, goals: list[list[int]], steps: int) -> tuple[int, int, int]:

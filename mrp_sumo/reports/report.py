@@ -92,6 +92,7 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(table_4(study))])
     execution = Section("execution", "Execution")
     execution.parts = [*charts.get("execution", []), *execution_violins(study), *_there(study_tables.main_figures(study))]
+    tasks = Section("tasks", "Tasks", parts=list(charts.get("tasks", [])))
     compared = Section("compared", "Compared", parts=_there(study_tables.paired(study)))
     maps = Section("maps", "Maps", parts=_there(table_1(study)))
     runs = Section("runs", "Runs", parts=_there(study_tables.worst_runs(study, out)))
@@ -99,7 +100,7 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     limit = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all."
     if len(study.series) > MANY_SERIES:
         overview.text = limit
-    return study.name, [overview, success, planning, cost, execution, compared, maps, runs, *drawn]
+    return study.name, [overview, success, planning, cost, execution, tasks, compared, maps, runs, *drawn]
 
 
 def _kept_runs(study: Study) -> list[Section]:

@@ -36,7 +36,7 @@ def clashes_of(problem: Problem) -> Clashes:
 
 
 def _clashes(graph: PlanGraph, separation_m: float) -> Clashes:
-    grouped = any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options))
+    grouped = any(options and groups_of(options) for options in (*graph.vertex_options, *graph.lane_options))
     if graph.kind == "grid" and separation_m <= graph.cell_m + 1e-9 and not grouped:
         return no_clashes(graph.num_vertices, graph.num_lanes, rotations=False)
     return _of_moves(graph, resources_of(graph, separation_m))

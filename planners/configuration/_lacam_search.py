@@ -55,7 +55,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         task = None
     if task and lacam.polish and cost > lower_bound:
         polished = _refinement(lacam, task, path, start)
-        labels = polishing_labels(lacam.polish, problem.num_robots)
+        labels = polishing_labels(lacam.polish, problem.num_robots, problem.window_steps)
         if problem.effort:
             left = max(1, problem.effort - search.labels)
             labels = left if lacam.anytime else min(labels, left)

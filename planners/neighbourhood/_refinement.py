@@ -14,6 +14,7 @@ from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
 from planners.neighbourhood._sipps import Labels, room_for_labels
 from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, path_of, traffic_of
 
+IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
 AT_ONCE = 16  # neighbourhoods between looks at the effort
@@ -73,12 +74,14 @@ def room_bytes(task: Task, horizon: int) -> int:
     return horizon * ((vertices + lanes) // 4 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
 
 
-def polishing_labels(a_robot: int, num_robots: int) -> int:
+def polishing_labels(a_robot: int, num_robots: int, window: int) -> int:
     """How many labels may be made: so many a robot for 100 robots or fewer, more, to the power of 3/4, for more.
 
+    In a window a sixth of that: robots are planned again long before its end, and were no sooner done with tasks for more.
     The work is bounded by labels and not by time so that the same seed gives the same plan.
     """
-    return int(a_robot * num_robots * max(1.0, num_robots / 100) ** 0.75)
+    labels = int(a_robot * num_robots * max(1.0, num_robots / 100) ** 0.75)
+    return labels // IN_WINDOWS if window else labels
 
 
 class Refinement:

@@ -124,7 +124,7 @@ class Lns2:
         del room
         if (self.polish or self.anytime) and cost > lower_bound:
             refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, window=window, **kind)
-            polish = polishing_labels(self.polish, problem.num_robots)
+            polish = polishing_labels(self.polish, problem.num_robots, window)
             refinement.until(deadline_s, most_labels=left if left and (self.anytime or left < polish) else polish)
             while self.anytime and not left and refinement.cost > lower_bound and perf_counter() < deadline_s:
                 refinement.until(min(deadline_s - 0.02, perf_counter() + 0.5))

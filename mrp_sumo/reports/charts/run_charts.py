@@ -23,6 +23,7 @@ from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, printable
+from mrp_sumo.reports.charts.task_charts import task_charts
 from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
 
 WIDE_INCH = 10.2
@@ -66,7 +67,9 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
         return []
     times = _times(record)
     states = robot_states(record.execution, times)
+    tasks, end_s = record.execution.tasks, record.execution.sim_time_s
     charts = [
+        *(task_charts(tasks, end_s, run.metrics.get("warm_up_s"), tag) if tasks is not None else ()),
         *_heat_maps(record, outline, times, states, tag),
         _space_time(record, tag),
         _gantt(record, times, states, tag),

@@ -28,6 +28,11 @@ from mrp_sumo.reports.charts.chart import (
 from mrp_sumo.reports.pictures.map_picture import INK, MUTED, PAPER
 from mrp_sumo.reports.study import Study, numbers
 
+OF_TASKS = (  # metric, title, axis
+    ("throughput_per_h", "Throughput", "tasks done an hour"),
+    ("service_time_p95_s", "Service time", "release to done, 95 % below (s)"),
+    ("tasks_open", "Tasks not done at the end", "tasks"),
+)
 MAX_MAPS = 6  # drawn one by one; more are drawn together
 ALL = "all maps"
 
@@ -35,8 +40,8 @@ Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x,
 
 
 def study_charts(study: Study) -> dict[str, list[Chart]]:
-    """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution'."""
-    found: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": []}
+    """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution', 'tasks'."""
+    found: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": [], "tasks": []}
     if not study.is_planned:
         return {}
     series = study.series[:MAX_SERIES]
@@ -48,12 +53,14 @@ def study_charts(study: Study) -> dict[str, list[Chart]]:
         tag = file_name(i, name)[:40]
         for x in ("_robots", *study.factors):
             if runs[x].nunique() > 1:
+                found["tasks"] += [_tasks_against(runs, here, x, tag, where, *of) for of in OF_TASKS]
                 found["success"].append(_success(study, runs, here, x, tag, where))
                 found["planning"].append(_planning_time(runs, here, x, tag, where))
                 if study.is_executed and x != "_robots":
                     found["execution"].append(_lateness_against(runs, here, x, tag, where))
         if not any(runs[x].nunique() > 1 for x in ("_robots", *study.factors)) and len(runs) > 1:
             found["success"].append(_success_rows(study, runs, here, tag, where))
+        found["tasks"] += [_tasks(runs, here, tag, where, *of) for of in OF_TASKS]
         found["planning"].append(_cactus(runs, here, tag, where))
         found["cost"].append(_suboptimality(runs, here, tag, where))
         if study.is_executed:
@@ -263,6 +270,37 @@ def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) 
 
     caption = "Runs by the least distance between two footprints; 0 is an overlap. The last bin holds all that is farther."
     return draw(f"clearance_{tag}", f"Clearance{where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))
+
+
+def _tasks_against(
+    runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str, column: str, title: str, label: str
+) -> Chart | None:
+    curves = _medians(runs, series, x, column) if column in runs else []
+    if not curves:
+        return None
+
+    def paint(figure: Figure) -> None:
+        _curves_against(figure, curves, x, label).set_ylim(bottom=0)
+
+    name, caption = f"{column}_{file_name(x)}_{tag}", "Median over runs, with the middle half of them."
+    return draw(name, f"{title} against {_factor(x)}{where}", caption, paint, size=_with_key(series))
+
+
+def _tasks(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str, column: str, title: str, label: str) -> Chart | None:
+    values = [(s, numbers(runs[runs["_series"] == s], column)) for s in series] if column in runs else []
+    values = [(s, v) for s, v in values if len(v)]
+    if not values or sum(len(v) for _, v in values) < 2:
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        for i, (_, v) in enumerate(values):
+            _box(ax, i, v, COLOURS[i % len(COLOURS)], True, 0.5)
+        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v in values])
+        ax.set(xlabel=label, xlim=(0, None))
+
+    caption = "Box: middle half of the runs, line: median, whiskers: 5 to 95 %. Numbers of runs in brackets."
+    return draw(f"{column}_{tag}", f"{title}{where}", caption, paint, size=_with_rows(values))
 
 
 def _medians(runs: pd.DataFrame, series: Sequence[str], x: str, column: str) -> list[Curve]:
