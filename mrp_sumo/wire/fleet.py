@@ -36,7 +36,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.set_up import SetUp, robot_types
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
 from mrp_sumo.formats.vda.order import Edge, Node
-from mrp_sumo.formats.vda.vehicle import FAULTS, Body, Vehicle
+from mrp_sumo.formats.vda.vehicle import ABILITIES, FAULTS, LIMITS, Body, Vehicle
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of
 from mrp_sumo.wire.link import Link, Received
@@ -352,6 +352,8 @@ class VirtualFleet:
             speed_mps=float(fleet.max_speed_mps[r]),
             accel_mps2=float(fleet.accel_mps2[r]),
             decel_mps2=float(fleet.decel_mps2[r]),
+            actions=ABILITIES,
+            limits=LIMITS,
         )
         return vehicle.sender.message("factsheet", self.now_s, said)
 

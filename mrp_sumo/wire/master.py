@@ -203,13 +203,8 @@ class DrivenVehicles(KinematicEngine):
 
     def _take_state(self, serial: str, vehicle: Driven, said: Json) -> None:
         vehicle.state = said
-        for error in said.get("errors") or ():
-            if (
-                isinstance(error, dict)
-                and error.get("errorType") in self._refusals
-                and vehicle.orders.name
-                and _is_about(error, vehicle.orders)
-            ):
+        for error in _objects(said.get("errors")):
+            if str(error.get("errorType")) in self._refusals and _is_about(error, vehicle.orders):
                 raise ExecutionError(f"'{serial}' refuses an order: {error['errorType']}: {str(error.get('errorDescription', ''))[:200]}")
         sequence, beyond = said.get("lastNodeSequenceId"), said.get("distanceSinceLastNode", 0.0)
         if said.get("orderId") != vehicle.orders.name or type(sequence) is not int or sequence % 2:
@@ -235,10 +230,14 @@ class DrivenVehicles(KinematicEngine):
 
 def _is_about(error: Json, orders: Orders) -> bool:
     """Whether an error is about the last order that was sent, if there was one."""
-    named = {ref.get("referenceKey"): ref.get("referenceValue") for ref in error.get("errorReferences") or () if isinstance(ref, dict)}
-    return (
-        bool(orders.name) and named.get("orderId") == orders.name and named.get("orderUpdateId", str(orders.update)) == str(orders.update)
-    )
+    named = {str(one.get("referenceKey")): one.get("referenceValue") for one in _objects(error.get("errorReferences"))}
+    same_update = named.get("orderUpdateId", str(orders.update)) == str(orders.update)
+    return bool(orders.name) and named.get("orderId") == orders.name and same_update
+
+
+def _objects(found: object) -> list[Json]:
+    """The objects of an array that may be anything."""
+    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
 
 
 @contextmanager

@@ -88,6 +88,12 @@ def test_what_is_no_message_is_a_line(folder, change, said, capsys):
     assert capsys.readouterr().err == f"mrp-sumo: {path}:{number}: {said}\n" and not (folder / "none").exists()
 
 
+@pytest.mark.parametrize("junk", [5, [3], [{"errorType": ["x"]}], {}])
+def test_errors_that_are_none_are_left_out(folder, junk):
+    path, _ = damaged(folder, lambda message: message["payload"].update(errors=junk))
+    assert main(["import", str(path), "--out", str(folder / "odd")]) == 0
+
+
 def test_streams_without_poses_and_options_of_maps_are_lines(folder, capsys):
     (folder / "empty.jsonl").write_text("\n")
     assert main(["import", str(folder / "empty.jsonl"), "--out", str(folder / "none")]) == 2

@@ -1,15 +1,21 @@
 """A virtual fleet drives what its master releases, and no farther."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 from wire.worlds import TYPE, carts
 
 from mrp_sumo.formats.vda.check import check
 from mrp_sumo.formats.vda.messages import action, line_of
 from mrp_sumo.formats.vda.vehicle import BREAKDOWN
-from mrp_sumo.wire.fleet import Fault
+from mrp_sumo.wire.fleet import Fault, Reporting
+from mrp_sumo.wire.link import FROM_VEHICLES
+
+SCHEMAS = Path(__file__).resolve().parents[3] / "shared" / "reference" / "data" / "vda5050"
 
 
 def names_of(state):
@@ -129,7 +135,7 @@ def test_battery_drains_and_is_filled_while_charging(tmp_path):
 
 @pytest.mark.parametrize("version", ["2.1", "3.0"])
 def test_what_vehicles_say_keeps_the_standard(tmp_path, version):
-    with carts(tmp_path, version) as master:
+    with carts(tmp_path, version, reporting=Reporting(state_s=1.0, view_s=0.5)) as master:
         master.hear()
         sent = len(master.all)
         master.order("robot_0", "abc", released=2)
@@ -137,3 +143,9 @@ def test_what_vehicles_say_keeps_the_standard(tmp_path, version):
         master.order("robot_0", "bc", update=1, begin=2)
         master.run(8)
         assert sent and list(check(line_of(t_s, topic, payload) for t_s, topic, payload in master.all)) == []
+    folder = SCHEMAS / version / "json_schemas"
+    if folder.is_dir():
+        schemas = {kind: Draft202012Validator(json.loads((folder / f"{kind}.schema").read_text())) for kind in FROM_VEHICLES}
+        said = [(topic.rpartition("/")[2], payload) for _, topic, payload in master.all]
+        assert {kind for kind, _ in said} == set(FROM_VEHICLES)
+        assert [error.message for kind, payload in said for error in schemas[kind].iter_errors(payload)] == []

@@ -13,7 +13,8 @@ from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.experiments.solve import solve
 from mrp_sumo.formats.vda.check import check
 from mrp_sumo.formats.vda.messages import line_of
-from mrp_sumo.wire.master import driven_vehicles
+from mrp_sumo.wire.link import Received
+from mrp_sumo.wire.master import DrivenVehicles, driven_vehicles
 
 ROBOTS = {"count": 2, "type": TYPE, "starts": ["a", "e"]}
 TASKS = [{"name": f"t{k}", "stops": ["c", "a"] if k % 2 else ["d", "c"], "release_s": 8.0 * k, "service_s": 2.0} for k in range(3)]
@@ -62,3 +63,22 @@ def test_vehicle_that_breaks_down_holds_the_others_where_they_are_safe(tmp_path)
 def test_vehicle_elsewhere_than_its_way_begins_is_refused(tmp_path):
     with carts(tmp_path) as master, pytest.raises(ExecutionError, match=r"'robot_0' is 4.00 m from 'b', where its way begins"):
         driven(tmp_path, master, robots={**ROBOTS, "starts": ["b", "e"], "goals": ["e", "a"]})
+
+
+def test_states_that_are_damaged_break_no_master(tmp_path):
+    """Sound states follow such with another value in each member in turn, and halves of messages."""
+    with carts(tmp_path) as master:
+        link = Coupled(master.fleet, master.link)
+        with MapCache() as maps:
+            problem = set_up(scenario(tmp_path), maps).problem
+        vehicles = DrivenVehicles(problem, master.fleet.site, link, master.dialect, 0.1, 1e9, "mrp_sumo")
+        vehicles.greet()
+        sound = vehicles.vehicles["robot_0"].state
+        named = {"errorType": "VALIDATION_FAILURE", "errorReferences": [{"referenceKey": ["x"], "referenceValue": {}}, 3]}
+        for key in sound:
+            for junk in (None, 5, 1.5, "x", [], [[]], [{}], {}, {"x": "y"}, [named], [{"errorType": ["x"]}]):
+                payload = json.dumps({**sound, key: junk}).encode()
+                vehicles._take([Received("robot_0", kind, payload) for kind in ("state", "connection", "factsheet")])
+                vehicles._take([Received("robot_0", "state", payload[: len(payload) // 2])])
+        vehicles._take([Received("robot_0", "state", json.dumps(sound).encode())])
+        assert vehicles.vehicles["robot_0"].state == sound and vehicles.vehicles["robot_0"].reached == 0

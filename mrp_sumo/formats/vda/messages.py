@@ -200,27 +200,47 @@ def states_of(order: Mapping[str, Any], passed: int) -> tuple[list[Json], list[J
     return nodes, edges
 
 
-def factsheet(dialect: Dialect, *, length_m: float, width_m: float, speed_mps: float, accel_mps2: float, decel_mps2: float) -> Json:
+OF_RUNS = {  # actions that runs know, with their scopes
+    **dict.fromkeys(("pick", "drop", "service", "startCharging"), ("NODE",)),
+    **dict.fromkeys(("startPause", "stopPause", "cancelOrder", "stateRequest", "factsheetRequest"), ("INSTANT",)),
+}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of what a vehicle takes; 0: none."""
+
+    payload: int = 0  # bytes
+    identifier: int = 0  # characters
+    nodes: int = 0
+    actions: int = 0  # of a node, an edge, or a message of instant actions
+
+
+def factsheet(
+    dialect: Dialect,
+    *,
+    length_m: float,
+    width_m: float,
+    speed_mps: float,
+    accel_mps2: float,
+    decel_mps2: float,
+    actions: Mapping[str, Sequence[str]] = OF_RUNS,
+    limits: Limits | None = None,
+) -> Json:
     """What a vehicle says about itself. Heights and loads are not known here: 0 is no limit."""
     new = dialect.is_new
-    actions = [
-        (kind, scopes)
-        for kind, scopes in (
-            ("pick", ["NODE"]),
-            ("drop", ["NODE"]),
-            ("service", ["NODE"]),
-            ("startCharging", ["NODE"]),
-            ("startPause", ["INSTANT"]),
-            ("stopPause", ["INSTANT"]),
-            ("cancelOrder", ["INSTANT"]),
-            ("stateRequest", ["INSTANT"]),
-            ("factsheetRequest", ["INSTANT"]),
-        )
-    ]
     known = [
-        {"actionType": kind, "actionScopes": scopes} | ({"pauseAllowed": False, "cancelAllowed": kind != "startCharging"} if new else {})
-        for kind, scopes in actions
+        {"actionType": kind, "actionScopes": list(scopes)}
+        | ({"pauseAllowed": False, "cancelAllowed": kind != "startCharging"} if new else {})
+        for kind, scopes in actions.items()
     ]
+    strings: Json = {}
+    arrays: Json = {}
+    if limits is not None:
+        names = ("maximumMessageLength", "maximumIdLength") if new else ("msgLen", "idLen")
+        strings = dict(zip(names, (limits.payload, limits.identifier)))
+        arrays = dict.fromkeys(("order.nodes", "order.edges"), limits.nodes)
+        arrays |= dict.fromkeys(("node.actions", "edge.actions", "instantActions"), limits.actions)
     kinematics = {"seriesName": MANUFACTURER, "mobileRobotKinematics" if new else "agvKinematic": "DIFFERENTIAL" if new else "DIFF"}
     speeds = {"minimumSpeed": 0.0, "maximumSpeed": speed_mps, "maximumAcceleration": accel_mps2, "maximumDeceleration": decel_mps2}
     old_names = {"minimumSpeed": "speedMin", "maximumSpeed": "speedMax", "maximumAcceleration": "accelerationMax"}
@@ -241,8 +261,8 @@ def factsheet(dialect: Dialect, *, length_m: float, width_m: float, speed_mps: f
             "length": length_m,
         },
         "protocolLimits": {
-            "maximumStringLengths" if new else "maxStringLens": {},
-            "maximumArrayLengths" if new else "maxArrayLens": {},
+            "maximumStringLengths" if new else "maxStringLens": strings,
+            "maximumArrayLengths" if new else "maxArrayLens": arrays,
             "timing": least if new else {"minOrderInterval": 0.0, "minStateInterval": 0.0},
         },
         "protocolFeatures": {"optionalParameters": [], "mobileRobotActions" if new else "agvActions": known},

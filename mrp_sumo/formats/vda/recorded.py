@@ -118,13 +118,16 @@ def _read_state(vehicle: Recorded, payload: Mapping[str, Any], now_s: float, is_
     passed = (payload["lastNodeId"], payload["orderId"], payload["lastNodeSequenceId"])
     if passed[0] and (not vehicle.passed or vehicle.passed[-1][1:] != passed):
         vehicle.passed.append((now_s, *passed))
-    for error in payload.get("errors") or ():
-        if isinstance(error, dict) and isinstance(error.get("errorType"), str):
-            spans = vehicle.errors.setdefault((error["errorType"][:WORDS], str(error.get("errorDescription", ""))[:200]), [])
-            if spans and spans[-1][1] == math.inf:
-                continue
+    listed = payload.get("errors")
+    named = {
+        (error["errorType"][:WORDS], str(error.get("errorDescription", ""))[:200])
+        for error in (listed if isinstance(listed, list) else ())
+        if isinstance(error, dict) and isinstance(error.get("errorType"), str)
+    }
+    for key in sorted(named):
+        spans = vehicle.errors.setdefault(key, [])
+        if not spans or spans[-1][1] < math.inf:
             spans.append((now_s, math.inf))
-    named = {(e.get("errorType"), str(e.get("errorDescription", ""))[:200]) for e in payload.get("errors") or () if isinstance(e, dict)}
     for key, spans in vehicle.errors.items():
         if key not in named and spans[-1][1] == math.inf:
             spans[-1] = (spans[-1][0], now_s)

@@ -12,8 +12,22 @@ from typing import Any, Protocol
 
 from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.errors import RefusalError, error, error_of
-from mrp_sumo.formats.vda.messages import STANDING_MPS, Dialect, Json, Sender, state, states_of
-from mrp_sumo.formats.vda.order import Action, Edge, Node, Order, check_header, check_sequence, read_actions, read_document, read_order
+from mrp_sumo.formats.vda.messages import STANDING_MPS, Dialect, Json, Limits, Sender, state, states_of
+from mrp_sumo.formats.vda.order import (
+    LONGEST_ID,
+    LONGEST_PAYLOAD,
+    MOST_ACTIONS,
+    MOST_NODES,
+    Action,
+    Edge,
+    Node,
+    Order,
+    check_header,
+    check_sequence,
+    read_actions,
+    read_document,
+    read_order,
+)
 
 AT_NODES = ("pick", "drop", "service", "startCharging", "stopCharging", "finePositioning", "detectObject")
 ON_EDGES = ("finePositioning", "detectObject")
@@ -21,6 +35,11 @@ INSTANT = (
     *("startPause", "stopPause", "cancelOrder", "stateRequest", "factsheetRequest", "initPosition", "startCharging", "stopCharging"),
     *("simulateFault", "clearFault"),  # of our own
 )
+ABILITIES = {  # action -> where it may be asked for
+    kind: [scope for scope, kinds in (("NODE", AT_NODES), ("EDGE", ON_EDGES), ("INSTANT", INSTANT)) if kind in kinds]
+    for kind in dict.fromkeys((*AT_NODES, *ON_EDGES, *INSTANT))
+}
+LIMITS = Limits(LONGEST_PAYLOAD, LONGEST_ID, MOST_NODES, MOST_ACTIONS)
 ACTION_S = {  # how long actions take that do not say it
     **dict.fromkeys(("pick", "drop", "service"), 5.0),
     **dict.fromkeys(("startCharging", "stopCharging", "detectObject"), 1.0),
