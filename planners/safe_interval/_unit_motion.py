@@ -40,7 +40,7 @@ class UnitMotion:
         self._starts, self._goals = problem.start, problem.target
         self._rules = _discs.new_rules(MOST_RULES, MOST_RULES)
         self._room = 1 << 12
-        self._forbidden: dict[int, tuple[FloatArray, FloatArray]] = {}  # by ways, to others
+        self._forbidden: dict[int, tuple[FloatArray, FloatArray]] = {}  # by the ways at hand, to others
         self._pair = _disc_pairs.new_pair(MOST_NODES, 64 * MOST_NODES)
         self._found, self._of = np.zeros((MOST, 3), np.int64), np.zeros(MOST, np.int64)
 
@@ -128,6 +128,7 @@ class UnitMotion:
                 found, cost_s = other, other_s
             if cost_s < best_s:
                 best, best_s = found, cost_s
+            self._forbidden = {way: self._forbidden[way] for way in found.values() if way in self._forbidden}
         return [best[robot] for robot in range(num_robots)]
 
     def _neighbourhood(self, ways: dict[int, int], ideal: list[int], rng: np.random.Generator) -> list[int]:
