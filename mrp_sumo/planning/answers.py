@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.outside import Outside
 from mrp_sumo.planning.protocol import Planner
-from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.search.solvable import order_broken
 from mrp_sumo.traffic.clashes import clashes_of
 
@@ -31,10 +31,7 @@ def impossible(problem: Problem) -> PlanResult | None:
     if clash := goals_clash(problem):
         return clash
     label, name, target = problem.graph.label, problem.fleet.robot_name, problem.target
-    steps = np.empty(len(target), np.int64)
-    for k, graph in enumerate(problem.graph_of_kind):
-        mine = np.flatnonzero(problem.fleet.kind == k)
-        steps[mine] = distances(graph).to_all(target[mine])[np.arange(len(mine)), problem.start[mine]]
+    steps = steps_to_targets(problem)[np.arange(len(target)), problem.start]
     if (steps >= UNREACHABLE).any():
         robot = int(np.flatnonzero(steps >= UNREACHABLE)[0])
         return PlanResult(
