@@ -129,7 +129,9 @@ def test_a_large_robot_takes_the_way_round_that_a_small_one_need_not(name):
     barred[1, (graph.tail == 1) | (graph.head == 1)] = True
     fleet = fleet_of_types([BURGER, replace(BURGER, length_m=0.6, width_m=0.6)], np.array([0, 1]))
     problem = Problem(graph, fleet, np.array([2, 0]), np.array([5, 3]), np.arange(2), 12.0, drivable=True, barred=barred)
-    result = answer_of(planner(name, {}), problem, 10.0)
+    method = planner(name, {})
+    method.prepare()
+    result = answer_of(method, problem, 10.0)
     assert result.plan is not None
     ways = [result.plan.vertex[a:b].tolist() for a, b in pairwise(result.plan.first.tolist())]
     assert 1 not in ways[1] and judge(problem, result.plan, in_seconds=name != "prioritised").valid
