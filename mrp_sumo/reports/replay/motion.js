@@ -114,10 +114,11 @@ export class Motion {
   }
 
   speedAt(robot, t) {
-    const k = Math.min(this.sampleAt(t), this.numSamples - 2);
-    if (k < 0) return 0;
-    const i = robot * this.stride + k;
-    return (Math.hypot(this.x[i + 1] - this.x[i], this.y[i + 1] - this.y[i]) * this.unit) / this.period;
+    const around = Math.round(0.5 / this.period), k = this.sampleAt(t); // positions are rounded: a single step says too little
+    const first = Math.max(0, k - around), last = Math.min(this.numSamples - 1, k + 1 + around);
+    let way = 0;
+    for (let i = robot * this.stride + first; i < robot * this.stride + last; i++) way += Math.hypot(this.x[i + 1] - this.x[i], this.y[i + 1] - this.y[i]);
+    return last > first ? (way * this.unit) / ((last - first) * this.period) : 0;
   }
 
   /* Seconds behind the plan at the latest visit reached, null before any. */
