@@ -32,6 +32,8 @@ class Fleets:
 
     def __call__(self, trial):
         self.made.append(trial)
+        if self.factors.get(trial.change, 1.0) is None:
+            return record_of({"status": "bad_input", "success": False, "reason": "no robot can reach 'b'", "metrics": {}})
         rng, horizon_s = np.random.default_rng(trial.seed), self.question.effort.horizon_s
         luck = 1 + 0.03 * rng.standard_normal()
         rate = self.per_h(trial.robots) * luck * self.factors.get(trial.change, 1.0)

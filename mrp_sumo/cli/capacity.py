@@ -186,7 +186,8 @@ def _in_words(answer: "Answer", page: Path) -> str:
         lines.append(f"What binds with {found.robots} robots: {what}, busy {100 * found.limit.utilisation:.0f} % of the time.")
     for gain in answer.gains:
         mean = gain.difference.difference
-        lines.append(f"What if {gain.change}: {mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f}).")
+        gained = f"{mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f})"
+        lines.append(f"What if {gain.change}: " + (f"cannot be, {gain.refusal}" if gain.refusal else gained) + ".")
     for size in answer.confirmed:
         mean = size.difference.difference
         lines.append(

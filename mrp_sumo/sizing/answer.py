@@ -25,10 +25,13 @@ class Gain:
     change: str
     difference: PairedMeans  # orders an hour
     p_value: float  # adjusted for all that were tried (Holm)
+    refusal: str = ""  # why no run with it could be driven
 
     @property
-    def share(self) -> float:
-        """Of the throughput as it is."""
+    def share(self) -> float | None:
+        """Of the throughput as it is; None where no run could be driven."""
+        if self.refusal:
+            return None
         return self.difference.difference.value / self.difference.first if self.difference.first else 0.0
 
 
@@ -187,8 +190,11 @@ def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...
     points = {c: Point(best, question.effort.horizon_s, tuple(next(records) for _ in trials)) for c, trials in tried.items()}
     tests = {change: compared(base, point) for change, point in points.items()}
     adjusted = holm([test.p_value for test in tests.values()])
-    found = [Gain(change, test, p) for (change, test), p in zip(tests.items(), adjusted)]
-    return tuple(sorted(found, key=lambda gain: -gain.difference.difference.value))
+    found = [
+        Gain(change, test, p, "" if test.difference.count else str(points[change].records[0]["reason"]))
+        for (change, test), p in zip(tests.items(), adjusted)
+    ]
+    return tuple(sorted(found, key=lambda gain: (bool(gain.refusal), -gain.difference.difference.value if not gain.refusal else 0.0)))
 
 
 def _row(point: Point, question: Question) -> dict[str, Any]:
@@ -221,10 +227,11 @@ def _gain(gain: Gain) -> dict[str, Any]:
         "gain_per_h": _number(mean.value),
         "low": _number(mean.low),
         "high": _number(mean.high),
-        "gain": round(gain.share, 4),
+        "gain": None if gain.share is None else round(gain.share, 4),
         "p_value": round(gain.p_value, 5),
         "replications": mean.count,
         "variance_reduction": _number(gain.difference.variance_reduction),
+        "refusal": gain.refusal or None,
     }
 
 

@@ -84,6 +84,14 @@ def test_what_ifs_are_paired_and_ranked():
     assert none.p_value > 0.05
 
 
+def test_a_change_that_cannot_be_driven_says_why():
+    asked = question((4, 60), what_if=("one_way: [a, b]", "planner: pibt"))
+    answer, _ = answer_of(asked, Fleets(rises_and_falls, asked, {"one_way: [a, b]": None}))
+    assert [gain.change for gain in answer.gains] == ["planner: pibt", "one_way: [a, b]"]
+    gain = answer.document["answer"]["what_if"][1]
+    assert gain["refusal"] == "no robot can reach 'b'" and gain["gain"] is None and gain["gain_per_h"] is None
+
+
 def test_the_sizes_that_an_answer_names_are_driven_in_sumo_too():
     asked = question((4, 60), demand_per_h=150.0, confirm=True)
     plain, _ = answer_of(replace(asked, confirm=False), Fleets(rises_and_falls, asked))

@@ -119,6 +119,9 @@ def _gaps(notes: Sequence[str]) -> list[str]:
 def _help(gains: Sequence[Gain], robots: int) -> list[str]:
     rows = []
     for gain in gains:
+        if gain.share is None:
+            rows.append(f'<tr><th><code>{_text(gain.change)}</code></th><td colspan="4">cannot be: {_text(gain.refusal)}</td></tr>')
+            continue
         mean, base = gain.difference.difference, gain.difference.first
         limits = f"{100 * mean.low / base:+.0f} to {100 * mean.high / base:+.0f} %" if base else ""
         verdict = "not certain" if gain.p_value >= 0.05 else "helps" if mean.value > 0 else "does harm"
