@@ -40,6 +40,7 @@ NAMED: dict[str, list[Any]] = {
     "discretisation.cell_m": [0.4, 0.5, 1.0],
     "robots.type": ["turtlebot3"],
     "robots.type.source": ["a data sheet"],
+    "robots.fleet": [[{"type": "turtlebot3", "count": 1}, {"type": "turtlebot3", "starts": ["crossing_1_1"], "goals": ["crossing_4_3"]}]],
     "robots.starts": [["crossing_1_1", "crossing_4_3"]],
     "robots.goals": [["crossing_4_3", "crossing_1_1"]],
     "robots.start_heading_deg": [90, [-45.5, None]],
@@ -66,6 +67,8 @@ NAMED: dict[str, list[Any]] = {
 }
 TOGETHER = {"robots.starts": "robots.goals", "robots.goals": "robots.starts"}  # keys that come with another
 
+WHOLE = ("tasks", "robots.fleet")  # keys below them have tests of their own, in tests/io
+
 DRAWS = 4
 
 Case = dict[str, Any]  # values by dotted key
@@ -77,7 +80,7 @@ def keys(model: type[BaseModel] = Scenario, above: str = "") -> dict[str, list[A
     for name, field in model.model_fields.items():
         key = above + name
         kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-        inner = _models_in(kind) if key != "tasks" else []  # tests/io/test_tasks.py has its keys
+        inner = _models_in(kind) if key not in WHOLE else []
         if not inner or key in NAMED:
             found[key] = NAMED.get(key) or _values(kind, key)
         for part in inner:
@@ -105,7 +108,7 @@ def document_of(case: Case) -> dict[str, Any]:
         needed = {name: known[f"{parent}.{name}"][0] for name, field in lists[parent][0].model_fields.items() if field.is_required()}
         item = {**needed, **given}
         put(document, parent.split("."), [item, item] if lists[parent][1] else item)  # two of the same: equal begin and duration
-    if "robots.starts" in case and "robots.count" not in case:
+    if ("robots.fleet" in case or "robots.starts" in case) and "robots.count" not in case:
         document["robots"].pop("count", None) if isinstance(document["robots"], dict) else None
     return document
 

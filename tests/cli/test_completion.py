@@ -19,7 +19,7 @@ def test_bash_completes_commands_options_and_names(capsys):
 
     assert offered("mrp-sumo", "re") == [name for name in COMMANDS if name.startswith("re")]
     assert offered("mrp-sumo", "render", "--ro") == ["--robots"]
-    assert offered("mrp-sumo", "run", "office") == ["office_5", "office_9"]
+    assert offered("mrp-sumo", "run", "office") == ["office_5", "office_9", "office_doors"]
     assert offered("mrp-sumo", "run", "office_9", "off") == []
 
 

@@ -2,6 +2,7 @@
 
 from mrp_sumo.core.plan import Status
 from mrp_sumo.planning.answers import answer_of
+from planners._world import small_problem
 
 
 class Hungry:
@@ -18,7 +19,7 @@ class Hungry:
 
 
 def test_planner_that_is_refused_memory_has_given_up():
-    result = answer_of(Hungry(), None, 1.0)
+    result = answer_of(Hungry(), small_problem(), 1.0)
     assert result.status is Status.GAVE_UP
     assert result.plan is None
     assert result.message.startswith("no memory left after")
