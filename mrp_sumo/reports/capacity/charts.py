@@ -49,9 +49,10 @@ def throughput(answer: Answer) -> Chart:
         ax.plot([0, n[-1]], [0, first * n[-1]], color=MUTED, ls=(0, (5, 3)), lw=1.2, label="if nobody were ever in the way")
         if demand:
             ax.axhline(demand, color=GREEN, lw=1.4, ls=(0, (1.2, 1.2)), label=f"demand, {demand:.0f} an hour")
+        together = limits.knee.estimate == limits.peak.estimate
         for bracket, name, colour in (
-            (limits.knee, "knee", INK),
-            (limits.peak, "peak", INK),
+            (limits.knee, "" if together else "knee", INK),
+            (limits.peak, "knee and peak" if together else "peak", INK),
             (limits.collapse, "collapse", VERMILION),
             (answer.served.smallest if answer.served else limits.knee, "enough for the demand", GREEN),
         ):
