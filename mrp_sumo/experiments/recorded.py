@@ -14,7 +14,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
 from mrp_sumo.core.problem import Problem
@@ -33,7 +33,6 @@ SAMPLE_S = 0.1
 LONGEST_S = 24 * 3600.0
 SHORTEST_LANE_M = 1e-3
 STAYS_M = 0.05  # of a node, for as long as a vehicle has not left it
-BODY = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
 WAITS = ("blocked",)  # types of errors that are waits; others are disturbances
 
 
@@ -74,7 +73,7 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     values = {
         "map": str(drawn.path if drawn else path),
         "discretisation": {"kind": "roadmap", "cell_m": graph.cell_m},
-        "robots": {"count": len(vehicles), "type": {key: getattr(model, key) for key in BODY}},
+        "robots": {"count": len(vehicles), "type": {key: getattr(model, key) for key in LIMITS}},
         "planner": "prioritised",
         "execution": {"engine": "kinematic", "time_limit_s": max(execution.sim_time_s, SAMPLE_S)},
         "record": {"bag": False, "period_s": SAMPLE_S},
@@ -94,21 +93,11 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
 
 
 def _fleet(vehicles: list[Recorded], model: RobotType) -> Fleet:
-    """Names are serial numbers, bodies those of factsheets."""
-    usual = fleet_of(model, len(vehicles))
-
-    def column(name: str) -> FloatArray:
-        return frozen(np.array([vehicle.body.get(name, getattr(model, name)) for vehicle in vehicles], np.float64))
-
-    return replace(
-        usual,
-        robot_name=tuple(serials_of([vehicle.serial for vehicle in vehicles])),
-        length_m=column("length_m"),
-        width_m=column("width_m"),
-        max_speed_mps=column("max_speed_mps"),
-        accel_mps2=column("accel_mps2"),
-        decel_mps2=column("decel_mps2"),
-    )
+    """Names are serial numbers, bodies those of factsheets: vehicles with equal ones are of one type."""
+    bodies = [tuple(vehicle.body.get(name, getattr(model, name)) for name in LIMITS) for vehicle in vehicles]
+    distinct = sorted(set(bodies))
+    fleet = fleet_of_types([replace(model, **dict(zip(LIMITS, body))) for body in distinct], np.array([distinct.index(b) for b in bodies]))
+    return replace(fleet, robot_name=tuple(serials_of([vehicle.serial for vehicle in vehicles])))
 
 
 def _graph(log: Log, vehicles: list[Recorded], begin_s: float, name: str) -> tuple[PlanGraph, list[tuple[IntArray, FloatArray]]]:

@@ -4,10 +4,11 @@ import json
 
 import numpy as np
 import pytest
-import yaml
-from wire.worlds import LANES, SCENARIO
+from wire.worlds import driven
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.experiments.recorded import recorded_run
 from mrp_sumo.io.run_reader import load_run
 
 
@@ -15,9 +16,7 @@ from mrp_sumo.io.run_reader import load_run
 def folder(tmp_path_factory):
     """A run of two carts in `run`, its messages of both versions, and what was made of these again, `back_2.1` and `back_3.0`."""
     work = tmp_path_factory.mktemp("recorded")
-    (work / "lanes.csv").write_text(LANES)
-    (work / "carts.yaml").write_text(yaml.safe_dump(SCENARIO))
-    assert main(["run", str(work / "carts.yaml"), "--out", str(work / "run")]) == 0
+    driven(work)
     for version in ("2.1", "3.0"):
         assert main(["export", str(work / "run"), "--vda5050", version, "--out", str(work / version)]) == 0
         assert main(["import", str(work / version / "messages.jsonl"), "--out", str(work / f"back_{version}")]) == 0
@@ -102,3 +101,9 @@ def test_streams_without_poses_and_options_of_maps_are_lines(folder, capsys):
     assert "validate --vda5050" in capsys.readouterr().err
     assert main(["import", "office", "--map", "office", "--check"]) == 2
     assert "--map is for a recorded stream" in capsys.readouterr().err
+
+
+def test_vehicles_keep_as_far_apart_as_their_factsheets_ask_for(folder):
+    small = RobotType("small", 0.2, 0.2, 1.0, 1.0, 1.0, 1.0, gap_m=0.1)
+    fleet = recorded_run(folder / "3.0" / "messages.jsonl", small).setup.problem.fleet
+    assert fleet.num_kinds == 1 and fleet.separation_m == pytest.approx(np.hypot(0.6, 0.4) + 0.1)

@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-import yaml
-from wire.worlds import LANES, SCENARIO
+from wire.worlds import driven
 
 from mrp_sumo.cli.main import main
 
@@ -13,12 +12,9 @@ from mrp_sumo.cli.main import main
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     """Of two carts that swap places, one of which waits for the other."""
-    work = tmp_path_factory.mktemp("rmf_plans")
-    (work / "lanes.csv").write_text(LANES)
-    (work / "carts.yaml").write_text(yaml.safe_dump(SCENARIO))
-    assert main(["run", str(work / "carts.yaml"), "--out", str(work / "run")]) == 0
-    assert main(["export", str(work / "run"), "--rmf-plans"]) == 0
-    return json.loads((work / "run" / "rmf_plans.json").read_text())
+    run = driven(tmp_path_factory.mktemp("rmf_plans"))
+    assert main(["export", str(run), "--rmf-plans"]) == 0
+    return json.loads((run / "rmf_plans.json").read_text())
 
 
 def test_members_are_those_of_the_messages(document):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from wire.worlds import driven
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
@@ -17,14 +18,7 @@ from mrp_sumo.reports.vda_log import write_vda
 
 SCHEMAS = Path(__file__).resolve().parents[3] / "shared" / "reference" / "data" / "vda5050"
 LIFT = SCHEMAS.parents[2] / "maps" / "corpus" / "cardboardcode+rmf_gym_lite" / "simple_lift.building.yaml"
-# a corridor with a way round; two robots carry things, and are replanned with every task
-LANES = """from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways
-a,b,0,0,4,0,yes
-b,c,4,0,8,0,yes
-b,d,4,0,4,4,yes
-d,e,4,4,8,4,yes
-e,c,8,4,8,0,yes
-"""
+# on a corridor with a way round two robots carry things, and are replanned with every task
 WORK = {
     "map": "lanes.csv",
     "discretisation": {"kind": "roadmap", "cell_m": 1.0},
@@ -38,11 +32,7 @@ WORK = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    work = tmp_path_factory.mktemp("vda")
-    (work / "lanes.csv").write_text(LANES)
-    (work / "work.yaml").write_text(yaml.safe_dump(WORK))
-    assert main(["run", str(work / "work.yaml"), "--out", str(work / "run")]) == 0
-    return work / "run"
+    return driven(tmp_path_factory.mktemp("vda"), WORK)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import yaml
 
+from mrp_sumo.cli.main import main
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.formats.vda.messages import Dialect, Sender, action, node
@@ -32,6 +33,14 @@ SCENARIO = {
     "execution": {"engine": "kinematic", "time_limit_s": 300},
     "record": {"bag": False},
 }
+
+
+def driven(folder, document=SCENARIO):
+    """A run of a scenario, in `run`."""
+    (folder / "lanes.csv").write_text(LANES)
+    (folder / "case.yaml").write_text(yaml.safe_dump(document))
+    assert main(["run", str(folder / "case.yaml"), "--out", str(folder / "run")]) == 0
+    return folder / "run"
 
 
 def scenario(folder, **changes):
