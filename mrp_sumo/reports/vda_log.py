@@ -6,11 +6,11 @@ the end gets a new order with its next way. Simulated time begins on the first o
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -151,7 +151,7 @@ class Vehicle:
         yield 0.0, "connection", send("connection", 0.0, {"connectionState": "ONLINE"})
         asked = action("factsheetRequest", f"{self.sender.serial}-factsheet")
         yield 0.0, "instantActions", send("instantActions", 0.0, {"actions": [asked]})
-        yield 0.0, "factsheet", send("factsheet", 0.0, self._factsheet())
+        yield 0.0, "factsheet", send("factsheet", 0.0, factsheet(self.dialect, self.record.fleet, self.robot))
         for t_s, together in groupby(happenings, key=lambda h: h.t_s):
             kinds = set()
             for happening in together:
@@ -317,14 +317,3 @@ class Vehicle:
     def _percent(self, t_s: float) -> float:
         log = self.execution.batteries
         return 100.0 if log is None else float(100 * np.interp(t_s, log.t_s, log.level[:, self.robot]))
-
-    def _factsheet(self) -> Mapping[str, Any]:
-        fleet, r = self.record.fleet, self.robot
-        return factsheet(
-            self.dialect,
-            length_m=float(fleet.length_m[r]),
-            width_m=float(fleet.width_m[r]),
-            speed_mps=float(fleet.max_speed_mps[r]),
-            accel_mps2=float(fleet.accel_mps2[r]),
-            decel_mps2=float(fleet.decel_mps2[r]),
-        )

@@ -344,17 +344,8 @@ class VirtualFleet:
         self.sent += 1
 
     def _factsheet(self, vehicle: Vehicle) -> Json:
-        fleet, r = self.problem.fleet, self.robot_of[vehicle.sender.serial]
-        said = factsheet(
-            self.dialect,
-            length_m=float(fleet.length_m[r]),
-            width_m=float(fleet.width_m[r]),
-            speed_mps=float(fleet.max_speed_mps[r]),
-            accel_mps2=float(fleet.accel_mps2[r]),
-            decel_mps2=float(fleet.decel_mps2[r]),
-            actions=ABILITIES,
-            limits=LIMITS,
-        )
+        robot = self.robot_of[vehicle.sender.serial]
+        said = factsheet(self.dialect, self.problem.fleet, robot, actions=ABILITIES, limits=LIMITS)
         return vehicle.sender.message("factsheet", self.now_s, said)
 
     def _body_at(self, node: str) -> Body:

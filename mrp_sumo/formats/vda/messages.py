@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.errors import MrpSumoError
 
 Json = dict[str, Any]
@@ -218,16 +219,13 @@ class Limits:
 
 def factsheet(
     dialect: Dialect,
+    fleet: Fleet,
+    robot: int,
     *,
-    length_m: float,
-    width_m: float,
-    speed_mps: float,
-    accel_mps2: float,
-    decel_mps2: float,
     actions: Mapping[str, Sequence[str]] = OF_RUNS,
     limits: Limits | None = None,
 ) -> Json:
-    """What a vehicle says about itself. Heights and loads are not known here: 0 is no limit."""
+    """What a vehicle, a robot of a fleet, says about itself. Heights and loads are not known here: 0 is no limit."""
     new = dialect.is_new
     known = [
         {"actionType": kind, "actionScopes": list(scopes)}
@@ -242,7 +240,8 @@ def factsheet(
         arrays = dict.fromkeys(("order.nodes", "order.edges"), limits.nodes)
         arrays |= dict.fromkeys(("node.actions", "edge.actions", "instantActions"), limits.actions)
     kinematics = {"seriesName": MANUFACTURER, "mobileRobotKinematics" if new else "agvKinematic": "DIFFERENTIAL" if new else "DIFF"}
-    speeds = {"minimumSpeed": 0.0, "maximumSpeed": speed_mps, "maximumAcceleration": accel_mps2, "maximumDeceleration": decel_mps2}
+    speeds = {"minimumSpeed": 0.0, "maximumSpeed": float(fleet.max_speed_mps[robot])}
+    speeds |= {"maximumAcceleration": float(fleet.accel_mps2[robot]), "maximumDeceleration": float(fleet.decel_mps2[robot])}
     old_names = {"minimumSpeed": "speedMin", "maximumSpeed": "speedMax", "maximumAcceleration": "accelerationMax"}
     old_names |= {"maximumDeceleration": "decelerationMax", "minimumHeight": "heightMin", "maximumHeight": "heightMax"}
     body = speeds | {"minimumHeight": 0.0, "maximumHeight": 0.0}
@@ -257,8 +256,8 @@ def factsheet(
         },
         "physicalParameters": {
             **{key if new else old_names[key]: value for key, value in body.items()},
-            "width": width_m,
-            "length": length_m,
+            "width": float(fleet.width_m[robot]),
+            "length": float(fleet.length_m[robot]),
         },
         "protocolLimits": {
             "maximumStringLengths" if new else "maxStringLens": strings,
