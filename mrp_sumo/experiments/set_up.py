@@ -375,12 +375,18 @@ def _closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Clos
     found = []
     for i, choice in enumerate(file.scenario.execution.disturbances.closures):
         key = ("execution", "disturbances", "closures", i)
-        start, goal = _looked_up(file, nav, graph, (*key, "between"), list(choice.between)).tolist()
-        route = shortest_route(graph, np.ones(graph.num_lanes, np.bool_), start, goal)
-        if route is None or len(route) < 2:
-            raise ScenarioError(f"{file.at(*key)}: no way leads from '{choice.between[0]}' to '{choice.between[1]}'")
+        ends = _looked_up(file, nav, graph, (*key, "between"), choice.between).tolist()
+        route = _way(file, graph, key, choice.between, ends)
         found += [Closure(a, b, choice.begin_s, choice.duration_s or math.inf) for a, b in pairwise(route)]
     return tuple(found)
+
+
+def _way(file: ScenarioFile, graph: NavGraph, key: Place, names: Sequence[str], ends: Sequence[int]) -> list[int]:
+    """Vertices of the shortest way between two, whose names are for people; refused where there is none."""
+    route = shortest_route(graph, np.ones(graph.num_lanes, np.bool_), *ends)
+    if route is None or len(route) < 2:
+        raise ScenarioError(f"{file.at(*key)}: no way leads from '{names[0]}' to '{names[1]}'")
+    return route
 
 
 def _doubled(file: ScenarioFile, nav: NavGraph) -> frozenset[int]:
@@ -390,11 +396,7 @@ def _doubled(file: ScenarioFile, nav: NavGraph) -> frozenset[int]:
         key = ("discretisation", "doubled", i)
         if isinstance(nav, PlanGraph):
             raise ScenarioError(f"{file.at(*key)}: '{nav.name}' is a grid, whose aisles are as wide as they are drawn")
-        start, goal = _as_drawn(file, nav, key, names)
-        route = shortest_route(nav, np.ones(nav.num_lanes, np.bool_), start, goal)
-        if route is None or len(route) < 2:
-            raise ScenarioError(f"{file.at(*key)}: no way leads from '{names[0]}' to '{names[1]}'")
-        steps = set(pairwise(route))
+        steps = set(pairwise(_way(file, nav, key, names, _as_drawn(file, nav, key, names))))
         found |= {k for k, step in enumerate(zip(nav.tail.tolist(), nav.head.tolist())) if step in steps}
     return frozenset(found)
 
@@ -402,19 +404,16 @@ def _doubled(file: ScenarioFile, nav: NavGraph) -> frozenset[int]:
 def _with_one_ways(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> PlanGraph:
     """The graph without the lanes that go against a one-way: those beside its route, too, where a lane is two cells wide."""
     open_ = np.ones(graph.num_lanes, np.bool_)
-    for i, (first, last) in enumerate(file.scenario.execution.one_way):
+    for i, names in enumerate(file.scenario.execution.one_way):
         key = ("execution", "one_way", i)
-        start, goal = _looked_up(file, nav, graph, key, [first, last]).tolist()
-        route = shortest_route(graph, np.ones(graph.num_lanes, np.bool_), start, goal)
-        if route is None or len(route) < 2:
-            raise ScenarioError(f"{file.at(*key)}: no way leads from '{first}' to '{last}'")
+        route = _way(file, graph, key, names, _looked_up(file, nav, graph, key, names).tolist())
         step = np.diff(graph.xy[route], axis=0)
         middle = graph.xy[route[:-1]] + step / 2
         lane_step, lane_middle = graph.xy[graph.head] - graph.xy[graph.tail], (graph.xy[graph.head] + graph.xy[graph.tail]) / 2
         away_m = np.hypot(*(lane_middle[:, None] - middle).transpose(2, 0, 1))
         nearest_step = away_m.argmin(1)
         against = (lane_step * step[nearest_step]).sum(1) < -1e-9
-        same_level = (graph.level[graph.tail] == graph.level[start]) & (graph.level[graph.head] == graph.level[start])
+        same_level = (graph.level[graph.tail] == graph.level[route[0]]) & (graph.level[graph.head] == graph.level[route[0]])
         open_ &= ~(against & same_level & (away_m.min(1) < ONE_WAY_CELLS * graph.cell_m))
     return graph if open_.all() else with_lanes(graph, open_)
 
