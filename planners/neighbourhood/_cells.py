@@ -111,12 +111,15 @@ def leave(cells, row, t):
 
 def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> Cells:
     """Empty cells, of which at most so many are in use at a time."""
-    num_slots = num_rows * num_steps
-    sparse = num_slots > MOST_CELLS
-    if sparse:
-        num_slots = slots_for(most)
+    sparse = is_sparse(num_rows, num_steps)
+    num_slots = slots_for(most) if sparse else num_rows * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
     return Cells(key, np.zeros(num_slots, np.uint8), np.zeros(num_slots if with_who else 1, np.int32), num_steps)
+
+
+def is_sparse(num_rows: int, num_steps: int) -> bool:
+    """Whether only cells in use have a slot."""
+    return num_rows * num_steps > MOST_CELLS
 
 
 def slots_for(most: int) -> int:

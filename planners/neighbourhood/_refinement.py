@@ -8,10 +8,10 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.clashes import clashes_of
 from planners._world import SLICE_S
 from planners.neighbourhood import _lns
-from planners.neighbourhood._cells import MOST_CELLS, slots_for
+from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
-from planners.neighbourhood._sipps import Labels, room_for_labels
+from planners.neighbourhood._sipps import Labels, labels_for, room_for_labels
 from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, path_of, traffic_of
 
 IN_WINDOWS = 6  # times less polishing
@@ -67,10 +67,10 @@ def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline
 def room_bytes(task: Task, horizon: int) -> int:
     """Memory for traffic and searches over so many steps."""
     vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
-    labels = 20_000 + 16 * vertices + 2 * lanes
+    labels = labels_for(vertices, lanes)
     clashes = horizon * (2 * vertices + 3 * lanes) if task.clashes.any else 0
-    on, along = (rows * horizon if rows * horizon <= MOST_CELLS else 3 * slots_for(robots * horizon) for rows in (vertices, lanes))
-    runs = vertices * horizon if vertices * horizon <= MOST_CELLS else 2 * slots_for(labels)
+    on, along = (3 * slots_for(robots * horizon) if is_sparse(rows, horizon) else rows * horizon for rows in (vertices, lanes))
+    runs = 2 * slots_for(labels) if is_sparse(vertices, horizon) else vertices * horizon
     return horizon * ((vertices + lanes) // 4 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
 
 

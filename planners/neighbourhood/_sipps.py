@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._cells import MOST_CELLS, home, slots_for
+from planners.neighbourhood._cells import home, is_sparse, slots_for
 from planners.neighbourhood._traffic import closes_ring, run_end
 
 
@@ -297,10 +297,15 @@ def _pop(keys, heap, num):
     return num
 
 
+def labels_for(num_vertices: int, num_lanes: int) -> int:
+    """How many labels a search may make."""
+    return 20_000 + 16 * num_vertices + 2 * num_lanes
+
+
 def room_for_labels(num_vertices: int, num_lanes: int, horizon: int) -> Labels:
     """Room for searches over so many steps."""
-    num_labels = 20_000 + 16 * num_vertices + 2 * num_lanes
-    sparse = num_vertices * horizon > MOST_CELLS
+    num_labels = labels_for(num_vertices, num_lanes)
+    sparse = is_sparse(num_vertices, horizon)
     num_runs = slots_for(num_labels + 2) if sparse else num_vertices * horizon
     return Labels(
         *(np.zeros(num_labels, np.int64) for _ in range(8)),

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from worlds import random_grid
 
-from planners.neighbourhood import _cells, _sipps
+from planners.neighbourhood import _cells
 from planners.neighbourhood.lns2 import Lns2
 
 
 @pytest.fixture
 def sparse(monkeypatch):
-    for module in (_cells, _sipps):
-        monkeypatch.setattr(module, "MOST_CELLS", 0)
+    monkeypatch.setattr(_cells, "MOST_CELLS", 0)
 
 
 @pytest.mark.kernel
