@@ -14,6 +14,8 @@ from mrp_sumo.errors import ScenarioError, nearest
 
 ROBOT_TYPE = "robot_type="  # of a label
 EARLIEST, ESTIMATE = "unix_millis_earliest_start_time", "unix_millis_action_duration_estimate"
+MOST_ROUNDS = 10_000
+FARTHEST = 1e15  # no time nor duration, in ms, is farther from 0: 30,000 years
 ACTIVITIES = ("go_to_place", "pickup", "dropoff", "wait_for", "perform_action", "sequence")
 
 
@@ -41,12 +43,12 @@ def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
         stops = list(_stops(request, f"{where}: [{n}]"))
         found.append(
             {
-                "name": next((str(label) for label in request.get("labels") or () if not _is_robot_type(label)), f"task_{n}"),
+                "name": next((label for label in _labels(request, f"{where}: [{n}]") if not _is_robot_type(label)), f"task_{n}"),
                 "stops": [name for name, _ in stops],
                 "service_s": [seconds for _, seconds in stops],
                 "release_s": 0.0 if at is None else (at - first) / 1000,
-                "priority": _priority(request),
-                "robot_type": _robot_type(request),
+                "priority": _priority(request, f"{where}: [{n}]"),
+                "robot_type": _robot_type(_labels(request, f"{where}: [{n}]")),
             }
         )
     return found
@@ -59,20 +61,25 @@ def _request(content: Any, where: str) -> Mapping[str, Any]:
     return found
 
 
-def _is_robot_type(label: Any) -> bool:
-    return str(label).startswith(ROBOT_TYPE)
+def _labels(request: Mapping[str, Any], where: str) -> list[str]:
+    return [str(label) for label in _list(request, "labels", where)] if request.get("labels") else []
 
 
-def _robot_type(request: Mapping[str, Any]) -> str:
+def _is_robot_type(label: str) -> bool:
+    return label.startswith(ROBOT_TYPE)
+
+
+def _robot_type(labels: Sequence[str]) -> str:
     """The type of robot that a label asks for; Open-RMF has no key for it."""
-    return next((str(label).removeprefix(ROBOT_TYPE) for label in request.get("labels") or () if _is_robot_type(label)), "")
+    return next((label.removeprefix(ROBOT_TYPE) for label in labels if _is_robot_type(label)), "")
 
 
-def _priority(request: Mapping[str, Any]) -> int:
+def _priority(request: Mapping[str, Any], where: str) -> int:
     """Open-RMF's binary priority, or a number."""
     found = request.get("priority")
-    value = found.get("value") if isinstance(found, dict) else found
-    return int(value) if isinstance(value, int | float) else 0
+    if isinstance(found, dict):
+        return int(_number(found, "value", f"{where}.priority") or 0)
+    return int(_number(request, "priority", where) or 0)
 
 
 def _stops(request: Mapping[str, Any], where: str) -> Iterator[tuple[str, float]]:
@@ -80,7 +87,10 @@ def _stops(request: Mapping[str, Any], where: str) -> Iterator[tuple[str, float]
     category, what = request["category"], request.get("description", {})
     where = f"{where}.description"
     if category == "patrol":
-        for _ in range(int(_number(what, "rounds", where) or 1)):
+        rounds = int(_number(what, "rounds", where) or 1)
+        if not 1 <= rounds <= MOST_ROUNDS:
+            raise ScenarioError(f"{where}.rounds: found {what['rounds']!r}, expected 1 to {MOST_ROUNDS}")
+        for _ in range(rounds):
             yield from ((_place(each, f"{where}.places"), 0.0) for each in _list(what, "places", where))
     elif category == "delivery":
         for key in ("pickup", "dropoff"):
@@ -153,6 +163,6 @@ def _number(what: Any, key: str, where: str) -> float | None:
     found = what.get(key) if isinstance(what, dict) else None
     if found is None:
         return None
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        raise ScenarioError(f"{where}.{key}: found {found!r}, expected a number")
+    if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= FARTHEST:
+        raise ScenarioError(f"{where}.{key}: found {found!r}, expected a number of at most {FARTHEST:g}")
     return float(found)

@@ -99,6 +99,25 @@ def test_task_requests_of_open_rmf_are_read(tmp_path):
         tasks_of("orders.json", tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (
+            {"description": {"places": ["a"], "rounds": 1e308}},
+            r"\[0\].description.rounds: found 1e\+308, expected a number of at most 1e\+15",
+        ),
+        ({"description": {"places": ["a"], "rounds": 1e6}}, r"\[0\].description.rounds: found 1000000.0, expected 1 to 10000"),
+        ({"labels": 5}, r"\[0\].labels: found 5, expected a list"),
+        ({"priority": {"value": float("inf")}}, r"\[0\].priority.value: found inf, expected a number"),
+    ],
+)
+def test_damaged_task_requests_are_refused(tmp_path, damage, said):
+    patrol = {"category": "patrol", "description": {"places": ["a", "b"]}}
+    (tmp_path / "orders.json").write_text(json.dumps({**patrol, **damage}))
+    with pytest.raises(ScenarioError, match=f"orders.json: {said}"):
+        tasks_of("orders.json", tmp_path)
+
+
 def test_tasks_of_the_league_are_a_pool_in_their_order(tmp_path):
     (tmp_path / "league.tasks").write_text("# cells\n3\n0,3\n5\n2,4\n")
     names = {f"v{k}": k for k in range(5)}

@@ -1,6 +1,5 @@
 """Members of JSON objects in a map file, with their types checked; a fault names its path, `layouts[0].nodes[2].nodePosition.x`."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -54,7 +53,7 @@ class Fields:
 
     def finite(self, value: Any, at: str) -> float:
         """A value as a number."""
-        if type(value) not in (int, float) or not math.isfinite(value) or abs(value) >= FARTHEST:
+        if type(value) not in (int, float) or not abs(value) < FARTHEST:  # infinite and no number, too
             raise self.fault(at, f"found {_shown(value)}, expected a number")
         return float(value)
 

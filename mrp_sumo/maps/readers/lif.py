@@ -30,7 +30,7 @@ MAX_POINTS = 1000  # control points of a trajectory
 NODE_TYPES = ("vehicleTypeNodeProperties", "mobileRobotTypeNodeProperties")
 EDGE_TYPES = ("vehicleTypeEdgeProperties", "mobileRobotTypeEdgeProperties")
 ACTIONS = ("actions", "requiredActions", "feasibleActions")
-FREE_TURNS = {None, "BOTH"}
+FREE_TURNS = (None, "BOTH")
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,12 @@ def test_an_edge_to_another_level_is_a_lift(load):
         ('"x": 4.0', '"x": "4.0"', "layouts[0].nodes[1].nodePosition.x: found '4.0', expected a number"),
         ('"x": 4.0', '"X": 4.0', "layouts[0].nodes[1].nodePosition: no 'x' (there is 'X'?)"),
         ('"x": 4.0', '"x": 1e999', "not YAML"),
+        ('"x": 4.0', '"x": 1' + 400 * "0", "layouts[0].nodes[1].nodePosition.x: found 1000"),
+        (
+            ' "maxSpeed":',
+            ' "rotationAtEndNodeAllowed": ["BOTH"], "maxSpeed":',
+            "rotationAtEndNodeAllowed: found an array of 1, expected text",
+        ),
         ('"edges": [', '"edges": 3, "x": [', "layouts[0].edges: found 3, expected an array"),
         ('"layouts": [', '"layouts": [7, ', "layouts[0]: found 7, expected an object"),
         ('"A-B"', '"B-C"', "layouts[0].edges[1].edgeId: 'B-C' is taken by layouts[0].edges[0]"),
