@@ -329,17 +329,18 @@ class _Exclusions:
 
     def __init__(self, file: SuiteFile) -> None:
         self._file = file
-        self._rules = [
-            {short_key(key): value if isinstance(value, list) else [value] for key, value in rule.items()} for rule in file.suite.exclude
-        ]
+        self._rules: list[dict[str, list[Any]]] = [{} for _ in file.suite.exclude]
         self._used = [False] * len(self._rules)
         faults = []
         for i, rule in enumerate(file.suite.exclude):
             for key, value in rule.items():
+                place = file.document.at(("exclude", i, key))
                 if fault := unknown_key(key):
-                    faults.append(f"{file.document.at(('exclude', i, key))}: {fault}")
-                elif isinstance(value, list) or (isinstance(value, str) and _RANGE.fullmatch(value)):
-                    self._rules[i][short_key(key)] = list(_expanded(value))
+                    faults.append(f"{place}: {fault}")
+                try:
+                    self._rules[i][short_key(key)] = list(_expanded(value if isinstance(value, list) else [value]))
+                except ValueError as error:
+                    faults.append(f"{place}: {error}")
         if faults:
             raise ScenarioError(*faults)
 

@@ -6,13 +6,16 @@ the program begin here.
 
 import json
 import os
+import re
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, sentence
 
 MAX_BYTES = 2**30  # where a format states no smaller limit
+_HALF, _HALF_BYTES = (re.compile(pattern) for pattern in (r"\\u[dD][89a-fA-F]", rb"\\u[dD][89a-fA-F]"))
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a FIFO"),
@@ -69,11 +72,27 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] 
         raise error(f"{shortened(path)}:{line}: not a text file in UTF-8") from None
 
 
+def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = None) -> Any:
+    """The value of a JSON text; as `json.loads`, but half of a character of two halves is refused: nobody could write it to a file.
+
+    Raises
+    ------
+    ValueError
+        For what is not JSON.
+    RecursionError
+        For what is nested too deep.
+    """
+    value = json.loads(text, parse_constant=parse_constant)
+    if (_HALF if isinstance(text, str) else _HALF_BYTES).search(text):  # type: ignore[call-overload]
+        json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError is a ValueError
+    return value
+
+
 def read_json(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> Any:
     """The document of a JSON file; as `read_text`, and for what is not JSON or nested too deep."""
     text = read_text(path, max_bytes, error)
     try:
-        return json.loads(text)
+        return json_value(text)
     except ValueError as fault:
         raise error(f"{shortened(path)}: not JSON: {fault}") from None
     except RecursionError:

@@ -6,7 +6,6 @@ merge keys, nesting deeper than 30 and aliases that would swell the document.
 """
 
 import gc
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ import numpy as np
 import yaml
 
 from mrp_sumo.errors import MapError
-from mrp_sumo.files.reading import read_bytes
+from mrp_sumo.files.reading import json_value, read_bytes
 from mrp_sumo.maps.finding import Finding, RefusedMap
 
 MAX_BYTES = 64 * 2**20
@@ -91,7 +90,7 @@ def parse_json(text: str) -> Any:
     if text.lstrip()[:1] != "{" or _deepest(text) > MAX_DEPTH:
         return None
     try:
-        document = json.loads(text, parse_constant=_no_number)
+        document = json_value(text, _no_number)
     except (ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None

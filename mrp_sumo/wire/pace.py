@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TextIO
 
+from mrp_sumo.files.reading import json_value
 from mrp_sumo.formats.vda.messages import Dialect
 from mrp_sumo.wire.link import Link, Received
 
@@ -64,7 +65,7 @@ class Logged:
     def note(self, serial: str, kind: str, payload: bytes) -> None:
         """Write a message down; what is not JSON is left out."""
         try:
-            document = json.loads(payload)
+            document = json_value(payload)
         except (ValueError, RecursionError):
             return
         topic = self.dialect.topic(serial, kind, self.manufacturer)

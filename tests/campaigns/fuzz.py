@@ -443,12 +443,17 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
         yield from _places(inner)
 
 
+def _is_deep(data: bytes) -> bool:
+    """Whether PyYAML's loader in C might end the process: it calls itself for each bracket."""
+    return data.count(b"[") + data.count(b"{") > 5000
+
+
 def _yaml_value(data: bytes, chance: random.Random) -> bytes:
     """Another value, or none, at a place of a YAML document."""
     import yaml
 
     try:
-        document = yaml.load(data, yaml.CSafeLoader) if len(data) < 100_000 else None
+        document = yaml.load(data, yaml.CSafeLoader) if len(data) < 100_000 and not _is_deep(data) else None
         places = list(_places(document))
     except (yaml.YAMLError, ValueError, RecursionError):
         return _word(data, chance)

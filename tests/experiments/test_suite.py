@@ -178,6 +178,10 @@ def test_path_in_a_base_file_is_relative_to_that_file(tmp_path):
             "base: office_5\ngrid_search: {seed: 0..3}\nexclude: [{seeed: 9}]\n",
             "study.yaml:3: exclude[0].seeed: unknown key (did you mean 'seed'?)",
         ),
+        (
+            "base: office_5\ngrid_search: {seed: 0..3}\nexclude: [{planner: []}]\n",
+            "study.yaml:3: exclude[0].planner: an empty list: give at least one value",
+        ),
         ("base: office_5\ngrid_search: {seed: 0..3}\nexclude: [{seed: 0..3}]\n", "study.yaml:3: exclude: nothing is left to run"),
         (
             "base: office_5\ngrid_search: {planner.name: [cbs], planner: [pibt]}\n",

@@ -117,3 +117,12 @@ def test_yaml_of_strangers_is_read_guarded(tmp_path, monkeypatch, text, line, re
     }[reading]
     with pytest.raises(MrpSumoError, match=f"odd.yaml:\\d+: .*{line}"):
         read(tmp_path / "odd.yaml")
+
+
+def test_half_of_a_character_is_refused(tmp_path):
+    path = tmp_path / "names.json"
+    path.write_text(r'{"whole": "\ud83d\ude80", "no escape": "\\ud83d"}')
+    assert read_json(path) == {"whole": "\U0001f680", "no escape": r"\ud83d"}
+    path.write_text(r'{"half": "\ud83d"}')
+    with pytest.raises(MrpSumoError, match="not JSON: 'utf-8' codec can't encode"):
+        read_json(path)

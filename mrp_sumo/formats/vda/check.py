@@ -5,7 +5,6 @@ sent it), names and types of members, orders (sequence numbers, the released pre
 actions), and states (of which order, what is left of it, where the vehicle is). Logs of 2.0 are checked by the rules of 2.1.
 """
 
-import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,6 +13,7 @@ from datetime import datetime
 from typing import Any
 
 from mrp_sumo.errors import nearest
+from mrp_sumo.files.reading import json_value
 
 NUMBER, INT, TEXT, FLAG, LIST, OBJECT = (int, float), int, str, bool, list, dict
 HEADER = {"headerId": int, "timestamp": TEXT, "version": TEXT, "manufacturer": TEXT, "serialNumber": TEXT}
@@ -163,7 +163,7 @@ def _read(line: str) -> tuple[float, str, Mapping[str, Any]] | str:
     if len(line) > LONGEST_LINE:
         return f"a line of {len(line)} characters; more than {LONGEST_LINE} are not read"
     try:
-        found = json.loads(line)
+        found = json_value(line)
     except (ValueError, RecursionError):
         return "not JSON"
     if not isinstance(found, dict):

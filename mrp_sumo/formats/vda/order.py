@@ -3,12 +3,12 @@
 Nothing is taken on trust: sizes are bounded, every member that is used has its type and range, and what is wrong is named by its JSON path.
 """
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from mrp_sumo.files.reading import json_value
 from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LIST, NODE, NUMBER, OBJECT, STAMP, TEXT, WORDS, members
 from mrp_sumo.formats.vda.errors import MALFORMED, TOO_LARGE, RefusalError
 from mrp_sumo.formats.vda.messages import Dialect, Json
@@ -113,7 +113,7 @@ def read_document(payload: bytes) -> Json:
     if len(payload) > LONGEST_PAYLOAD:
         raise RefusalError(TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
     try:
-        found = json.loads(payload, parse_constant=_no_number)
+        found = json_value(payload, _no_number)
     except (ValueError, RecursionError):
         raise RefusalError(MALFORMED, "not JSON") from None
     if not isinstance(found, dict):

@@ -6,7 +6,6 @@ the standard has it is refused with line and JSON path: `mrp-sumo validate --vda
 """
 
 import itertools
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.files.reading import require_regular, shortened
+from mrp_sumo.files.reading import json_value, require_regular, shortened
 from mrp_sumo.formats.vda.check import FLAG, INT, LONGEST_LINE, NUMBER, OBJECT, TEXT, WORDS, members, seconds_of
 
 LARGEST_LOG = 2**40  # bytes; a line is read at a time
@@ -70,7 +69,7 @@ def read_log(path: Path) -> Log:
 
 def _read_line(log: Log, line: str, where: str) -> None:
     try:
-        found = json.loads(line)
+        found = json_value(line)
     except (ValueError, RecursionError):
         raise MrpSumoError(f"{where}: not JSON" + (", or longer than is read" if len(line) > LONGEST_LINE else "")) from None
     _require(found, {"topic": TEXT, "payload": OBJECT}, "", where)

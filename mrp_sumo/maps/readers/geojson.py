@@ -8,6 +8,7 @@ Refuses longitudes and latitudes, of which both formats know nothing: convert fr
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -49,8 +50,9 @@ class GeoJson:
             if kind == "vertex":
                 _our_vertex(fields, draft, at, given, geometry)
             elif kind == "wall":
-                ends = [fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(_line(fields, geometry, at))]
-                walls.setdefault(fields.text(given, "level", at, LEVEL), []).append(ends[:2])
+                strokes = walls.setdefault(fields.text(given, "level", at, LEVEL), [])
+                for part in _parts(fields, geometry, at):
+                    strokes += pairwise(fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(part))
             elif kind == "lane":
                 lanes.append((at, given))
         for at, given in lanes:
@@ -148,10 +150,15 @@ def _features(fields: Fields, document: Mapping[str, Any]) -> Iterator[tuple[str
 
 def _line(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[Any]:
     """The places of a line, or of a line of several parts."""
+    return list(chain.from_iterable(_parts(fields, geometry, at)))
+
+
+def _parts(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[list[Any]]:
+    """The places of each part of a line."""
     places: list[Any] = fields.list(geometry, "coordinates", f"{at}.geometry", [])
-    if geometry.get("type") == "MultiLineString":
-        return [place for part in places for place in (part if isinstance(part, list) else [part])]
-    return places
+    if geometry.get("type") != "MultiLineString":
+        return [places]
+    return [part if isinstance(part, list) else [part] for part in places]
 
 
 def _number(fields: Fields, given: Mapping[str, Any], key: str, at: str) -> int:

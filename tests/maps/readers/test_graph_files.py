@@ -95,6 +95,20 @@ def test_what_is_written_is_read_back(tmp_path, suffix):
         assert len(load_map(path).building.levels["L1"].walls) == len(map_.building.levels["L1"].walls)
 
 
+def test_a_wall_of_several_strokes_is_read_and_one_of_a_single_place_has_none(load):
+    ends = [
+        {"type": "Feature", "properties": {"kind": "vertex", "id": k}, "geometry": {"type": "Point", "coordinates": [k, 0]}} for k in (0, 1)
+    ]
+    lane = {"type": "Feature", "properties": {"kind": "lane", "tail": 0, "head": 1}, "geometry": {"type": "LineString", "coordinates": []}}
+    lines = ("LineString", [[0, 1], [1, 1], [1, 2]]), ("MultiLineString", [[[0, 3], [1, 3]], [[4, 4]]]), ("LineString", [[5, 5]])
+    walls = [
+        {"type": "Feature", "properties": {"kind": "wall"}, "geometry": {"type": kind, "coordinates": places}} for kind, places in lines
+    ]
+    building = load({"type": "FeatureCollection", "coordinates_m": True, "features": [*ends, lane, *walls]}, "a.geojson").building
+    (level,) = building.levels.values()
+    assert level.wall_xy.tolist() == [[[0, 1], [1, 1]], [[1, 1], [1, 2]], [[0, 3], [1, 3]]]
+
+
 def test_degrees_are_refused(load):
     feature = {"type": "Feature", "properties": {"kind": "vertex"}, "geometry": {}}
     with pytest.raises(MapError, match="coordinates_m: missing, so these are degrees"):
