@@ -37,6 +37,7 @@ HOMES = {
     "pettingzoo": ("mrp_sumo/door/environment.py",),
     "pydantic": ("mrp_sumo/io/", "mrp_sumo/experiments/"),
     "paho": ("mrp_sumo/wire/mqtt.py",),
+    "cyclonedds": ("mrp_sumo/wire/dds.py",),
     "pyarrow": ("mrp_sumo/io/", "mrp_sumo/reports/exports.py"),
 }
 HEAVY = ("libsumo", "rosbags", "ortools", "matplotlib", "pydantic", "pyarrow", "numba", "scipy", "numpy", "pandas", "yaml", "pettingzoo")

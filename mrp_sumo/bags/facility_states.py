@@ -14,21 +14,22 @@ DOOR_MODE = {"closed": 0, "opening": 1, "open": 2, "closing": 1}
 SECOND_NS = 1_000_000_000
 
 
-def facility_states(m: Messages, until_s: float) -> Iterator[tuple[int, str, bytes]]:
-    """(ns since the epoch, topic, message) of each lift and each door until then, by time; none of maps without."""
+def facility_states(m: Messages, until_s: float, after_s: float = -1.0) -> Iterator[tuple[int, str, bytes]]:
+    """(ns of the run, topic, message) of each lift and each door after a time and until another, by time; none of maps without."""
     log = m.record.execution.facilities
     if log is None:
         return
-    ticks = np.arange(0, round(until_s * 1e9) + 1, SECOND_NS, dtype=np.int64)
+    after_ns, until_ns = round(after_s * 1e9), round(until_s * 1e9)
+    ticks = np.arange(-(-max(after_ns + 1, 0) // SECOND_NS) * SECOND_NS, until_ns + 1, SECOND_NS, dtype=np.int64)
     moments: list[tuple[int, str, int, int]] = []
     for topic, names, t_s, which in ((LIFTS[0], log.lift_name, log.lift_t_s, log.lift), (DOORS[0], log.door_name, log.door_t_s, log.door)):
         for number in range(len(names)):
             rows = np.flatnonzero(which == number)
             begin = np.rint(t_s[rows] * 1e9).astype(np.int64)
-            times = np.union1d(begin[begin <= ticks[-1]], ticks)
+            times = np.union1d(begin[(begin > after_ns) & (begin <= until_ns)], ticks)
             last = rows[np.searchsorted(begin, times, side="right") - 1]
             moments += [(ns, topic, number, k) for ns, k in zip(times.tolist(), last.tolist())]
-    floors = _floors(m, log)
+    floors = _floors(m, log) if moments else []
     for ns, topic, number, row in sorted(moments):
         yield ns, topic, _lift(m, log, floors[number], ns, row) if topic == LIFTS[0] else _door(m, log, ns, row)
 

@@ -6,10 +6,11 @@ that, 2 for bad input.
 
 import argparse
 import json
+import math
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
+    from mrp_sumo.experiments.run import Watch
     from mrp_sumo.experiments.solve import StageReport
     from mrp_sumo.io.scenario import ScenarioFile
 
@@ -44,6 +46,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
     parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")
+    parser.add_argument("--dds", action="store_true", help="publish the run over DDS while it drives, as ROS 2 nodes do, in real time")
+    parser.add_argument(
+        "--speed", type=float, metavar="N", help="of --dds: simulated seconds a second (default: 1; that of --live is its page's)"
+    )
+    parser.add_argument("--domain", type=int, metavar="N", help="of --dds, as ROS_DOMAIN_ID says it (default: 0)")
+    parser.add_argument("--interface", metavar="ADDRESS", help="of --dds: network interface (default: 127.0.0.1, this machine alone)")
     parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
     parser.add_argument("--json", action="store_true", help="print status, folder and metrics as a line of JSON instead of a table")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")
@@ -59,9 +67,10 @@ def run(options: argparse.Namespace) -> int:
         raise MrpSumoError("a scenario says itself who goes where: --scen is for --map")
     file = scenario_choice.chosen_scenario(options)
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
-    if options.port is not None and not options.live:
-        raise MrpSumoError("--port is for --live")
-    result = _run_live(file, out, options) if options.live else _run(file, out, options.gui)
+    _check_watching(options)
+    with ExitStack() as stack:
+        watches = _watches(options, stack)
+        result = (_run_live if options.live else _run)(file, out, options, watches)
     if options.json:
         said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
         print(json.dumps(said, allow_nan=False))
@@ -81,14 +90,38 @@ def run(options: argparse.Namespace) -> int:
     return 0 if result.status == "completed" and not result.metric_faults else 1
 
 
-def _run(file: "ScenarioFile", out: Path, gui: bool) -> "RunResult":
+def _check_watching(options: argparse.Namespace) -> None:
+    """Refuse options of what is not asked for."""
+    if options.port is not None and not options.live:
+        raise MrpSumoError("--port is for --live")
+    for name in ("speed", "domain", "interface"):
+        if getattr(options, name) is not None and not options.dds:
+            raise MrpSumoError(f"--{name} is for --dds")
+    if options.speed is not None and options.live:
+        raise MrpSumoError("--speed is for --dds without --live, whose page has a speed of its own")
+    if options.speed is not None and not 0.001 <= options.speed < math.inf:
+        raise MrpSumoError(f"--speed: found {options.speed:g}, expected 0.001 or more")
+
+
+def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
+    """Who hears how the run is driven, besides the page of --live."""
+    if not options.dds:
+        return []
+    from mrp_sumo.wire.dds import LOOPBACK, DdsView
+    from mrp_sumo.wire.pace import Pace, Paced
+
+    view = stack.enter_context(DdsView(options.domain or 0, options.interface or LOOPBACK))
+    return [view.watch] if options.live else [view.watch, lambda *_: Paced(Pace(options.speed or 1.0))]
+
+
+def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
     from mrp_sumo.experiments.run import run_scenario
 
     with progress_bar() as progress:
-        return run_scenario(file, out, progress=progress, gui=gui)
+        return run_scenario(file, out, progress=progress, gui=options.gui, watches=watches)
 
 
-def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace) -> "RunResult":
+def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
     """Run it while a browser shows it."""
     import webbrowser
 
@@ -99,7 +132,7 @@ def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace) -> "
     print(f"{live.address} (Ctrl+C ends)", flush=True)
     webbrowser.open(live.address)
     try:
-        result = run_scenario(file, out, progress=live.stage, gui=options.gui, watch=live.watch)
+        result = run_scenario(file, out, progress=live.stage, gui=options.gui, watches=[*watches, live.watch])
     except BaseException:
         live.close()
         raise

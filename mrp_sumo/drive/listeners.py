@@ -10,6 +10,7 @@ import numpy as np
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.state import Facilities
 from mrp_sumo.engines.protocol import Engine
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class Moment(NamedTuple):
     ledger: Ledger
     events: Sequence[Event]  # what has happened since the moment before; some of it is known only when it is over
     tasks: "Work"  # what has become of them
+    facilities: Facilities  # lifts and doors as they are
 
 
 class Listener(Protocol):

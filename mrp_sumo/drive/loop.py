@@ -182,7 +182,7 @@ class Drive:
             is_last = is_sample and self._is_over()
             if is_last:
                 self._close()
-            moment = Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger, self.events, self.tasks)
+            moment = Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger, self.events, self.tasks, self.world.facilities)
             self.events = []
             for listener in listeners:
                 listener.hear(moment)

@@ -59,7 +59,7 @@ class Work:
         self.out = np.zeros(num_robots, np.bool_)  # [R] robots that will never go on
         self._parking, self._batteries, self._charging = parking, batteries, charging
         self._charges = np.zeros(num_robots, np.bool_)  # [R] whether the task is to charge
-        self._level = np.ones(num_robots)  # [R] states of charge
+        self.level = np.ones(num_robots)  # [R] states of charge
         self._num_charges = 0
         self._row = np.zeros(num_robots, np.int64)  # [R] that of each robot's last stop in the log
         self.problem = problem
@@ -128,7 +128,7 @@ class Work:
             [R] states of charge, where robots have batteries.
         """
         if level is not None:
-            self._level = level
+            self.level = level
         for r in np.flatnonzero(self.current != NONE).tolist():
             if self._ahead_steps:
                 self._pass_stops(r, now_s, visits, booked_s[r])
@@ -354,7 +354,7 @@ class Work:
         if not self._charges[r]:
             return self._next(r).service_s
         assert self._charging is not None
-        return max(self._charging.least_s, self._charge_s(r, max(self._charging.maximum - float(self._level[r]), 0.0)))
+        return max(self._charging.least_s, self._charge_s(r, max(self._charging.maximum - float(self.level[r]), 0.0)))
 
     def _charge_s(self, r: int, share: float) -> float:
         """How long charging by a share of the capacity takes a robot."""
@@ -362,7 +362,7 @@ class Work:
 
     def _see_who_charges(self, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
         """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
-        level = self._level
+        level = self.level
         for r in np.flatnonzero((level <= charging.critical) & ~self._charges & ~self.out).tolist():
             if self.may_pass_on(r):
                 self._take_back(r)
@@ -386,7 +386,7 @@ class Work:
         number = len(self.tasks)
         stop = Stop(
             charging.station.places[0],
-            self._charge_s(r, 1.0 - float(self._level[r])),
+            self._charge_s(r, 1.0 - float(self.level[r])),
             CHARGE,
             charging.station,
         )

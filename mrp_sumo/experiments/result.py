@@ -27,6 +27,13 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
 
 
+def levels_of(setup: SetUp, graph: PlanGraph) -> "Levels":
+    """The levels of a graph, and how they lie side by side."""
+    from mrp_sumo.io.trajectory import Levels
+
+    return Levels(graph.level_names, np.array([setup.map.level_shift_m.get(name, (0.0, 0.0)) for name in graph.level_names]))
+
+
 @dataclass(frozen=True, eq=False)
 class RunResult:
     """A run that has ended."""
@@ -124,12 +131,7 @@ class RunResult:
     @property
     def levels(self) -> "Levels | None":
         """Those of the graph, where robots change them."""
-        from mrp_sumo.io.trajectory import Levels
-
-        if self.execution is None or self.execution.level is None:
-            return None
-        names, shift_m = self.graph.level_names, self.setup.map.level_shift_m
-        return Levels(names, np.array([shift_m.get(name, (0.0, 0.0)) for name in names]))
+        return None if self.execution is None or self.execution.level is None else levels_of(self.setup, self.graph)
 
     @cached_property
     def costmap(self) -> "Costmap | None":

@@ -5,7 +5,7 @@ an execution that does not arrive, are written like successes.
 """
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +36,7 @@ Watch = Callable[[SetUp, Solution], Listener]  # somebody who wants to hear how 
 
 
 def run_scenario(
-    file: ScenarioFile, out: Path, *, progress: StageReport | None = None, gui: bool = False, watch: Watch | None = None
+    file: ScenarioFile, out: Path, *, progress: StageReport | None = None, gui: bool = False, watches: Sequence[Watch] = ()
 ) -> RunResult:
     """Run a scenario and write its run folder.
 
@@ -50,8 +50,8 @@ def run_scenario(
         Called now and then with the stage and how far it is.
     gui
         Drive in sumo-gui, for people to look at.
-    watch
-        Asked for a listener when robots are about to set out. It changes nothing of the run.
+    watches
+        Asked for a listener each when robots are about to set out. These change nothing of the run.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def run_scenario(
     """
     check_replaceable(out)
     with MapCache() as maps:
-        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True, watch=watch)
+        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True, watches=watches)
         (progress or silent)("writing the run folder", 0.0, 0.0)
         result.write(out, maps)
     return result
@@ -94,7 +94,7 @@ def carry_out(
     progress: StageReport | None = None,
     gui: bool = False,
     keeps_interrupted: bool = False,
-    watch: Watch | None = None,
+    watches: Sequence[Watch] = (),
 ) -> RunResult:
     """Run a scenario and measure it; writes nothing.
 
@@ -112,8 +112,8 @@ def carry_out(
         Drive in sumo-gui.
     keeps_interrupted
         Whether Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`.
-    watch
-        Asked for a listener when robots are about to set out.
+    watches
+        Asked for a listener each when robots are about to set out.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def carry_out(
         progress=progress,
         gui=gui,
         keeps_interrupted=keeps_interrupted,
-        watch=watch,
+        watches=watches,
     )
 
 
@@ -144,7 +144,7 @@ def finish(
     progress: StageReport | None = None,
     gui: bool = False,
     keeps_interrupted: bool = False,
-    watch: Watch | None = None,
+    watches: Sequence[Watch] = (),
     engine: AbstractContextManager[Engine] | None = None,
 ) -> RunResult:
     """Drive what was planned, if there is a plan, and measure it.
@@ -153,7 +153,7 @@ def finish(
     ----------
     setup, solution
         Of one problem; the setup says how to drive.
-    maps, execute, progress, gui, keeps_interrupted, watch
+    maps, execute, progress, gui, keeps_interrupted, watches
         As for `carry_out`.
     engine
         As for `simulate`.
@@ -173,7 +173,7 @@ def finish(
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
         try:
-            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watch, engine)
+            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watches, engine)
             note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
@@ -227,7 +227,7 @@ def _execute(
     report: StageReport,
     gui: bool,
     keeps_interrupted: bool,
-    watch: Watch | None,
+    watches: Sequence[Watch],
     engine: AbstractContextManager[Engine] | None,
 ) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
@@ -245,7 +245,7 @@ def _execute(
         def progress(t_s: float, at_goal: int) -> None:
             report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
-        listeners = [watch(setup, solution)] if watch else []
+        listeners = [watch(setup, solution) for watch in watches]
         with interrupts() if keeps_interrupted and settings.tasks else nullcontext() as stopped:
             run = simulate(
                 *(solution.problem, plan, settings, network),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TextIO
 
+from mrp_sumo.drive.listeners import Moment
 from mrp_sumo.files.reading import json_value
 from mrp_sumo.formats.vda.messages import Dialect
 from mrp_sumo.wire.link import Link, Received
@@ -34,6 +35,22 @@ class Pace:
         if -left > MOST_BEHIND_S:
             self.begun_s += -left
         return found
+
+
+@dataclass
+class Paced:
+    """A listener that lets a run be driven no faster than the clock allows."""
+
+    pace: Pace
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        self.pace.wait(moment.now_s, _sleep)
+
+
+def _sleep(wait_s: float) -> list[Received]:
+    time.sleep(wait_s)
+    return []
 
 
 @dataclass

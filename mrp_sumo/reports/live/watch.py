@@ -2,21 +2,21 @@
 
 import math
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.core.execution import Event
 from mrp_sumo.drive._causes import DISTURBED, LETTING_PASS, PLANNED
 from mrp_sumo.drive.ledger import planned_arrivals
 from mrp_sumo.drive.listeners import Listener, Moment
+from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.io.outline import outline_of
-from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
 from mrp_sumo.reports.pictures.view import extent, subtitle_of
@@ -83,16 +83,9 @@ class Telling:
         samples = settings.time_limit_s / settings.record_period_s
         self._every = max(1, math.ceil(samples * problem.num_robots / MAX_POSES))
         self._period_s = self._every * settings.record_period_s
-        record = RunRecord(
-            name=setup.scenario.name,
-            seed=setup.scenario.seed,
-            fleet=problem.fleet,
-            graph=problem.graph,
-            target=problem.target[:0] if self._has_tasks else problem.target,
-            plan=None if self._has_tasks else plan,
-            execution=_at_start(problem.graph.xy[problem.start], 0 if self._has_tasks else len(plan.vertex), self._has_tasks),
-            nav=setup.map.nav,
-        )
+        record = record_at_outset(setup, solution)
+        if self._has_tasks:
+            record = replace(record, plan=None, execution=replace(record.execution, arrived_s=np.zeros(0)))
         result = {"scenario": setup.scenario.model_dump(mode="json")}
         building, nav = setup.map.building, setup.map.nav
         outline = outline_of(building, nav.level_names) if building else None
@@ -173,24 +166,3 @@ def _event_document(event: Event, now_s: float) -> list[Any]:
     """An event as live.js reads it; null for what lasts for good."""
     lasts = round(1000 * event.duration_s) if math.isfinite(event.duration_s) else None
     return [round(1000 * event.t_s), event.kind, event.robot, event.other, event.vertex, lasts, event.text]
-
-
-def _at_start(xy: FloatArray, num_visits: int, has_tasks: bool) -> Execution:
-    """Nothing has happened yet."""
-    here, none = xy[None], np.zeros(0)
-    return Execution(
-        t_s=np.zeros(1),
-        x_m=here[..., 0],
-        y_m=here[..., 1],
-        yaw_rad=np.zeros_like(here[..., 0]),
-        speed_mps=np.zeros_like(here[..., 0]),
-        arrived_s=np.full(num_visits, np.nan),
-        goal_s=np.full(len(xy), np.nan),
-        outcome=Outcome.INTERRUPTED,
-        policy="",
-        sim_time_s=0.0,
-        wall_time_s=0.0,
-        cpu_time_s=0.0,
-        tasks=TaskLog((), none.astype(np.int64), none, none, none, none) if has_tasks else None,
-        stops=StopLog(*(none.astype(np.int64),) * 2, (), none.astype(np.int64), *(none,) * 6) if has_tasks else None,
-    )

@@ -33,7 +33,7 @@ def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
     viewer.start()
     live.broadcast.control({"do": "speed", "speed": None})
     overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
-    result = run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run", watch=live.watch)
+    result = run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run", watches=[live.watch])
     with urllib.request.urlopen(live.address, timeout=30) as page:
         assert b'"live":true' in page.read()
     live.finish(result)
