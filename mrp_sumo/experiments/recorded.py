@@ -2,7 +2,7 @@
 
 The graph is that of the orders: their nodes and edges, and whatever vehicles drove besides. There is no plan but what was driven: visits
 have the times at which vehicles said that they passed nodes. Poses are those of states and visualizations, straight in between. Errors
-become events.
+become events. Each `mapId` is a level; levels lie side by side as those of maps do, and what leads from one to another is a ride.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError
@@ -27,12 +27,15 @@ from mrp_sumo.formats.vda.recorded import Log, Recorded, read_log
 from mrp_sumo.io.run_folder import plain
 from mrp_sumo.io.scenario import scenario_of
 from mrp_sumo.maps.clearance import standing_walls
+from mrp_sumo.maps.levels import shifts_of, side_by_side
+from mrp_sumo.maps.lifts import Shift
 from mrp_sumo.maps.map import Map
 
 SAMPLE_S = 0.1
 LONGEST_S = 24 * 3600.0
 SHORTEST_LANE_M = 1e-3
 STAYS_M = 0.05  # of a node, for as long as a vehicle has not left it
+LIFT = "lift"  # by which vehicles change levels; nothing says what it is called
 WAITS = ("blocked",)  # types of errors that are waits; others are disturbances
 
 
@@ -64,12 +67,13 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     if span_s > LONGEST_S:
         raise MrpSumoError(f"{path.name}: {span_s / 3600:.1f} h from the first pose to the last, expected a day at most: cut it")
     fleet = _fleet(vehicles, model)
-    graph, ways = _graph(log, vehicles, begin_s, path.stem)
-    leave_s = [_departures(vehicle, graph.xy[vertex], at_s + begin_s) - begin_s for vehicle, (vertex, at_s) in zip(vehicles, ways)]
+    graph, shift, ways = _graph(log, vehicles, begin_s, path.stem, drawn)
+    xy = graph.xy - shifts_of(graph.level_names, shift)[graph.level]
+    leave_s = [_departures(vehicle, xy[vertex], at_s + begin_s) - begin_s for vehicle, (vertex, at_s) in zip(vehicles, ways)]
     plan = plan_of_visits([(vertex, at_s, left_s) for (vertex, at_s), left_s in zip(ways, leave_s)])
     goal = plan.last_vertex
     problem = Problem(graph, fleet, plan.vertex[plan.first[:-1]], goal, np.arange(len(goal)), _step_s(graph, fleet))
-    execution = _execution(log, vehicles, begin_s, span_s, plan, graph)
+    execution = _execution(vehicles, begin_s, span_s, plan, graph, shift)
     values = {
         "map": str(drawn.path if drawn else path),
         "discretisation": {"kind": "roadmap", "cell_m": graph.cell_m},
@@ -80,7 +84,7 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     }
     file = scenario_of(values, Path.cwd(), path.stem)
     _, planner, assigner, settings = choices(file)
-    map_ = replace(drawn, nav=graph) if drawn else Map(name=graph.name, path=path, nav=graph)
+    map_ = replace(drawn, nav=graph, level_shift_m=shift) if drawn else Map(name=graph.name, path=path, nav=graph, level_shift_m=shift)
     setup = SetUp(file, map_, problem, assigner, planner, settings)
     result = PlanResult(Status.SOLVED, plan, np.arange(len(goal)))
     verdict = judge(problem, plan, in_seconds=True)
@@ -100,8 +104,13 @@ def _fleet(vehicles: list[Recorded], model: RobotType) -> Fleet:
     return replace(fleet, robot_name=tuple(serials_of([vehicle.serial for vehicle in vehicles])))
 
 
-def _graph(log: Log, vehicles: list[Recorded], begin_s: float, name: str) -> tuple[PlanGraph, list[tuple[IntArray, FloatArray]]]:
-    """The graph, and each vehicle's visits with their times. A vehicle that begins where another did begins at a vertex of its own."""
+def _graph(
+    log: Log, vehicles: list[Recorded], begin_s: float, name: str, drawn: Map | None
+) -> tuple[PlanGraph, Shift, list[tuple[IntArray, FloatArray]]]:
+    """The graph, how far its levels were moved to lie side by side, and each vehicle's visits with their times.
+
+    A vehicle that begins where another did begins at a vertex of its own.
+    """
     places = dict(log.nodes)
     for vehicle in vehicles:
         for t_s, node, _, _ in vehicle.passed:
@@ -124,18 +133,25 @@ def _graph(log: Log, vehicles: list[Recorded], begin_s: float, name: str) -> tup
     xy = np.array([places[node][:2] for node in names])
     lanes = sorted((number[a], number[b]) for a, b in edges if a != b)
     length_m = [max(float(np.hypot(*(xy[b] - xy[a]))), SHORTEST_LANE_M) for a, b in lanes]
+    level = np.array([level_names.index(places[node][2]) for node in names], np.int64)
+    options: list[Options] = [{} if level[a] == level[b] else {"lift": LIFT} for a, b in lanes]
     nav = nav_graph(
         name=name,
         xy=xy,
         lanes=lanes,
         level_names=level_names,
-        level=[level_names.index(places[node][2]) for node in names],
+        level=level,
         vertex_name=names,
         length_m=length_m,
+        lane_options=options,
     )
+    shift: Shift = side_by_side(nav, None)
+    if drawn is not None and set(shift) <= set(drawn.level_shift_m):
+        shift = {key: drawn.level_shift_m[key] for key in shift}
+    nav = replace(nav, xy=frozen(xy + shifts_of(level_names, shift)[level]))
     graph = plan_graph(nav, kind="roadmap", cell_m=round(float(np.median(length_m)), 3) if lanes else 1.0)
     ways = [(np.array([number[node] for node, _ in way], np.int64), _ascending([t for _, t in way])) for way in visits]
-    return graph, ways
+    return graph, shift, ways
 
 
 def _departures(vehicle: Recorded, xy: FloatArray, at_s: FloatArray) -> FloatArray:
@@ -162,10 +178,10 @@ def _pose_at(vehicle: Recorded, t_s: float) -> tuple[float, float, str]:
     return vehicle.x_m[k], vehicle.y_m[k], vehicle.map_id[k]
 
 
-def _execution(log: Log, vehicles: list[Recorded], begin_s: float, span_s: float, plan: Plan, graph: NavGraph) -> Execution:
+def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Plan, graph: NavGraph, shift: Shift) -> Execution:
     t_s = np.round(np.arange(math.floor(span_s / SAMPLE_S + 1e-6) + 1) * SAMPLE_S, 9)
     x, y, yaw, speed = (np.full((len(t_s), len(vehicles)), np.nan) for _ in range(4))
-    level = np.zeros((len(t_s), len(vehicles)), np.int64)
+    level, by = np.zeros((len(t_s), len(vehicles)), np.int64), shifts_of(graph.level_names, shift)
     events = []
     for r, vehicle in enumerate(vehicles):
         at_s = np.array(vehicle.t_s) - begin_s
@@ -179,7 +195,15 @@ def _execution(log: Log, vehicles: list[Recorded], begin_s: float, span_s: float
         known = np.isfinite(said)
         speed[there, r] = np.interp(now_s, at_s[known], said[known]) if known.any() else derived
         on = np.array([graph.level_names.index(name) for name in vehicle.map_id])
-        level[there, r] = on[np.maximum(np.searchsorted(at_s, now_s, side="right") - 1, 0)]
+        before = np.maximum(np.searchsorted(at_s, now_s + 1e-6, side="right") - 1, 0)
+        after = np.minimum(before + 1, len(at_s) - 1)
+        nearest = np.where(now_s - at_s[before] <= at_s[after] - now_s, before, after)
+        level[there, r] = on[nearest]
+        rides = on[before] != on[after]  # nothing lies between
+        poses = np.column_stack((vehicle.x_m, vehicle.y_m))
+        x[there, r], y[there, r] = (
+            np.where(rides, poses[nearest, k], column[there, r]) + by[level[there, r], k] for k, column in ((0, x), (1, y))
+        )
         for (kind, text), spans in vehicle.errors.items():
             for since_s, until_s in spans:
                 what = "blocked" if kind in WAITS else "disturbed"

@@ -5,8 +5,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mrp_sumo.core.execution import Execution, as_believed
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NavGraph, PlanGraph
@@ -18,6 +16,7 @@ from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import result_document, write_run
+from mrp_sumo.maps.levels import shifts_of
 
 if TYPE_CHECKING:
     import pandas
@@ -31,7 +30,7 @@ def levels_of(setup: SetUp, graph: PlanGraph) -> "Levels":
     """The levels of a graph, and how they lie side by side."""
     from mrp_sumo.io.trajectory import Levels
 
-    return Levels(graph.level_names, np.array([setup.map.level_shift_m.get(name, (0.0, 0.0)) for name in graph.level_names]))
+    return Levels(graph.level_names, shifts_of(graph.level_names, setup.map.level_shift_m))
 
 
 @dataclass(frozen=True, eq=False)

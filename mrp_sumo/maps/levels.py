@@ -1,15 +1,15 @@
 """Levels of a map: which are chosen, and how those that are driven on are laid side by side and joined by their lifts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import NavGraph, nav_graph
+from mrp_sumo.core.graph import FloatArray, NavGraph, nav_graph
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building, Lift
-from mrp_sumo.maps.lifts import LEAST_TRAVEL_M, ride_of
+from mrp_sumo.maps.lifts import LEAST_TRAVEL_M, Shift, ride_of
 
 LEVEL_GAP_M = 5.0  # between levels that are laid side by side
 STOREY_M = 3.0  # where a map says nothing of heights
@@ -41,13 +41,16 @@ def side_by_side(nav: NavGraph, building: Building | None) -> dict[str, tuple[fl
     return shift
 
 
-def joined_by_lifts(
-    nav: NavGraph, shift: Mapping[str, tuple[float, float]], elevation_m: Mapping[str, float], lifts: Mapping[str, Lift]
-) -> NavGraph:
+def shifts_of(level_names: Sequence[str], shift: Shift) -> FloatArray:
+    """[K, 2] how far each level is moved, in m."""
+    return np.array([shift.get(name, (0.0, 0.0)) for name in level_names]).reshape(-1, 2)
+
+
+def joined_by_lifts(nav: NavGraph, shift: Shift, elevation_m: Mapping[str, float], lifts: Mapping[str, Lift]) -> NavGraph:
     """The graph with levels laid side by side, and lanes between all stops of each lift, as long as it travels."""
     if not shift:
         return nav
-    xy = nav.xy + np.array([shift.get(name, (0.0, 0.0)) for name in nav.level_names])[nav.level]
+    xy = nav.xy + shifts_of(nav.level_names, shift)[nav.level]
     driven = set(np.concatenate([nav.tail, nav.head]).tolist())
     stops: dict[str, dict[int, int]] = {}  # lift -> level -> the vertex in it, one with lanes if there is one
     for v in sorted(range(nav.num_vertices), key=lambda v: v not in driven):

@@ -15,6 +15,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import STATIONS, FloatArray, IntArray, NavGraph
 from mrp_sumo.maps.chains import chains_of
+from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
 
 VEHICLE_TYPE = "mrp_sumo.robot"
@@ -28,7 +29,7 @@ def write_lif(map_: Map, path: Path) -> None:
     drawn = map_.nav
     chains = chains_of(drawn)
     nav = chains.nav if chains else drawn
-    shift = np.array([map_.level_shift_m.get(name, (0.0, 0.0)) for name in nav.level_names])
+    shift = shifts_of(nav.level_names, map_.level_shift_m)
     xy = nav.xy - shift[nav.level] + np.array(map_.origin_m)
     names = vertex_names(nav)
     bends = drawn.having("is_bend")

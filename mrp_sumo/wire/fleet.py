@@ -37,6 +37,7 @@ from mrp_sumo.experiments.set_up import SetUp, robot_types
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.vehicle import ABILITIES, FAULTS, LIMITS, Body, Vehicle
+from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of
 from mrp_sumo.wire.link import Link, Received
@@ -71,7 +72,7 @@ class GraphSite:
 
     def __init__(self, graph: PlanGraph, shift_m: Mapping[str, tuple[float, float]]) -> None:
         self._graph = graph
-        self.shift_m = np.array([shift_m.get(name, (0.0, 0.0)) for name in graph.level_names]).reshape(-1, 2)
+        self.shift_m = shifts_of(graph.level_names, shift_m)
         self.maps = graph.level_names
         self._vertex = {graph.label(v): v for v in range(graph.num_vertices)}
         self._open = frozen(np.ones(graph.num_lanes, np.bool_))

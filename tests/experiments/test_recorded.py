@@ -11,6 +11,8 @@ from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.experiments.recorded import recorded_run
 from mrp_sumo.io.run_reader import load_run
 
+SMALL = RobotType("small", 0.2, 0.2, 1.0, 1.0, 1.0, 1.0, gap_m=0.1)
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -104,6 +106,39 @@ def test_streams_without_poses_and_options_of_maps_are_lines(folder, capsys):
 
 
 def test_vehicles_keep_as_far_apart_as_their_factsheets_ask_for(folder):
-    small = RobotType("small", 0.2, 0.2, 1.0, 1.0, 1.0, 1.0, gap_m=0.1)
-    fleet = recorded_run(folder / "3.0" / "messages.jsonl", small).setup.problem.fleet
+    fleet = recorded_run(folder / "3.0" / "messages.jsonl", SMALL).setup.problem.fleet
     assert fleet.num_kinds == 1 and fleet.separation_m == pytest.approx(np.hypot(0.6, 0.4) + 0.1)
+
+
+def say(serial, t_s, x_m, level, last, sequence):
+    """A line with a state of a vehicle of version 2.1."""
+    place = {"x": x_m, "y": 0.0, "theta": 0.0, "mapId": level, "positionInitialized": True}
+    stamp = f"2026-01-01T00:00:{t_s:06.3f}Z"
+    payload = {"timestamp": stamp, "lastNodeId": last, "lastNodeSequenceId": sequence, "orderId": "o", "agvPosition": place}
+    return json.dumps({"t_s": t_s, "topic": f"uagv/v2/acme/{serial}/state", "payload": payload})
+
+
+def test_levels_of_a_recording_lie_side_by_side(tmp_path):
+    """Two vehicles pass each other at the same place of different levels; one of them takes a lift from the ground to the first."""
+    low = [(0, 0.0, "ground", "a", 0), (4, 4.0, "ground", "lift_0", 2), (10, 4.0, "first", "lift_1", 4), (14, 8.0, "first", "b", 6)]
+    high = [(0, 2.0, "first", "c", 0), (2, 1.0, "first", "d", 2), (14, 1.0, "first", "d", 2)]
+    lines = [say(serial, *row) for serial, rows in (("low", low), ("high", high)) for row in rows]
+    (tmp_path / "log.jsonl").write_text("\n".join(lines))
+    assert main(["import", str(tmp_path / "log.jsonl"), "--out", str(tmp_path / "run")]) in (0, 1)
+    run = load_run(tmp_path / "run")
+    names, xy = [run.graph.label(v) for v in range(run.graph.num_vertices)], run.graph.xy
+    assert run.graph.level_names == ("first", "ground")
+    spans = [xy[run.graph.level == k, 0] for k in (0, 1)]
+    assert spans[0].max() < spans[1].min(), "no place of one level is a place of the other"
+    graph = recorded_run(tmp_path / "log.jsonl", SMALL).graph
+    ride = graph.lane_between(graph.vertex_name.index("lift_0"), graph.vertex_name.index("lift_1"))
+    assert graph.is_ride.tolist() == [lane == ride for lane in range(graph.num_lanes)]
+    low = run.fleet.robot_name.index("low")
+    x = run.samples.x_m[:, low]
+    on_ground = xy[names.index("lift_0"), 0] - 4.0
+    assert x[20] == pytest.approx(on_ground + 2.0) and x[69] == pytest.approx(on_ground + 4.0), "below until half of the ride"
+    assert x[71] == pytest.approx(xy[names.index("lift_1"), 0]) and x[120] == pytest.approx(x[71] + 2.0)
+    assert run.audit["num_jumps"] == 0 and run.audit["num_overlaps"] == 0
+    frame = run.trajectory
+    last = frame[(frame.robot == "low") & (frame.t_s == 14.0)].iloc[0]
+    assert (last.x_m, last.level) == (pytest.approx(8.0), "first"), "files have positions in the frame of their level"

@@ -15,6 +15,7 @@ import yaml
 
 from mrp_sumo.core.graph import FloatArray, NavGraph, Options, nav_graph
 from mrp_sumo.errors import MapError
+from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
 from mrp_sumo.maps.readers.rmf.placement import origin_of
@@ -106,7 +107,7 @@ def document_of_map(map_: Map) -> dict[str, Any]:
     document = {"building_name": map_.building.name if map_.building else map_.name, "doors": {}, "lifts": {}}
     for source in map_.documents.values():
         document |= {key: value for key, value in source.items() if key != "levels"}
-    shift = np.array([map_.level_shift_m.get(name, (0.0, 0.0)) for name in nav.level_names])
+    shift = shifts_of(nav.level_names, map_.level_shift_m)
     places = (nav.xy - shift[nav.level] + map_.origin_m).tolist()
     number = np.zeros(nav.num_vertices, np.int64)
     vertices: list[list[Any]] = [[] for _ in nav.level_names]
