@@ -191,9 +191,7 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
         turned = np.interp(now_s, at_s, np.unwrap(vehicle.yaw_rad))
         yaw[there, r] = (turned + np.pi) % (2 * np.pi) - np.pi
         said = np.array(vehicle.speed_mps)
-        derived = np.hypot(np.gradient(x[there, r]), np.gradient(y[there, r])) / SAMPLE_S if there.sum() > 1 else np.zeros(there.sum())
         known = np.isfinite(said)
-        speed[there, r] = np.interp(now_s, at_s[known], said[known]) if known.any() else derived
         on = np.array([graph.level_names.index(name) for name in vehicle.map_id])
         before = np.maximum(np.searchsorted(at_s, now_s + 1e-6, side="right") - 1, 0)
         after = np.minimum(before + 1, len(at_s) - 1)
@@ -203,6 +201,9 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
         poses = np.column_stack((vehicle.x_m, vehicle.y_m))
         x[there, r], y[there, r] = (
             np.where(rides, poses[nearest, k], column[there, r]) + by[level[there, r], k] for k, column in ((0, x), (1, y))
+        )
+        speed[there, r] = (
+            np.interp(now_s, at_s[known], said[known]) if known.any() else _derived_mps(x[there, r], y[there, r], level[there, r])
         )
         for (kind, text), spans in vehicle.errors.items():
             for since_s, until_s in spans:
@@ -228,6 +229,16 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
         level=frozen(level) if len(graph.level_names) > 1 else None,
         batteries=_batteries(vehicles, begin_s, float(t_s[-1])),
     )
+
+
+def _derived_mps(x_m: FloatArray, y_m: FloatArray, level: IntArray) -> FloatArray:
+    """[T] speeds by positions [T] before and after; where the level changes, those are in other frames."""
+    if len(x_m) < 2:
+        return np.zeros(len(x_m))
+    moves = np.where(np.diff(level) != 0, 0.0, np.stack((np.diff(x_m), np.diff(y_m))))
+    around = np.concatenate([moves[:, :1], (moves[:, :-1] + moves[:, 1:]) / 2, moves[:, -1:]], 1)
+    speed: FloatArray = np.hypot(*around) / SAMPLE_S
+    return speed
 
 
 def _batteries(vehicles: list[Recorded], begin_s: float, end_s: float) -> BatteryLog | None:

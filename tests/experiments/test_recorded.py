@@ -124,7 +124,7 @@ def test_levels_of_a_recording_lie_side_by_side(tmp_path):
     high = [(0, 2.0, "first", "c", 0), (2, 1.0, "first", "d", 2), (14, 1.0, "first", "d", 2)]
     lines = [say(serial, *row) for serial, rows in (("low", low), ("high", high)) for row in rows]
     (tmp_path / "log.jsonl").write_text("\n".join(lines))
-    assert main(["import", str(tmp_path / "log.jsonl"), "--out", str(tmp_path / "run")]) in (0, 1)
+    assert main(["import", str(tmp_path / "log.jsonl"), "--robot", "amr_600", "--out", str(tmp_path / "run")]) == 0
     run = load_run(tmp_path / "run")
     names, xy = [run.graph.label(v) for v in range(run.graph.num_vertices)], run.graph.xy
     assert run.graph.level_names == ("first", "ground")
