@@ -17,7 +17,7 @@ import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from mrp_sumo.bags import streams as say
-from mrp_sumo.bags.facility_states import DOORS, LIFTS, facility_states
+from mrp_sumo.bags.facility_states import TOPICS, facility_states
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.parts import STORAGES, PartedWriter
 from mrp_sumo.bags.paths import ODD, plain_path
@@ -134,7 +134,7 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
     states = list(task_states(messages, end_ns / 1e9))
     state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else log_topic
     facilities = list(facility_states(messages, end_ns / 1e9))
-    facility_topics = {name: topic(name, kind, 100) for name, kind in (LIFTS, DOORS) if any(at == name for _, at, _ in facilities)}
+    facility_topics = {name: topic(name, kind, 100) for name, kind in TOPICS if any(at == name for _, at, _ in facilities)}
     diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     figures = say.metrics(say.Samples(record, second_ns[:1]), 0)
     metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in figures}

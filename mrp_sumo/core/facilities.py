@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 
-LIFT_STATES = ("closed", "coming", "open", "taken")  # of lifts; one that is coming closes its doors, travels, and opens them again
+LIFT_STATES = ("closed", "coming", "open", "taken", "held")
+"""Of lifts: one that is coming closes its doors, travels, and opens them again; a robot takes one, people hold its doors open."""
+LIFT_MODES = ("agv", "human", "fire", "offline")  # for whom a lift runs; offline: out of service
 LIFT_DOORS = ("closed", "moving", "open")  # of cabins
 MOTIONS = ("stopped", "up", "down")
 DOOR_STATES = ("closed", "opening", "open", "closing")
@@ -24,7 +26,9 @@ class FacilityLog:
     lift_robot: IntArray  # [N] for which it comes or that is in it, -1: none, or PEOPLE
     lift_doors: IntArray  # [N] in LIFT_DOORS
     lift_motion: IntArray  # [N] in MOTIONS
+    lift_mode: IntArray  # [N] in LIFT_MODES
     door_name: tuple[str, ...]  # [D]
     door_t_s: FloatArray  # [M]
     door: IntArray  # [M]
     door_state: IntArray  # [M] in DOOR_STATES
+    door_robot: IntArray  # [M] for whom it is open, -1: nobody, or PEOPLE

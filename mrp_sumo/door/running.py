@@ -33,7 +33,13 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
     from mrp_sumo.reports.pictures.picture import Picture
 
-SHAPES_PROBLEM = ("mutex_groups", "one_way", "step_length_s")  # keys of `execution` that decide what there is to plan
+SHAPES_PROBLEM = (
+    "mutex_groups",
+    "one_way",
+    "doors",
+    "manual_doors",
+    "step_length_s",
+)  # keys of `execution` that decide what there is to plan
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -45,9 +45,18 @@ class Closure:
 
 @dataclass(frozen=True)
 class Outage:
-    """A lift that nobody may enter for a while; who is in it rides to the end."""
+    """A lift that nobody may enter for a while, and who is in it rides to the end; or a door that is locked."""
 
-    lift: str
+    lift: str = ""
+    begin_s: float = 0.0
+    duration_s: float = np.inf
+    door: str = ""
+
+
+@dataclass(frozen=True)
+class Fire:
+    """All lifts end their rides, go to the levels where they stood at first, and stay there for a while with open doors, for nobody."""
+
     begin_s: float
     duration_s: float = np.inf
 
@@ -71,10 +80,15 @@ class Disturbances:
     localisation_m: float = 0.0  # standard deviation of where robots take themselves to be, in x and in y; only recorded
     localisation_rad: float = 0.0  # and of their heading
     localisation_tau_s: float = 0.0  # in which such errors are forgotten; 0: each sample has its own
+    lift_rides_per_h: float = 0.0  # of people in each lift, Poisson
+    lift_hold_s: float = 10.0  # mean of the exponential time for which they keep its doors open, as they board and as they leave
+    door_passages_per_h: float = 0.0  # of people through each door, Poisson
+    door_hold_s: float = 5.0  # mean of the exponential time for which they keep it open
     breakdowns: tuple[Breakdown, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     closures: tuple[Closure, ...] = ()
     outages: tuple[Outage, ...] = ()
+    fires: tuple[Fire, ...] = ()
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -93,9 +107,9 @@ class Disturbances:
     def any(self) -> bool:
         """Whether anything disturbs the robots themselves."""
         strengths = (self.speed_spread, self.speed_noise, self.stops_per_s, self.start_delay_s, self.delay_probability)
-        return any(strengths) or bool(
-            self.latency_s or self.message_loss or self.breakdowns or self.obstacles or self.closures or self.outages
-        )
+        listed = (self.breakdowns, self.obstacles, self.closures, self.outages, self.fires)
+        visitors = (self.lift_rides_per_h, self.door_passages_per_h)
+        return any(strengths) or any(listed) or any(visitors) or bool(self.latency_s or self.message_loss)
 
 
 NONE = Disturbances()

@@ -9,11 +9,11 @@ from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.listeners import Moment
-from mrp_sumo.drive.state import Facilities
+from mrp_sumo.drive.state import Facilities, Wishes
 from mrp_sumo.traffic.resources import Resources, cabin_group
 
-NOBODY = -1
 DOORS_MOVE, OPEN = 1, 2  # of `core.facilities.LIFT_DOORS`
+AGV, HUMAN, FIRE, OFFLINE = range(4)  # `core.facilities.LIFT_MODES`
 SOON_S = 1e-6
 AT_STOP_M = 1e-6  # from it by more, a ride has begun
 UNKNOWN = -9  # no state of anything
@@ -41,10 +41,11 @@ def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
     gates = np.flatnonzero(enters)
     ride_s, close_s, open_s, car = _times(graph, lifts)
     lane_door = _numbered([options.get("door") for options in graph.lane_options] if doors else [], doors, graph.num_lanes)
-    door_s = np.zeros(len(doors))
+    door_s, manual = np.zeros(len(doors)), np.zeros(len(doors), np.bool_)
     vertex_door = np.full(graph.num_vertices, -1)
     for k in np.flatnonzero(lane_door >= 0).tolist():
         door_s[lane_door[k]] = graph.lane_options[k]["door_s"]
+        manual[lane_door[k]] = graph.lane_options[k].get("door_manual", False)
     for v, options in enumerate(graph.vertex_options if doors else ()):
         if options.get("door"):
             vertex_door[v] = doors.index(options["door"])
@@ -70,10 +71,13 @@ def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
         car=car,
         target=car.copy(),
         until_s=np.zeros(len(lifts)),
-        session=np.full(len(lifts), NOBODY),
-        caller=np.full(len(lifts), NOBODY),
+        session=np.full(len(lifts), _facilities.NOBODY),
+        caller=np.full(len(lifts), _facilities.NOBODY),
         calls=np.full(len(lifts), -1),
         since_s=np.zeros(len(lifts)),
+        service=np.full(len(lifts), _facilities.IN_SERVICE),
+        recall=car.copy(),
+        wish=_nobody(len(lifts)),
         lane_door=lane_door,
         vertex_door=vertex_door,
         through=through,
@@ -82,8 +86,19 @@ def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
         door_mode=np.full(len(doors), _facilities.SHUT),
         door_until_s=np.zeros(len(doors)),
         asked=np.zeros(len(doors), np.bool_),
-        longest_s=float(max(call_s.max(initial=0.0), door_s.max(initial=0.0))),
+        soon=np.zeros(len(doors), np.bool_),
+        door_robot=np.full(len(doors), _facilities.NOBODY),
+        door_service=np.full(len(doors), _facilities.IN_SERVICE),
+        manual=manual,
+        held_until_s=np.zeros(len(doors)),
+        longest_s=float(max(call_s.max(initial=0.0), 2 * door_s.max(initial=0.0))),
     )
+
+
+def _nobody(num_lifts: int) -> Wishes:
+    """No people who want to ride."""
+    begin, end, stage = (np.zeros(num_lifts, np.int64) for _ in range(3))
+    return Wishes(np.full(num_lifts, np.inf), begin, end, np.zeros(num_lifts), stage)
 
 
 def _numbered(names: list[str | None], known: list[str], count: int) -> IntArray:
@@ -120,8 +135,8 @@ class FacilityRecorder:
         self._facilities = facilities
         self._lifts: list[tuple[float, ...]] = []
         self._doors: list[tuple[float, ...]] = []
-        self._lift_was = np.full((len(self._names[0]), 6), UNKNOWN)
-        self._door_was = np.full(len(self._names[1]), UNKNOWN)
+        self._lift_was = np.full((len(self._names[0]), 7), UNKNOWN)
+        self._door_was = np.full((len(self._names[1]), 2), UNKNOWN)
         self._from = facilities.car.copy()  # levels where rides begin
 
     def hear(self, moment: Moment) -> None:
@@ -137,12 +152,15 @@ class FacilityRecorder:
                 doors[f], motion[f] = self._phase(f, int(self._from[f]), int(target[f]), left_s)
             else:
                 self._from[f] = now.car[f]
-        lift = np.stack([now.mode, now.car, target, now.session, doors, motion], 1)
+        runs_for = np.where(now.session == _facilities.PEOPLE, HUMAN, AGV)
+        runs_for = np.where(now.service == _facilities.IN_SERVICE, runs_for, np.where(now.service == _facilities.FIRE, FIRE, OFFLINE))
+        lift = np.stack([now.mode, now.car, target, now.session, doors, motion, runs_for], 1)
+        door = np.stack([now.door_mode, np.where(now.door_mode == _facilities.SHUT, _facilities.NOBODY, now.door_robot)], 1)
         for f in np.flatnonzero((lift != self._lift_was).any(1)).tolist():
             self._lifts.append((moment.now_s, f, *lift[f].tolist()))
-        for d in np.flatnonzero(now.door_mode != self._door_was).tolist():
-            self._doors.append((moment.now_s, d, int(now.door_mode[d])))
-        self._lift_was, self._door_was = lift, now.door_mode.copy()
+        for d in np.flatnonzero((door != self._door_was).any(1)).tolist():
+            self._doors.append((moment.now_s, d, *door[d].tolist()))
+        self._lift_was, self._door_was = lift, door
 
     def _ride(self, f: int, moment: Moment) -> tuple[float, int]:
         """How long the ride of who is in a lift still lasts, 0 before and after it, and to which level it leads."""
@@ -166,7 +184,7 @@ class FacilityRecorder:
 
     def log(self) -> FacilityLog:
         """All of it."""
-        lift, door = (np.array(rows).reshape(-1, n).T for rows, n in ((self._lifts, 8), (self._doors, 3)))
+        lift, door = (np.array(rows).reshape(-1, n).T for rows, n in ((self._lifts, 9), (self._doors, 4)))
 
         def whole(column: FloatArray) -> IntArray:
             return frozen(column.astype(np.int64))
@@ -181,8 +199,10 @@ class FacilityRecorder:
             lift_robot=whole(lift[5]),
             lift_doors=whole(lift[6]),
             lift_motion=whole(lift[7]),
+            lift_mode=whole(lift[8]),
             door_name=self._names[1],
             door_t_s=frozen(door[0]),
             door=whole(door[1]),
             door_state=whole(door[2]),
+            door_robot=whole(door[3]),
         )

@@ -65,6 +65,7 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     ledger.append(first_of(plan), policy, 0.0)
     controller, dt = Controller(ledger, policy, settings, paced=False), settings.step_length_s
     facilities = facilities_of(problem.graph, ledger.resources)
+    facilities.manual[:] = False  # planned as if people were there
     world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, float(problem.fleet.radius_m.max()), 0, facilities)
     left_s = np.zeros(ledger.num_visits)
     visits = np.arange(int(np.diff(plan.first).max(initial=0)) + 1)

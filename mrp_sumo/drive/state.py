@@ -113,6 +113,16 @@ class Rules(NamedTuple):
     asks_late: bool  # whether robots claim no more than they need to drive on, so that the order of more passages may change
 
 
+class Wishes(NamedTuple):
+    """People who want to ride, [F]: the next of each lift. Written by the world; `_facilities` writes how far they are."""
+
+    since_s: FloatArray  # inf: nobody
+    begin: IntArray  # level
+    end: IntArray  # level
+    hold_s: FloatArray  # for which they keep its doors open when they board, and when they leave
+    stage: IntArray
+
+
 class Facilities(NamedTuple):
     """F lifts and D doors, K levels, as kernels see them. What changes is written by `_facilities`, and for people by the world."""
 
@@ -137,6 +147,9 @@ class Facilities(NamedTuple):
     caller: IntArray  # [F] the robot that is next, and
     calls: IntArray  # [F] its visit in the cabin, -1: none
     since_s: FloatArray  # [F] when it asked, below 0: it may enter
+    service: IntArray  # [F] whether it is in service. Written by the world
+    recall: IntArray  # [F] the level to which it goes when there is a fire
+    wish: Wishes
     lane_door: IntArray  # [L] the door that a lane leads through or near, -1: none
     vertex_door: IntArray  # [V] the door near which a vertex is, -1: none
     through: IntArray  # [H] the lanes that need doors, with their doors
@@ -144,8 +157,13 @@ class Facilities(NamedTuple):
     door_s: FloatArray  # [D] to open or close
     door_mode: IntArray  # [D]
     door_until_s: FloatArray  # [D]
-    asked: BoolArray  # [D] whether somebody is near
-    longest_s: float  # of `call_s` and `door_s`
+    asked: BoolArray  # [D] whether a robot is near
+    soon: BoolArray  # [D] whether one comes before it could close and open again
+    door_robot: IntArray  # [D] for whom it is open: a robot, or people
+    door_service: IntArray  # [D] whether it is locked. Written by the world
+    manual: BoolArray  # [D] whether only people open it
+    held_until_s: FloatArray  # [D] people keep it open. Written by the world
+    longest_s: float  # of `call_s`, and of a door's closing and opening
 
 
 class Conditions(NamedTuple):

@@ -11,9 +11,11 @@ import numpy as np
 
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
+from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
-from mrp_sumo.drive.facilities import lift_names
+from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.state import Conditions, Facilities, Grants
+from mrp_sumo.drive.visitors import Visitors
 from mrp_sumo.errors import ExecutionError
 
 SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
@@ -30,6 +32,9 @@ class Barrier:
     lanes: IntArray
     vertices: IntArray
     text: str = ""  # for people, where it is not just lanes
+    lift: int = -1  # that is then in no service, or
+    door: int = -1
+    service: int = _facilities.OUT_OF_SERVICE
 
 
 @dataclass
@@ -71,10 +76,8 @@ class World:
         none = np.zeros(0, np.int64)
         self._barriers = [Barrier(c.begin_s, c.begin_s + c.duration_s, self._lanes_of(c), none) for c in what.closures]
         self._barriers += [Barrier(o.begin_s, o.begin_s + o.duration_s, *self._near(o)) for o in what.obstacles]
-        for outage in what.outages:
-            lanes = self.facilities.gate_lane[self.facilities.gate_lift == lift_names(self.graph).index(outage.lift)]
-            said = f"lift '{outage.lift}' is out of service"
-            self._barriers.append(Barrier(outage.begin_s, outage.begin_s + outage.duration_s, lanes, none, said))
+        self._barriers += self._of_facilities()
+        self._visitors = Visitors(what, self.facilities, self.seed)
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
         self._is_calm = not what.any
@@ -113,6 +116,7 @@ class World:
         for breakdown in begun:
             self.broken[breakdown.robot] |= breakdown.duration_s == np.inf
             events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
+        self._visitors.update(now)
         return events + self._update_closures(now, grants)
 
     def strand(self, robot: int, now: float) -> Event:
@@ -149,6 +153,7 @@ class World:
             else:
                 self._closing.append(barrier)
                 self.closed[lanes] = True
+                self._serve(barrier, barrier.service)
                 head = int(self.graph.head[lanes[0]]) if len(lanes) else -1
                 text = (
                     "no lane is near it" if not len(lanes) else "1 lane is closed" if len(lanes) == 1 else f"{len(lanes)} lanes are closed"
@@ -156,11 +161,40 @@ class World:
                 events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=barrier.text or text))
         self._barriers = waiting
         if any(closing.end_s <= now + 1e-9 for closing in self._closing):
+            for over in self._closing:
+                self._serve(over, _facilities.IN_SERVICE)
             self._closing = [closing for closing in self._closing if closing.end_s > now + 1e-9]
             self.closed[:] = False
             for closing in self._closing:
                 self.closed[closing.lanes] = True
+                self._serve(closing, closing.service)
         return events
+
+    def _serve(self, barrier: Barrier, service: int) -> None:
+        if barrier.lift >= 0:
+            self.facilities.service[barrier.lift] = service
+        if barrier.door >= 0:
+            self.facilities.door_service[barrier.door] = service
+
+    def _of_facilities(self) -> list[Barrier]:
+        """Lifts out of service, locked doors, fires."""
+        facilities, none, found = self.facilities, np.zeros(0, np.int64), []
+        lifts, doors, levels = lift_names(self.graph), door_names(self.graph), self.graph.level_names
+        gates = [facilities.gate_lane[facilities.gate_lift == f] for f in range(len(lifts))]
+        for outage in self.what.outages:
+            span = outage.begin_s, outage.begin_s + outage.duration_s
+            if outage.lift:
+                f = lifts.index(outage.lift)
+                found.append(Barrier(*span, gates[f], none, f"lift '{outage.lift}' is out of service", lift=f))
+            else:
+                d = doors.index(outage.door)
+                through = facilities.through[facilities.through_door == d]
+                found.append(Barrier(*span, through, none, f"door '{outage.door}' is locked", door=d))
+        for fire in self.what.fires:
+            for f, name in enumerate(lifts):
+                said = f"fire: lift '{name}' goes to {levels[facilities.recall[f]]}"
+                found.append(Barrier(fire.begin_s, fire.begin_s + fire.duration_s, gates[f], none, said, lift=f, service=_facilities.FIRE))
+        return found
 
     def _lanes_of(self, closure: Closure) -> IntArray:
         lanes = [self.graph.lane_between(closure.tail, closure.head), self.graph.lane_between(closure.head, closure.tail)]

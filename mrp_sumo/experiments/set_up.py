@@ -18,8 +18,8 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Optio
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem, graphs_of_kinds
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle, Outage
-from mrp_sumo.drive.facilities import lift_names
+from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Fire, Obstacle, Outage
+from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.motion_plan import TURNS_RAD
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings, Planning
@@ -31,6 +31,7 @@ from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario import (
     BreakdownChoice,
     DisturbanceChoice,
+    FireChoice,
     ObstacleChoice,
     OutageChoice,
     RobotShape,
@@ -110,7 +111,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     graph = maps.with_rides(map_, graph, step_s, radius_m)
     if scenario.execution.doors == "automatic":
         graph = maps.with_doors(map_, graph, radius_m)
-    barred, notes = _without_room(file, maps, map_, graph, models, chosen_planner)
+    graph, shut = _without_shut_doors(file, graph)
+    barred, narrow = _without_room(file, maps, map_, graph, models, chosen_planner)
     if scenario.robots.fleet is None:
         start, goal = _places(file, map_.nav, graph, one_of_each.separation_m)
         fleet = fleet_of_types(models, np.zeros(len(start), np.int64))
@@ -148,7 +150,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         _require_reachable(file, problem)
     if scenario.tasks is not None:
         settings = _with_tasks(settings, file, map_.nav, problem, models)
-    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings), notes)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings), shut + narrow)
 
 
 def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
@@ -334,20 +336,21 @@ def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
 def _disturbances(choice: DisturbanceChoice) -> Disturbances:
     """A duration that is not given is for good."""
 
-    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice | OutageChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
+    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice | OutageChoice | FireChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
         return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
 
-    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures", "outages"})
+    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures", "outages", "fires"})
     return Disturbances(
         **scalars,
         breakdowns=parts(choice.breakdowns, Breakdown),
         obstacles=parts(choice.obstacles, Obstacle),
         outages=parts([o for o in choice.outages if not _from_the_start(o)], Outage),
+        fires=parts(choice.fires, Fire),
     )
 
 
 def _from_the_start(outage: OutageChoice) -> bool:
-    """Whether a lift is never in service, so that planners need not count on it."""
+    """Whether a lift or a door is never in service, so that planners need not count on it."""
     return outage.begin_s == 0 and outage.duration_s is None
 
 
@@ -355,13 +358,51 @@ def _in_service(file: ScenarioFile, graph: PlanGraph) -> PlanGraph:
     """The graph without lifts that are out of service from the start for good. Refuses lifts that the map does not have."""
     known = lift_names(graph)
     out = set()
-    for i, outage in enumerate(file.scenario.execution.disturbances.outages):
+    what = file.scenario.execution.disturbances
+    for key in ("fires", "lift_rides_per_h"):
+        if getattr(what, key) and not known:
+            raise ScenarioError(f"{file.at('execution', 'disturbances', key)}: no lift joins levels of '{graph.name}'")
+    for i, outage in enumerate(what.outages):
+        if outage.door:
+            continue
         if outage.lift not in known:
             place = file.at("execution", "disturbances", "outages", i, "lift")
             raise ScenarioError(f"{place}: '{outage.lift}' is no lift that joins levels of '{graph.name}'{nearest(outage.lift, known)}")
         if _from_the_start(outage):
             out.add(outage.lift)
     return with_lanes(graph, np.array([options.get("lift") not in out for options in graph.lane_options])) if out else graph
+
+
+def _without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph, tuple[str, ...]]:
+    """The graph with the scenario's manual doors, without those through which robots never get; and lines about these.
+
+    Refuses doors that no lane leads through.
+    """
+    execution, known = file.scenario.execution, door_names(graph)
+    places: list[tuple[str, Place]] = [
+        (execution.manual_doors[i], ("execution", "manual_doors", i)) for i in range(len(execution.manual_doors))
+    ]
+    listed = [(i, outage) for i, outage in enumerate(execution.disturbances.outages) if outage.door]
+    places += [(outage.door, ("execution", "disturbances", "outages", i, "door")) for i, outage in listed]
+    if execution.disturbances.door_passages_per_h and not known:
+        places.append(("", ("execution", "disturbances", "door_passages_per_h")))
+    for name, place in places:
+        if execution.doors == "open":
+            raise ScenarioError(f"{file.at(*place)}: doors stand open, expected execution.doors: automatic")
+        if name not in known:
+            which = f"'{name}' is no door that a lane of '{graph.name}' leads through{nearest(name, known)}"
+            raise ScenarioError(f"{file.at(*place)}: {which if name else f'no lane of {graph.name!r} leads through a door'}")
+    manual = set(execution.manual_doors)
+    if manual:
+        options = [{**o, "door_manual": True} if o.get("door") in manual else o for o in graph.lane_options]
+        graph = replace(graph, lane_options=tuple(options))
+    shut = {outage.door: "locked" for _, outage in listed if _from_the_start(outage)}
+    if not execution.disturbances.door_passages_per_h:
+        shut = {str(o["door"]): "manual, and people never open it" for o in graph.lane_options if o.get("door_manual")} | shut
+    if not shut:
+        return graph, ()
+    notes = tuple(f"door '{name}' is {why}: no way for robots" for name, why in sorted(shut.items()))
+    return with_lanes(graph, np.array([options.get("door") not in shut for options in graph.lane_options])), notes
 
 
 def _with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:

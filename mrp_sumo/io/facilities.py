@@ -1,8 +1,9 @@
 """What lifts and doors did, as Parquet, a row for each change.
 
-`lifts.parquet`: `t_s`, `lift`, `state` (closed, coming, open, taken), `level` of the car, `target` level, `robot` for which it comes
-or that is in it ('' for none, '(people)' for people), `doors` (closed, moving, open), `motion` (stopped, up, down).
-`doors.parquet`: `t_s`, `door`, `state` (closed, opening, open, closing). The names of all lifts and doors stand in the files' metadata.
+`lifts.parquet`: `t_s`, `lift`, `state` (closed, coming, open, taken, held), `level` of the car, `target` level, `robot` for which it comes
+or that is in it ('' for none, '(people)' for people), `doors` (closed, moving, open), `motion` (stopped, up, down), `mode` (agv, human,
+fire, offline). `doors.parquet`: `t_s`, `door`, `state` (closed, opening, open, closing), `robot` for which it is open. The names of all
+lifts and doors stand in the files' metadata.
 """
 
 import json
@@ -13,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mrp_sumo.core.facilities import DOOR_STATES, LIFT_DOORS, LIFT_STATES, MOTIONS, PEOPLE, FacilityLog
+from mrp_sumo.core.facilities import DOOR_STATES, LIFT_DOORS, LIFT_MODES, LIFT_STATES, MOTIONS, PEOPLE, FacilityLog
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.io.arrow import dictionary, numbers
 
@@ -24,21 +25,26 @@ WHO_ELSE = {-1: "", PEOPLE: "(people)"}
 
 def write_facilities(folder: Path, log: FacilityLog, robot_name: Sequence[str], level_name: Sequence[str]) -> None:
     """Write a table of lifts, where there are any, and one of doors."""
-    who = [WHO_ELSE.get(r) or (robot_name[r] if r >= 0 else "") for r in log.lift_robot.tolist()]
+
+    def who(robots: IntArray) -> list[str]:
+        return [WHO_ELSE.get(r) or (robot_name[r] if r >= 0 else "") for r in robots.tolist()]
+
     lifts = {
         "t_s": numbers(log.lift_t_s),
         "lift": dictionary([log.lift_name[f] for f in log.lift.tolist()]),
         "state": dictionary([LIFT_STATES[k] for k in log.lift_state.tolist()]),
         "level": dictionary([level_name[k] for k in log.lift_level.tolist()]),
         "target": dictionary([level_name[k] for k in log.lift_target.tolist()]),
-        "robot": dictionary(who),
+        "robot": dictionary(who(log.lift_robot)),
         "doors": dictionary([LIFT_DOORS[k] for k in log.lift_doors.tolist()]),
         "motion": dictionary([MOTIONS[k] for k in log.lift_motion.tolist()]),
+        "mode": dictionary([LIFT_MODES[k] for k in log.lift_mode.tolist()]),
     }
     doors = {
         "t_s": numbers(log.door_t_s),
         "door": dictionary([log.door_name[d] for d in log.door.tolist()]),
         "state": dictionary([DOOR_STATES[k] for k in log.door_state.tolist()]),
+        "robot": dictionary(who(log.door_robot)),
     }
     for name, columns, known in ((LIFTS, lifts, log.lift_name), (DOORS, doors, log.door_name)):
         if known:
@@ -70,8 +76,10 @@ def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequenc
         lift_robot=column(lifts, "robot", robots),
         lift_doors=column(lifts, "doors", numbered(LIFT_DOORS)),
         lift_motion=column(lifts, "motion", numbered(MOTIONS)),
+        lift_mode=column(lifts, "mode", numbered(LIFT_MODES)),
         door_name=door_name,
         door_t_s=frozen(doors["t_s"].to_numpy() if doors else np.zeros(0)),
         door=column(doors, "door", numbered(door_name)),
         door_state=column(doors, "state", numbered(DOOR_STATES)),
+        door_robot=column(doors, "robot", robots),
     )

@@ -294,13 +294,27 @@ class ClosureChoice(_Strict):
 
 
 class OutageChoice(_Strict):
-    """A lift that is out of service for a while."""
+    """A lift that is out of service for a while, or a door that is locked."""
 
-    lift: str = Field(description="Its name.")
+    lift: str = Field("", description="Its name.")
+    door: str = Field("", description="Its name, where doors are automatic.")
     begin_s: Annotated[float, Field(ge=0)] = 0.0
     duration_s: Positive | None = Field(
         None, description="For good by default; planners know of what is out of service from the start for good."
     )
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "OutageChoice":
+        if bool(self.lift) == bool(self.door):
+            raise ValueError("give lift or door")
+        return self
+
+
+class FireChoice(_Strict):
+    """A fire alarm: lifts end their rides, go to where they stood at first, and take nobody."""
+
+    begin_s: Annotated[float, Field(ge=0)]
+    duration_s: Positive | None = Field(None, description="For good by default.")
 
 
 NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs/paper.md
@@ -330,10 +344,15 @@ class DisturbanceChoice(_Strict):
     )
     localisation_rad: float = Field(0.0, description="And of their heading.")
     localisation_tau_s: float = Field(0.0, description="In which such errors are forgotten; 0: every sample has its own.")
+    lift_rides_per_h: float = Field(0.0, description="Of people in each lift, between levels drawn alike.")
+    lift_hold_s: float = Field(10.0, description="Mean time for which they keep its doors open when they board, and again when they leave.")
+    door_passages_per_h: float = Field(0.0, description="Of people through each door, where doors are automatic.")
+    door_hold_s: float = Field(5.0, description="Mean time for which they keep it open.")
     breakdowns: list[BreakdownChoice] = []
     obstacles: list[ObstacleChoice] = []
     closures: list[ClosureChoice] = []
     outages: list[OutageChoice] = []
+    fires: list[FireChoice] = []
 
     @model_validator(mode="before")
     @classmethod
@@ -427,6 +446,9 @@ class ExecutionChoice(_Strict):
     doors: Literal["open", "automatic"] = Field(
         "open",
         description="Whether the map's doors stand open, or open and close for robots, which takes as long as in Open-RMF's simulations.",
+    )
+    manual_doors: list[str] = Field(
+        [], description="Doors that only people open, beside those that the map gives no plugin: robots pass while people keep them open."
     )
     disturbances: DisturbanceChoice = DisturbanceChoice()
 

@@ -36,6 +36,7 @@ class Door:
     end: int
     name: str
     kind: str  # hinged, double_hinged, sliding, double_sliding, or ''
+    is_manual: bool = False  # only people open it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

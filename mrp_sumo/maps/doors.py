@@ -30,7 +30,7 @@ def opening_s(kind: str, width_m: float) -> float:
 def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> PlanGraph:
     """The plan graph with its doors: the option `door` on vertices and lanes that a robot of this radius touches them from.
 
-    Lanes also say how long the door takes (`door_s`). Of two doors, the nearer one counts.
+    Lanes also say how long the door takes (`door_s`), and whether only people open it (`door_manual`). Of two doors, the nearer one counts.
     """
     if building is None:
         return graph
@@ -59,7 +59,8 @@ def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> 
                         continue
                     away[first + place] = m
                     if first:
-                        lane_options[place] = {**lane_options[place], "door": name, "door_s": seconds}
+                        manual = {"door_manual": True} if door.is_manual else {}
+                        lane_options[place] = {**lane_options[place], "door": name, "door_s": seconds} | manual
                     else:
                         vertex_options[place] = {**vertex_options[place], "door": name}
     if not np.isfinite(away).any():

@@ -62,6 +62,8 @@ NAMED: dict[str, list[Any]] = {
     "execution.disturbances.name": ["nav2_like"],
     "execution.disturbances.closures.between": [["crossing_2_1", "crossing_4_1"], ["crossing_2_2", "crossing_3_2"]],
     "execution.disturbances.outages.lift": ["lift_1"],
+    "execution.disturbances.outages.door": ["gate"],
+    "execution.manual_doors": [["gate"]],
     "record.robots": [["robot_0"], []],
     "record.metrics": [[f"{METRIC}:top_speed_mps"]],
 }

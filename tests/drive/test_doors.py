@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from worlds import drive, line, problem_of
 
-from mrp_sumo.core.facilities import DOOR_STATES
+from mrp_sumo.core.facilities import DOOR_STATES, PEOPLE
+from mrp_sumo.drive.disturbances import Disturbances, Outage
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -16,10 +17,12 @@ from mrp_sumo.maps.doors import opening_s, with_doors
 OPENS_S, FAR = 5.0, 12
 
 
-def corridor(opens_s=OPENS_S):
+def corridor(opens_s=OPENS_S, **options):
     """A line with a door between its last two vertices but one."""
     graph = line(FAR)
-    through = [{"door": "gate", "door_s": opens_s} if {a, b} == {FAR - 3, FAR - 2} else {} for a, b in zip(graph.tail, graph.head)]
+    through = [
+        {"door": "gate", "door_s": opens_s, **options} if {a, b} == {FAR - 3, FAR - 2} else {} for a, b in zip(graph.tail, graph.head)
+    ]
     return dataclasses.replace(graph, lane_options=tuple(through))
 
 
@@ -63,6 +66,35 @@ def test_a_door_stays_open_while_the_next_one_is_near(tmp_path):
     run = drive(tmp_path, corridor(), paths, engine="kinematic")
     assert [state for state, _ in states(run)].count("opening") == 1
     assert run.all_at_goal
+
+
+def test_a_door_does_not_close_before_a_robot_that_comes_within_its_closing_and_opening(tmp_path):
+    apart = 5  # vertices, 9 s: less than two times 5 s
+    paths = [list(range(FAR - 4, FAR)), list(range(FAR - 4 - apart, FAR - 1))]
+    run = drive(tmp_path, corridor(), paths, engine="kinematic")
+    closing = [t for state, t in states(run) if state == "closing"]
+    assert [state for state, _ in states(run)].count("opening") == 1
+    assert closing[0] >= run.arrived_s[-1]
+
+
+def test_robots_wait_before_a_locked_door(tmp_path):
+    locked = Disturbances(outages=(Outage(door="gate", begin_s=0.0, duration_s=50.0),))
+    run = drive(tmp_path, corridor(), [list(range(FAR))], engine="kinematic", disturbances=locked)
+    opening = [t for state, t in states(run) if state == "opening"]
+    assert opening == [50.0]
+    assert run.arrived_s[FAR - 2] > 50.0 + OPENS_S
+    assert [event.text for event in run.events if event.kind == "closed"] == ["door 'gate' is locked"]
+
+
+def test_a_manual_door_opens_for_people_only(tmp_path):
+    paths, manual = [list(range(FAR))], corridor(door_manual=True)
+    shut = drive(tmp_path, manual, paths, engine="kinematic")
+    assert not shut.all_at_goal
+    assert states(shut) == [("closed", 0.0)]
+    people = Disturbances(door_passages_per_h=60.0, door_hold_s=10.0)
+    run = drive(tmp_path, manual, paths, engine="kinematic", disturbances=people, time_limit_s=600.0)
+    assert run.all_at_goal
+    assert set(run.facilities.door_robot[run.facilities.door_state == DOOR_STATES.index("opening")].tolist()) == {PEOPLE}
 
 
 def test_robots_need_a_door_open_wherever_they_would_touch_it():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from worlds import problem_of, two_levels
 
-from mrp_sumo.core.facilities import LIFT_STATES
-from mrp_sumo.drive.disturbances import Disturbances, Outage
+from mrp_sumo.core.facilities import LIFT_MODES, LIFT_STATES, PEOPLE
+from mrp_sumo.drive.disturbances import Disturbances, Fire, Outage
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -92,3 +92,42 @@ def test_robots_that_are_resolved_take_the_other_lift(tmp_path):
     assert {
         names[f] for f, k in zip(run.facilities.lift.tolist(), run.facilities.lift_state.tolist()) if k == LIFT_STATES.index("taken")
     } == {"people"}
+
+
+def trips_of(run):
+    """What the first lift did: (state, level, robot), each once in a row."""
+    log = run.facilities
+    rows = zip((LIFT_STATES[k] for k in log.lift_state.tolist()), log.lift_level.tolist(), log.lift_robot.tolist())
+    return list(dict.fromkeys(rows))
+
+
+def test_first_come_first_served_who_waits_before_the_lift_makes_room_for_who_leaves_it(tmp_path):
+    opposite = [[1, 2, *UP, 5, 6, 7], [9, 9, 9, 9, 9, 9, 9, 9, 6, 5, *DOWN, 2, 1, 8]]
+    _, run = planned_and_driven(tmp_path, opposite, policy="open_loop", engine="kinematic", on_deadlock="resolve")
+    assert [event.robot for event in run.events if event.kind == "gave_way"] == [1]
+    assert run.goal_s[0] < run.goal_s[1]
+
+
+def test_robots_wait_while_people_ride(tmp_path):
+    people = Disturbances(lift_rides_per_h=900.0, lift_hold_s=4.0)
+    planned, run = planned_and_driven(tmp_path, ONE_BY_ONE, engine="kinematic", disturbances=people, seed=3)
+    _, again = planned_and_driven(tmp_path, ONE_BY_ONE, engine="kinematic", disturbances=people, seed=3)
+    states = {state for state, _, robot in trips_of(run) if robot == PEOPLE}
+    assert states == {"coming", "held"}
+    assert (run.goal_s > planned.arrive_s[planned.first[1:] - 1] + 1).any()
+    np.testing.assert_array_equal(run.x_m, again.x_m)
+    log = run.facilities
+    human = log.lift_mode == LIFT_MODES.index("human")
+    assert (log.lift_robot[human] == PEOPLE).all()
+
+
+def test_lifts_go_home_and_take_nobody_while_there_is_a_fire(tmp_path):
+    fire = Disturbances(fires=(Fire(22.0, 60.0),))  # robot_0 rides
+    planned, run = planned_and_driven(tmp_path, ONE_BY_ONE, engine="kinematic", disturbances=fire)
+    assert run.goal_s[0] == pytest.approx(planned.arrive_s[planned.first[1] - 1], abs=0.2)  # it rides to the end
+    assert run.goal_s[1] > 82.0
+    log = run.facilities
+    burning = log.lift_mode == LIFT_MODES.index("fire")
+    stands = burning & (log.lift_state == LIFT_STATES.index("open"))
+    assert 0 in log.lift_level[stands]
+    assert [event.text for event in run.events if event.kind == "closed"] == ["fire: lift 'goods' goes to L1"]

@@ -160,7 +160,10 @@ def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) 
         vertex_options=tuple(options),
         lanes=tuple(lane for lane in lanes if lane is not None),
         walls=tuple(edge[:2] for _, _, edge in edges("walls", "wall")),
-        doors=tuple(Door(a, b, str(o.get("name", "null")), str(o.get("type", ""))) for _, _, (a, b, o) in edges("doors", "door")),
+        doors=tuple(
+            Door(a, b, str(o.get("name", "null")), str(o.get("type", "")), o.get("plugin") == "none")
+            for _, _, (a, b, o) in edges("doors", "door")
+        ),
         floors=polygons("floors"),
         holes=polygons("holes"),
         measurements=tuple(_measurement(reader, *m) for m in edges("measurements", "measurement")),
