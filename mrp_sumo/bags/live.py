@@ -1,4 +1,4 @@
-"""/fleet_states, /lift_states, /door_states and /clock of a run while it drives: the messages that its bag will have."""
+"""/clock, /fleet_states, and states of lifts and doors and requests for them while a run drives: the messages that its bag will have."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrp_sumo.bags import streams
-from mrp_sumo.bags.facility_states import DOORS, LIFTS, facility_states
+from mrp_sumo.bags.facility_states import TOPICS, facility_states
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.writer import FLEET_STATES_NS
 from mrp_sumo.core.battery import BatteryLog
@@ -18,7 +18,8 @@ from mrp_sumo.drive.listeners import Moment, way_of
 from mrp_sumo.io.record import RunRecord
 
 CLOCK, FLEET = ("/clock", "rosgraph_msgs/Clock"), ("/fleet_states", "rmf_fleet_msgs/FleetState")
-DEPTH = {CLOCK[0]: 1, FLEET[0]: 10, LIFTS[0]: 100, DOORS[0]: 100}  # of the queues that Open-RMF gives these topics
+TYPE = dict(TOPICS)
+DEPTH = {CLOCK[0]: 1, FLEET[0]: 10, **dict.fromkeys(TYPE, 100)}  # of the queues that Open-RMF gives these topics
 
 
 class LiveMessages:
@@ -42,7 +43,7 @@ class LiveMessages:
             self._facilities.hear(moment)
             m.record = replace(self._at_outset, execution=replace(self._at_outset.execution, facilities=self._facilities.log()))
             for _, topic, message in facility_states(m, now_s, self._until_s):
-                yield topic, LIFTS[1] if topic == LIFTS[0] else DOORS[1], message
+                yield topic, TYPE[topic], message
             self._until_s = now_s
         if now_ns >= self._num_states * FLEET_STATES_NS:
             m.record = replace(self._at_outset, execution=self._now(moment))

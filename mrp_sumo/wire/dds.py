@@ -1,4 +1,4 @@
-"""A run over DDS while it drives, as ROS 2 nodes publish it: /fleet_states, /lift_states, /door_states and /clock, without ROS.
+"""A run over DDS while it drives, as ROS 2 nodes publish it, without ROS: states of fleet, lifts and doors, requests for these, /clock.
 
 ROS 2 calls a topic `/fleet_states` `rt/fleet_states` in DDS, and a type `rmf_fleet_msgs/msg/FleetState`
 `rmf_fleet_msgs::msg::dds_::FleetState_`; queues are reliable, volatile and as deep as Open-RMF's. Needs the extra `dds`.
