@@ -139,6 +139,14 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     return Plan(first, vertex, times("arrive_s"), times("depart_s"), in_steps, turned_s)
 
 
+def goal_headings(path: Path, robot_name: Sequence[str]) -> FloatArray | None:
+    """[R] headings in which robots are to stay, by a plan file that `read_plan` takes; NaN where any will do, None for all of them."""
+    if b'"goal_heading_rad"' not in path.read_bytes():  # the common case, quickly
+        return None
+    named = {robot["name"]: robot.get("goal_heading_rad") for robot in read_json(path, error=PlanError)["robots"]}
+    return frozen(np.array([np.nan if named[name] is None else named[name] for name in robot_name], np.float64))
+
+
 def _fault(visit: Any) -> str:
     """What is wrong with a visit as read; nothing is ''."""
     if not isinstance(visit, dict):

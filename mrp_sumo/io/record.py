@@ -39,6 +39,7 @@ class RunRecord:
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
     costmap: "Costmap | None" = None  # walls
     levels: "Levels | None" = None  # where robots change them
+    goal_heading_rad: FloatArray | None = None  # [R] in which robots are to stay at their goals, NaN: any; None: all of them in any
     constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names, that metrics were computed with
 
     @cached_property
@@ -68,6 +69,7 @@ def record_of(
         nav=nav,
         costmap=costmap,
         levels=levels,
+        goal_heading_rad=None if problem.goal_heading_rad is None else problem.heading_at_target,
         constants=constants_of(scenario.model_dump(mode="json")),
     )
 

@@ -19,7 +19,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import read_json
-from mrp_sumo.formats.plan_json import read_plan
+from mrp_sumo.formats.plan_json import goal_headings, read_plan
 from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.record import RunRecord, constants_of
@@ -193,6 +193,7 @@ class RunFolder:
                 nav=self.nav,
                 costmap=self.costmap,
                 levels=self.samples.levels,
+                goal_heading_rad=goal_headings(self.folder / "plan.json", self.fleet.robot_name) if self.plan else None,
                 constants=constants_of(self.result["scenario"]),
             )
         except DAMAGE as error:

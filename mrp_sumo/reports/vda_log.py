@@ -182,6 +182,8 @@ class Vehicle:
         rows = np.flatnonzero(self.grants.robot == r)
         found += [Happening(t, GRANT, v) for t, v in zip(self.grants.t_s[rows].tolist(), self.grants.visit[rows].tolist())]
         end_s = float(execution.t_s[-1])
+        if self.record.goal_heading_rad is not None and len(way) > 1 and execution.goal_s[r] > way[-1].arrived_s:
+            way = (*way[:-1], way[-1]._replace(arrived_s=float(execution.goal_s[r])))  # it is there once it faces as it is to
         found += [Happening(v.arrived_s, ARRIVE, k) for k, v in enumerate(way) if k and v.arrived_s <= end_s]
         self._note_actions(way)
         for begin_s, until_s in [when[1:] for when in self.actions.values()]:
@@ -240,7 +242,17 @@ class Vehicle:
             made = None
         v = visit.vertex
         xy = (graph.xy[v] - self.record.shift_m[graph.level[v]]).tolist()
-        return node(graph.label(v), sequence, released, xy, graph.level_names[graph.level[v]], [made[0]] if made else ())
+        made_here = [made[0]] if made else ()
+        return node(graph.label(v), sequence, released, xy, graph.level_names[graph.level[v]], made_here, self._heading(k))
+
+    def _heading(self, k: int) -> float:
+        """How the robot is to face at a visit, NaN: in any way; only at its goal is that said."""
+        headings, v = self.record.goal_heading_rad, self.way[k].vertex
+        return (
+            float(headings[self.robot])
+            if headings is not None and k == len(self.way) - 1 and v == self.record.target[self.robot]
+            else np.nan
+        )
 
     def _edge(self, k: int, sequence: int, released: bool) -> Json:
         """The edge after the visit k."""

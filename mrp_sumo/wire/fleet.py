@@ -36,7 +36,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.set_up import SetUp, robot_types
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
 from mrp_sumo.formats.vda.order import Edge, Node
-from mrp_sumo.formats.vda.vehicle import ABILITIES, FAULTS, LIMITS, Body, Vehicle
+from mrp_sumo.formats.vda.vehicle import ABILITIES, FACES_RAD, FAULTS, LIMITS, Body, Vehicle
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of
@@ -91,6 +91,14 @@ class GraphSite:
         """See Site. Nodes of an order may lie farther apart than vertices do, as long as lanes lead there without a detour."""
         return self.route(tail, head) is not None
 
+    def arrival_rad(self, tail: str, head: str) -> float:
+        """See Site."""
+        route = self.route(tail, head)
+        if not route:
+            return math.nan
+        before = route[-2] if len(route) > 1 else self._vertex[tail]
+        return float(self._graph.heading_rad[self._graph.lane_between(before, route[-1])])
+
     def route(self, tail: str, head: str) -> tuple[int, ...] | None:
         """Vertices after one node up to another; None where no lanes lead there."""
         if tail == head:
@@ -120,6 +128,12 @@ class Way:
     rank: list[int] = field(default_factory=list)
     sequence: list[int] = field(default_factory=list)
     limit_mps: list[float] = field(default_factory=list)  # on the edge to each
+    node: list[Node] = field(default_factory=list)
+
+    def turns_to(self, yaw_rad: float) -> float:
+        """How a body that stands at the end is to face; as it does where the last node says nothing, or there is none."""
+        theta_rad = self.node[-1].theta_rad if self.node else math.nan
+        return yaw_rad if math.isnan(theta_rad) else theta_rad
 
 
 class VirtualFleet:
@@ -252,10 +266,12 @@ class VirtualFleet:
             way = self._ways[r]
             passed = 0
             while passed < len(way.rank) and way.rank[passed] <= rank[r]:
+                if passed == len(way.rank) - 1 and not way.node[passed].is_faced(yaw[r], FACES_RAD):
+                    break
                 passed += 1
             if passed:
                 vehicle.reach(way.sequence[passed - 1], now_s)
-                del way.rank[:passed], way.sequence[:passed], way.limit_mps[:passed]
+                del way.rank[:passed], way.sequence[:passed], way.limit_mps[:passed], way.node[:passed]
             vehicle.blocked_by = self._blocked_by(other[r]) if stuck[r] and way.rank and not vehicle.holds else ""
             if vehicle.cancels and ends[r] and visits.next[visits.granted[r]] < 0:
                 vehicle.stand(graph.label(int(visits.vertex[visits.reached[r]])))
@@ -299,6 +315,7 @@ class VirtualFleet:
             way.rank.append(rank)
             way.sequence.append(node.sequence)
             way.limit_mps.append(edge.limit_mps)
+            way.node.append(node)
         return _way_along(vertices, self.now_s)
 
     def _cut(self, robot: int) -> Reroute | None:
@@ -316,11 +333,13 @@ class VirtualFleet:
         self.ledger.append(Replan(ways, "replan", ends=ends), self.policy, self.now_s)
 
     def _hold(self) -> None:
-        """Bodies stand still where their vehicles have them, and keep the limits of their edges."""
-        hold_until, factor = self.world.hold_until, self.world.factor
+        """Bodies stand still where their vehicles have them, keep the limits of their edges, and face as the nodes say where they end."""
+        hold_until, factor, state = self.world.hold_until, self.world.factor, self.ledger.state
         top = self.controller.kinematics.speed_mps
         for r, vehicle in enumerate(self.vehicles):
             hold_until[r] = math.inf if vehicle.holds else 0.0
+            yaw_rad = float(state.motion.yaw_rad[r])
+            state.facing_rad[r] = yaw_rad if vehicle.holds else self._ways[r].turns_to(yaw_rad)
             limit = self._ways[r].limit_mps
             factor[r] = min(1.0, limit[0] / top[r]) if limit else 1.0
 

@@ -63,6 +63,8 @@ class DrivenVehicles(KinematicEngine):
         serials = serials_of(problem.fleet.robot_name)
         epoch_s = time.time()
         self.vehicles = {serial: Driven(Sender(dialect, serial, manufacturer, epoch_s), Orders(serial)) for serial in serials}
+        headings = np.full(len(problem.goal), np.nan) if problem.goal_heading_rad is None else problem.goal_heading_rad
+        self._facing_rad = dict(zip(problem.goal.tolist(), headings.tolist()))  # of goals, NaN: any way
         self._speed, self._steps, self._changed = speed, 0, set(range(len(serials)))
         self._refusals = {name for pair in NAMES.values() for name, _ in pair}
         self._pace: Pace | None = None
@@ -165,9 +167,13 @@ class DrivenVehicles(KinematicEngine):
             name = self._problem.graph.label(vehicle.way[k])
             place = self._site.place(name)
             assert place is not None
-            return node(name, sequence, released, place[:2], place[2])
+            return node(name, sequence, released, place[:2], place[2], yaw_rad=self._heading(vehicle, k))
 
         return made
+
+    def _heading(self, vehicle: Driven, k: int) -> float:
+        """How a vehicle has to face at a visit: where its way ends at a goal, as robots are to stay there."""
+        return self._facing_rad.get(vehicle.way[k], math.nan) if k == len(vehicle.way) - 1 else math.nan
 
     def _edge_maker(self, vehicle: Driven) -> Any:
         def made(k: int, sequence: int, released: bool) -> Json:

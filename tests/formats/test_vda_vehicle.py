@@ -28,6 +28,9 @@ class Row:
     def is_joined(self, tail, head):
         return abs(PLACES[tail][0] - PLACES[head][0]) == 2.0
 
+    def arrival_rad(self, tail, head):
+        return math.nan if tail == head else 0.0 if head > tail else math.pi
+
 
 class World:
     """A vehicle in a row of nodes, and its fleet manager; the body drives as told, at once."""
@@ -107,6 +110,22 @@ def test_update_changes_the_horizon_and_nothing_else_while_the_base_is_driven(wo
     assert world.drive(1) == "b"
     said = world.send(world.order("cb", update=1, begin=4))
     assert [(n["nodeId"], n["sequenceId"]) for n in said["nodeStates"]] == [("c", 4), ("b", 6)] and not said["errors"]
+
+
+@pytest.mark.parametrize(
+    ("theta", "deviation", "free"),
+    [(math.pi / 2, 0.0, "b"), (0.4, 0.3, "b"), (0.4, 0.5, "bcd"), (-0.4, -0.5, "bcd"), (0.01, 0.0, "bcd"), (None, 0.0, "bcd")],
+)
+def test_vehicle_stops_at_a_node_at_which_it_has_to_face_another_way(world, theta, deviation, free):
+    order = world.order("abcd")
+    if theta is not None:
+        order["nodes"][1]["nodePosition"] |= {
+            "theta": theta,
+            "allowedDeviationTheta": abs(deviation) if world.dialect.is_new else deviation,
+        }
+    world.send(order)
+    assert "".join(one.name for one, _ in world.vehicle.new_way()) == free
+    assert world.drive() == free and world.drive() == "bcd"[len(free) :]
 
 
 def test_vehicle_stands_for_a_blocking_action_and_drives_on_when_it_is_done(world):

@@ -2,17 +2,19 @@
 
 import copy
 import json
+import math
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import yaml
-from wire.worlds import driven
+from wire.worlds import SCENARIO, driven
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.vda.check import check
 from mrp_sumo.formats.vda.messages import KINDS, Dialect, serials_of
+from mrp_sumo.formats.vda.recorded import read_log
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.vda_log import write_vda
 
@@ -51,6 +53,19 @@ def of(messages, kind):
 
 def faults(messages):
     return [fault.text for fault in check(json.dumps(m) for m in messages)]
+
+
+@pytest.mark.parametrize("version", ["2.1", "3.0"])
+def test_orders_ask_for_the_headings_in_which_robots_stay(tmp_path, version):
+    folder = driven(tmp_path, SCENARIO | {"robots": {**SCENARIO["robots"], "goal_heading_deg": [90, None]}})
+    write_vda(tmp_path / "vda", load_run(folder).record, version)
+    messages = [json.loads(line) for line in (tmp_path / "vda" / "messages.jsonl").read_text().splitlines()]
+    assert faults(messages) == []
+    ends = {m["topic"].split("/")[-2]: m["payload"]["nodes"][-1]["nodePosition"] for m in of(messages, "order")}
+    assert ends["robot_0"]["theta"] == pytest.approx(math.pi / 2, abs=1e-6) and "theta" not in ends["robot_1"]
+    key, states = Dialect(version).place_key, [m["payload"] for m in of(messages, "state") if "robot_0" in m["topic"]]
+    passed = next(state for state in states if state["lastNodeId"] == "e")
+    assert passed[key]["theta"] == pytest.approx(math.pi / 2, abs=1e-5) and passed["nodeStates"] == [], "it is there once it faces so"
 
 
 @pytest.mark.parametrize("version", ["2.1", "3.0"])
@@ -118,6 +133,15 @@ def acting(messages):
     return [m["payload"] for m in of(messages, "state") if any("factsheet" not in a["actionId"] for a in m["payload"]["actionStates"])][-1]
 
 
+def turned_away(messages):
+    """The last node of robot_0's way asks for another heading than that in which it came."""
+    for message in messages:
+        if "robot_0" in message["topic"] and message["topic"].endswith("/order"):
+            node, last = message["payload"]["nodes"][-1], message["payload"]
+    node["nodePosition"]["theta"] = 0.7
+    assert node["released"], last
+
+
 MUTATIONS = {
     "a header is counted twice": (lambda m: payload_of(m, "state", 3).update(headerId=77), "headerId"),
     "a message is lost": (lambda m: m.remove(of(m, "order")[1]), "order"),
@@ -150,6 +174,7 @@ MUTATIONS = {
     "a node state too few": (lambda m: busy(m)["nodeStates"].pop(0), "nodeStates are"),
     "an edge state with another flag": (lambda m: busy(m)["edgeStates"][-1].update(released=True), "edgeStates are"),
     "off the way": (lambda m: busy(m)["mobileRobotPosition"].update(y=50.0), "off the way"),
+    "the wrong way round": (lambda m: turned_away(m), "whose theta is"),
     "faster than it can": (lambda m: payload_of(m, "visualization", 9)["mobileRobotPosition"].update(x=-9.0), "faster than"),
     "an action nobody sent": (lambda m: acting(m)["actionStates"][-1].update(actionId="x"), "none that was sent"),
     "an unknown status": (lambda m: acting(m)["actionStates"][-1].update(actionStatus="DONE"), "actionStatus 'DONE'"),
@@ -176,7 +201,7 @@ def test_lines_that_are_no_messages_are_found():
     ]
 
 
-def test_messages_of_opentcs_are_read():
+def test_messages_of_opentcs_are_read(tmp_path):
     folder = SCHEMAS.parent / "opentcs" / "messages"
     if not folder.is_dir():
         pytest.skip("openTCS's messages are not beside this repository")
@@ -190,6 +215,17 @@ def test_messages_of_opentcs_are_read():
         found[path.name.split(".")[1]] = found.get(path.name.split(".")[1], []) + faults(
             [online, {"t_s": 0, "topic": f"{topic}/{kind}", "payload": payload}]
         )
+        if kind == "state":  # another's vehicle, recorded
+            lines = [json.dumps({"t_s": 0, "topic": f"{topic}/state", "payload": payload})]
+            (tmp_path / "log.jsonl").write_text("\n".join(lines))
+            if "agvPosition" in payload:
+                (vehicle,) = read_log(tmp_path / "log.jsonl").vehicles.values()
+                place = payload["agvPosition"]
+                assert (vehicle.x_m, vehicle.y_m, vehicle.map_id) == ([place["x"]], [place["y"]], [place["mapId"]])
+                assert vehicle.passed[0][1] == payload["lastNodeId"] and {kind for kind, _ in vehicle.errors} == {"some-error"}
+            else:
+                with pytest.raises(MrpSumoError, match="no state or visualization says where a vehicle is"):
+                    read_log(tmp_path / "log.jsonl")
     assert found["StateTest"] == []
     assert found["OrderTest"] == ["nodes[1].sequenceId is 0, expected 2", "edges[0].sequenceId is 0, expected 1"]  # they test the layout
 

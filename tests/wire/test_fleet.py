@@ -34,6 +34,20 @@ def test_vehicle_drives_its_base_and_stops_at_the_end_of_it(tmp_path, engine):
         assert master.at("robot_0") == (4, 4) and master.states["robot_0"]["lastNodeSequenceId"] == 4
 
 
+@pytest.mark.parametrize("engine", ["kinematic", "sumo"])
+def test_vehicle_turns_to_the_heading_of_a_node_before_it_has_passed_it(tmp_path, engine):
+    with carts(tmp_path, execution={"engine": engine}) as master:
+        master.order("robot_0", "abc", theta={"b": -2.5, "c": 1.0})
+        passed = {}
+        for _ in range(200):
+            master.run(0.1)
+            said = master.states["robot_0"]
+            passed.setdefault(said["lastNodeId"], (said["mobileRobotPosition"]["theta"], master.at("robot_0")))
+        assert passed["b"] == (pytest.approx(-2.5, abs=0.02), (4, 0)), "it has turned there"
+        assert passed["c"] == (pytest.approx(1.0, abs=0.02), (8, 0)) and said["mobileRobotPosition"]["theta"] == pytest.approx(1.0)
+        assert not list(check([line_of(t_s, topic, payload) for t_s, topic, payload in master.all]))
+
+
 def test_extended_base_is_driven_through_without_a_stop(tmp_path):
     with carts(tmp_path) as master:
         master.order("robot_0", "abc", released=2)

@@ -1,10 +1,11 @@
 """Our planners and dispatchers drive vehicles that they know by their messages alone."""
 
 import json
+import math
 
 import numpy as np
 import pytest
-from wire.worlds import TYPE, Coupled, carts, scenario
+from wire.worlds import SCENARIO, TYPE, Coupled, carts, scenario
 
 from mrp_sumo.errors import ExecutionError
 from mrp_sumo.experiments.map_cache import MapCache
@@ -42,6 +43,19 @@ def test_vehicles_that_swap_places_come_to_their_goals_by_orders_that_keep_the_s
     updates = [json.loads(line)["payload"] for line in lines if "/robot_0/order" in line]
     assert len(updates) > 3 and not updates[0]["nodes"][-1]["released"], "released bit by bit"
     assert [one["orderUpdateId"] for one in updates] == list(range(len(updates))), "an order and its updates"
+
+
+def test_vehicles_stay_at_their_goals_in_the_headings_that_were_asked_for(tmp_path):
+    with carts(tmp_path) as master:
+        result, lines = driven(tmp_path, master, robots={**SCENARIO["robots"], "goal_heading_deg": [90, 0]})
+        assert result.status == "completed" and result.audit["passed"], result.note
+        assert [vehicle.body.yaw_rad for vehicle in master.fleet.vehicles] == pytest.approx([math.pi / 2, 0.0])
+    assert list(check(lines)) == []
+    nodes = [node for line in lines if "/order" in line for node in json.loads(line)["payload"]["nodes"]]
+    assert {(node["nodeId"], node["nodePosition"]["theta"]) for node in nodes if "theta" in node["nodePosition"]} == {
+        ("e", 1.570796),
+        ("a", 0),
+    }
 
 
 def test_vehicles_do_tasks_as_they_come(tmp_path):

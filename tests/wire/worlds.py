@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 from contextlib import contextmanager
 
 import yaml
@@ -58,9 +59,10 @@ class Master:
         self.senders = {serial: Sender(dialect, serial) for serial in fleet.serials}
         self.states, self.all = {}, []
 
-    def order(self, serial, names, *, released=99, update=0, order="o1", begin=0, actions=(), limit_mps=2.0, deviation=None):
-        """Send an order along nodes of the map."""
-        nodes = [node(n, begin + 2 * k, k < released, PLACES[n], "L1", dict(actions).get(n, ())) for k, n in enumerate(names)]
+    def order(self, serial, names, *, released=99, update=0, order="o1", begin=0, actions=(), limit_mps=2.0, deviation=None, theta=()):
+        """Send an order along nodes of the map; `actions` and headings `theta` by name of the node."""
+        at, facing = dict(actions), dict(theta)
+        nodes = [node(n, begin + 2 * k, k < released, PLACES[n], "L1", at.get(n, ()), facing.get(n, math.nan)) for k, n in enumerate(names)]
         if deviation is not None:
             nodes[0]["nodePosition"]["allowedDeviationXY"] = deviation
         edges = [

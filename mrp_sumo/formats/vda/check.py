@@ -87,6 +87,8 @@ STATUS = ("WAITING", "INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE", "FINISHED
 OVER = ("FINISHED", "FAILED")
 STAMP = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z")
 OFF_ROUTE_M = 0.5  # from the straight line between the nodes around a vehicle, besides a share of its length
+OFF_RAD = 0.1  # from the heading of a node, besides the deviation that it allows
+STILL_THERE_M = 0.1  # of a node
 OFF_SHARE = 0.25
 MOST_SILENT_S = 31.0  # between states
 MOST_LATE_S = 2.0  # that a vehicle still speaks of the order before
@@ -368,6 +370,8 @@ class _Message:
         if order_id == vehicle.order_id:
             if last < vehicle.passed:
                 yield f"lastNodeSequenceId {last} follows {vehicle.passed}"
+            elif last > vehicle.passed:
+                yield from self._heading(base[last])
             vehicle.passed = max(vehicle.passed, last)
         whole = {**base, **ahead}
         for key, parity in (("nodeStates", 0), ("edgeStates", 1)):
@@ -402,6 +406,18 @@ class _Message:
                 elif vehicle.status.get(name) in OVER and status != vehicle.status[name]:
                     yield f"{key}[{i}]: '{name[:WORDS]}' is {status} after {vehicle.status[name]}"
                 vehicle.status[name] = status
+
+    def _heading(self, node: Mapping[str, Any]) -> Iterator[str]:
+        """A vehicle faces as a node says before it has passed it; one that is on already when it says so may have turned since."""
+        wanted, place = node.get("nodePosition"), self.payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
+        if not all(isinstance(p, Mapping) and all(type(p.get(k)) in NUMBER for k in ("x", "y", "theta")) for p in (wanted, place)):
+            return
+        assert isinstance(wanted, Mapping) and isinstance(place, Mapping)
+        allowed = wanted.get("allowedDeviationTheta", 0.0)
+        off = abs(math.remainder(place["theta"] - wanted["theta"], 2 * math.pi))
+        is_there = math.hypot(place["x"] - wanted["x"], place["y"] - wanted["y"]) < STILL_THERE_M
+        if is_there and off > OFF_RAD + (abs(allowed) if type(allowed) in NUMBER else 0.0):
+            yield f"theta is {place['theta']:g} at '{str(node.get('nodeId'))[:WORDS]}', whose theta is {wanted['theta']:g}"
 
     def _whereabouts(self, x: float, y: float) -> Iterator[str]:
         """A vehicle is at its last node, or on the way from there to the next."""

@@ -110,9 +110,12 @@ def timestamp(t_s: float) -> str:
     return at.strftime("%Y-%m-%dT%H:%M:%S.") + f"{at.microsecond // 1000:03d}Z"
 
 
-def node(name: str, sequence: int, released: bool, xy: Sequence[float], map_id: str, actions: Sequence[Json] = ()) -> Json:
-    """A node of an order."""
-    position = {"x": _short(xy[0]), "y": _short(xy[1]), "mapId": map_id}
+def node(
+    name: str, sequence: int, released: bool, xy: Sequence[float], map_id: str, actions: Sequence[Json] = (), yaw_rad: float = math.nan
+) -> Json:
+    """A node of an order; `yaw_rad` is how a vehicle has to face there, NaN: in any way."""
+    heading = {} if math.isnan(yaw_rad) else {"theta": _angle(yaw_rad)}
+    position = {"x": _short(xy[0]), "y": _short(xy[1]), **heading, "mapId": map_id}
     return {"nodeId": name, "sequenceId": sequence, "released": released, "nodePosition": position, "actions": list(actions)}
 
 

@@ -70,6 +70,17 @@ class Node:
     actions: tuple[Action, ...]
     position: Mapping[str, Any] | None  # x, y, theta and mapId, as sent
     deviation_m: float  # from the position that still counts as being there
+    deviation_rad: float  # and from theta
+
+    @property
+    def theta_rad(self) -> float:
+        """How the vehicle has to face there, NaN: in any way."""
+        return math.nan if self.position is None else float(self.position.get("theta", math.nan))
+
+    def is_faced(self, yaw_rad: float, least_rad: float) -> bool:
+        """Whether a vehicle that faces so does as the node says, within the deviation that it allows, or `least_rad` at least."""
+        off_rad = abs(math.remainder(yaw_rad - self.theta_rad, 2 * math.pi))
+        return not off_rad > max(least_rad, self.deviation_rad)
 
 
 @dataclass(frozen=True)
@@ -222,16 +233,16 @@ def _disorder(order: Order) -> Iterator[str]:
 def _node(one: Any, at: str, dialect: Dialect) -> Node:
     _require(one, NODE, at, OPTIONAL["node"])
     _require_id(one["nodeId"], f"{at}.nodeId")
-    position, deviation_m = one.get("nodePosition"), 0.0
+    position, deviation_m, deviation_rad = one.get("nodePosition"), 0.0, 0.0
     if position is not None:
         inside = f"{at}.nodePosition"
         _require(position, {"x": NUMBER, "y": NUMBER, "mapId": TEXT}, inside, OPTIONAL["position"])
         _require_id(position["mapId"], f"{inside}.mapId")
         _within(position, {"theta": (-PI, PI), "allowedDeviationTheta": (0.0 if dialect.is_new else -PI, PI)}, inside)
-        deviation_m = _deviation(position, inside, dialect)
+        deviation_m, deviation_rad = _deviation(position, inside, dialect), abs(float(position.get("allowedDeviationTheta", 0.0)))
         position = {key: position[key] for key in ("x", "y", "theta", "mapId") if key in position}
     actions = tuple(_actions(one["actions"], f"{at}.actions", dialect))
-    return Node(one["nodeId"], one["sequenceId"], one["released"], actions, position, deviation_m)
+    return Node(one["nodeId"], one["sequenceId"], one["released"], actions, position, deviation_m, deviation_rad)
 
 
 def _deviation(position: Json, at: str, dialect: Dialect) -> float:

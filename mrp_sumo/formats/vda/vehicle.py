@@ -46,6 +46,7 @@ ACTION_S = {  # how long actions take that do not say it
     "finePositioning": 2.0,
 }
 LONGEST_ACTION_S = 86_400.0
+FACES_RAD = 0.02  # from the heading of a node, where that allows no deviation
 NEAR_M = 0.1  # of a node at which a vehicle stands, besides the deviation that an order allows
 SAME_PLACE_M = 0.5  # a node that an order places farther from where the map has it is another
 SAME_POSE_M, SAME_POSE_RAD = 1.0, 0.8  # an initial position farther off is refused
@@ -67,6 +68,9 @@ class Site(Protocol):
 
     def is_joined(self, tail: str, head: str) -> bool:
         """Whether a vehicle can drive from a known node to another without passing a third that has a name."""
+
+    def arrival_rad(self, tail: str, head: str) -> float:
+        """How a vehicle faces that comes from a known node to another that is joined to it; NaN where these are one."""
 
 
 @dataclass(frozen=True)
@@ -169,18 +173,20 @@ class Vehicle:
     def new_way(self) -> list[tuple[Node, Edge]]:
         """Nodes that the body may drive to now and has not been sent to yet, with the edges to them.
 
-        They end at the first node at which it has to stand for an action, and at the end of the base.
+        They end at the first node at which it has to stand for an action or to turn, and at the end of the base.
         """
         if self.cancels or any(doing.is_due and doing.action.stops and not doing.is_over for doing in self.doings.values()):
             return []
-        found = []
+        found, before = [], self.at
         for node, edge, after in self._ahead():
             if not node.released:
                 break
             if node.sequence > self.given:
                 found.append((node, edge))
-            if self._stands_at(node, after):
+            came_rad = self.site.arrival_rad(before, node.name)
+            if self._stands_at(node, after) or not node.is_faced(self.body.yaw_rad if math.isnan(came_rad) else came_rad, FACES_RAD):
                 break
+            before = node.name
         return found
 
     def sent(self, way: Sequence[tuple[Node, Edge]]) -> None:
@@ -189,7 +195,7 @@ class Vehicle:
         self.charging = False
 
     def reach(self, sequence: int, now_s: float) -> None:
-        """The body has come to the nodes up to a sequence number."""
+        """The body has come to the nodes up to a sequence number, and faces as the last of them says."""
         while self.nodes and self.nodes[0].sequence <= sequence:
             node, edge = self.nodes.pop(0), self.edges.pop(0)
             for action in edge.actions:  # what was done on the edge is over at its end
