@@ -28,6 +28,9 @@ from mrp_sumo.io.task_requests import tasks_of_requests
 
 MAX_BYTES = 64_000_000
 MAX_ROUTES = 100_000
+MAX_TASKS = 1_000_000  # of a stream with an end
+MAX_OPEN = 100_000
+MAX_RATE_PER_H, MAX_PER_STEP = 1e6, 1e3
 REVEALED = 1.5  # tasks known for each robot in the League of Robot Runners
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -89,10 +92,12 @@ class TaskChoice(_Strict):
 class ArrivalsChoice(_Strict):
     """When tasks become known; exactly one kind."""
 
-    rate_per_h: Positive | None = Field(None, description="Poisson arrivals.")
+    rate_per_h: Annotated[Positive, Field(le=MAX_RATE_PER_H)] | None = Field(None, description="Poisson arrivals.")
     profile: list[NotNegative] = Field([], description="Of Poisson arrivals: factors on the rate in equal parts of a day.")
-    open: Annotated[int, Field(ge=1)] | None = Field(None, description="So many are always known and not done: a closed loop.")
-    per_step: Positive | None = Field(None, description="Tasks in a planned step; below 1 one with that probability.")
+    open: Annotated[int, Field(ge=1, le=MAX_OPEN)] | None = Field(None, description="So many are always known and not done: a closed loop.")
+    per_step: Annotated[Positive, Field(le=MAX_PER_STEP)] | None = Field(
+        None, description="Tasks in a planned step; below 1 one with that probability."
+    )
     at_once: bool = Field(False, description="All at 0; needs count.")
 
     @model_validator(mode="after")
@@ -112,7 +117,7 @@ class StreamChoice(_Strict):
 
     name: str = Field("task", pattern=r"^[\w.+-]+$")
     arrivals: ArrivalsChoice
-    count: Annotated[int, Field(ge=1)] | None = Field(None, description="Tasks in all; without end by default.")
+    count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(None, description="Tasks in all; without end by default.")
     stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
     zipf: NotNegative = Field(0.0, description="Of groups: the k-th station is drawn with weight 1 / k ** zipf.")
     matrix: dict[str, dict[str, NotNegative]] | None = Field(
@@ -167,7 +172,7 @@ class TasksChoice(_Strict):
         "JSON with task requests of Open-RMF; or .tasks of the League of Robot Runners, for a MovingAI map.",
     )
     streams: tuple[StreamChoice, ...] = ()
-    open: Annotated[int, Field(ge=1)] | None = Field(
+    open: Annotated[int, Field(ge=1, le=MAX_OPEN)] | None = Field(
         None,
         description="So many tasks of all streams together are always known and not done, in the order of their arrival.",
     )

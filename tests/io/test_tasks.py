@@ -118,6 +118,18 @@ def test_damaged_task_requests_are_refused(tmp_path, damage, said):
         tasks_of("orders.json", tmp_path)
 
 
+def test_streams_without_measure_are_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.map").write_text("type octile\nheight 1\nwidth 3\nmap\n...\n")
+    (tmp_path / "much.yaml").write_text(
+        "map: two.map\nrobots: {starts: [v0]}\ntasks:\n  streams:\n  - {arrivals: {open: 100000000000}, stops: [v1]}\n"
+    )
+    assert main(["run", "much.yaml", "--out", "out"]) == 2
+    assert (
+        "much.yaml:5: tasks.streams[0].arrivals.open: found 100000000000, expected less than or equal to 100000" in capsys.readouterr().err
+    )
+
+
 def test_tasks_of_the_league_are_a_pool_in_their_order(tmp_path):
     (tmp_path / "league.tasks").write_text("# cells\n3\n0,3\n5\n2,4\n")
     names = {f"v{k}": k for k in range(5)}

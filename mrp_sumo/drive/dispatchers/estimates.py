@@ -62,7 +62,8 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
     priority = np.array([work.tasks[k].priority for k in waiting], np.int64)
     later_s: FloatArray = np.multiply(np.unique(-priority, return_inverse=True)[1].reshape(-1), LESS_URGENT_S, dtype=np.float64)
     step_s, ends = around.ledger.problem.step_s, np.array([work.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
-    between_s = steps_to(around, ends, waiting).mean(0) * step_s if waiting else np.zeros(0)
+    place, times = np.unique(ends, return_counts=True)  # thousands of tasks may wait, with few places
+    between_s = times @ steps_to(around, place, waiting) / max(len(waiting), 1) * step_s
     rest_s = np.array([task_s(around, work.tasks[k]) for k in waiting], np.float64)
     return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s, typed)
 
