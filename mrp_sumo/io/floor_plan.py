@@ -100,8 +100,9 @@ def read_walls(folder: Path) -> "Costmap | None":
         if not (abs(x_m) < FARTHEST_M and abs(y_m) < FARTHEST_M and 0 < resolution_m < FARTHEST_M):
             raise MrpSumoError(f"origin {x_m:g}, {y_m:g} m and resolution {resolution_m:g} m are no place and size of cells")
         return Costmap((x_m, y_m), resolution_m, frozen(occupied))
-    except (MrpSumoError, OSError, ValueError, KeyError, IndexError, TypeError) as error:
-        raise MrpSumoError(f"{path}: no map of walls: {str(error).splitlines()[0]}") from None
+    except Exception as error:  # Pillow's decoders raise anything on damaged files
+        why = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise MrpSumoError(f"{path}: no map of walls: {why}") from None
 
 
 def _graph_document(graph: NavGraph) -> dict[str, Any]:

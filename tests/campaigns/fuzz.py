@@ -17,6 +17,7 @@ import tempfile
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -349,6 +350,8 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
 def _faults_of(code: Any, errors: str, new: list[str]) -> Iterator[str]:
     if code not in (0, 1, 2):
         yield f"exit code {code!r}"
+    if "out of memory" in errors:
+        yield errors
     if "Traceback (most recent call last)" in errors:
         yield f"a traceback is printed: {errors[-2000:]}"
     if code == 2:
@@ -454,7 +457,7 @@ def _yaml_value(data: bytes, chance: random.Random) -> bytes:
 
     try:
         document = yaml.load(data, yaml.CSafeLoader) if len(data) < 100_000 and not _is_deep(data) else None
-        places = list(_places(document))
+        places = list(islice(_places(document), 10_000))  # aliases may stand for any number
     except (yaml.YAMLError, ValueError, RecursionError):
         return _word(data, chance)
     if not places:
