@@ -33,7 +33,9 @@ def places_of(graph: PlanGraph, nav: NavGraph) -> Places:
     lanes = np.flatnonzero((nav.reverse < 0) | (nav.reverse > np.arange(nav.num_lanes)))
     lane = lanes[_nearest_lane(graph.xy, nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]])] if len(lanes) else np.zeros(len(vertex), int)
     at_vertex = (away_m <= NEAR * graph.cell_m) | (len(lanes) == 0)
-    numbers, of_vertex = np.unique(np.where(at_vertex, vertex, nav.num_vertices + lane), return_inverse=True)
+    stop: dict[object, int] = {}  # of each lift, the first; all of them are one place
+    first = np.array([stop.setdefault(options.get("lift") or v, v) for v, options in enumerate(nav.vertex_options)], np.int64)
+    numbers, of_vertex = np.unique(np.where(at_vertex, first[vertex], nav.num_vertices + lane), return_inverse=True)
     named = [_vertex_place(nav, k) if k < nav.num_vertices else _lane_place(nav, k - nav.num_vertices) for k in numbers.tolist()]
     name, kind = zip(*named)
     return Places(name, kind, frozen(of_vertex.reshape(-1).astype(np.int64)))

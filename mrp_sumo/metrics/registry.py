@@ -94,6 +94,7 @@ METRICS: tuple[Metric, ...] = (
     fleet_use.robots_battery_empty,
     facilities.lift_rides,
     facilities.lift_wait_s,
+    facilities.lift_queue_max,
     facilities.lift_utilisation_max,
     facilities.door_openings,
     zones.zone_occupancy_max,

@@ -14,6 +14,7 @@ from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.worker import Answer, Job, measure
+from mrp_sumo.metrics.facilities import lift_use
 from mrp_sumo.metrics.tasks import steady_from
 
 FUNCTION = f"{__name__}:observe"
@@ -35,8 +36,9 @@ def observation(result: RunResult) -> dict[str, Any]:
     dict
         Of a run with tasks: `released_s, assigned_s, done_s` and `due_s` of every order (None: not, or never); `stations` by name, with
         places, seconds served and queued; `places` by name, with kind, seconds that robots waited to go there and the share of time
-        for which one was there; `vertices`, pairs of a vertex of the plan graph and seconds waited for it; `minutes`, pairs of the mean
-        number of robots in traffic and the metres driven in each minute; `lane_m`; `deadlocks`; `planning_share` of the time; `steady_s`.
+        for which one was there; `lifts` by name, with the share of time for which they were busy and seconds that robots waited before
+        them; `vertices`, pairs of a vertex of the plan graph and seconds waited for it; `minutes`, pairs of the mean number of robots in
+        traffic and the metres driven in each minute; `lane_m`; `deadlocks`; `planning_share` of the time; `steady_s`.
         Of one without, nothing.
     """
     execution, graph = result.execution, result.graph
@@ -53,6 +55,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "steady_s": steady_s,
         "stations": _stations(execution.stops, steady_s, execution.sim_time_s),
         "places": _places(result, x, y, wait_s, int(steady_s / LOOK_S)),
+        "lifts": {use.name: [round(use.busy_share, 4), round(use.waited_s, 1)] for use in lift_use(execution, graph, steady_s)},
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
         "minutes": _minutes(execution, x, y, every),
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),

@@ -23,7 +23,7 @@ PARTS = ("assignment", "empty_travel", "loaded_travel", "standing", "queue", "se
 class Share:
     """How busy something is."""
 
-    kind: str  # 'station', 'planner', 'fleet', 'crossing', 'aisle', 'door', 'lift' or 'area'
+    kind: str  # 'station', 'lift', 'planner', 'fleet', 'crossing', 'aisle', 'door' or 'area'
     name: str
     utilisation: float  # share of the time
     waited_s_per_h: float = 0.0  # of robots, for it
@@ -36,6 +36,7 @@ class Reasons:
     robots: int
     limit: Share
     stations: tuple[Share, ...]  # the busiest first
+    lifts: tuple[Share, ...]  # the busiest first
     places: tuple[Share, ...]  # where most is waited first
     planner: Share
     fleet: Share
@@ -43,9 +44,9 @@ class Reasons:
 
     @property
     def worst(self) -> tuple[Share, ...]:
-        """The three places that bind: full stations first, then where most is waited."""
-        full = [share for share in self.stations if share.utilisation >= FULL]
-        return tuple([*full, *self.places][:3])
+        """The three places that bind: full stations and lifts first, then where most is waited."""
+        full = [share for share in (*self.stations, *self.lifts) if share.utilisation >= FULL]
+        return tuple(dict.fromkeys([*full, *self.places]))[:3]
 
 
 def reasons(point: Point) -> Reasons:
@@ -53,6 +54,7 @@ def reasons(point: Point) -> Reasons:
     runs = point.observed
     hours = sum((point.horizon_s - run["steady_s"]) / HOUR_S for run in runs) or 1.0
     served, queued, room = defaultdict[str, float](float), defaultdict[str, float](float), defaultdict[str, float](float)
+    rides, before = defaultdict[str, float](float), defaultdict[str, float](float)
     waited, occupied, kinds = defaultdict[str, float](float), defaultdict[str, float](float), dict[str, str]()
     vertices = defaultdict[int, float](float)
     for run in runs:
@@ -64,11 +66,16 @@ def reasons(point: Point) -> Reasons:
             waited[name] += seconds
             occupied[name] += share / len(runs)
             kinds[name] = kind
+        for name, (share, seconds) in run["lifts"].items():
+            rides[name] += share / len(runs)
+            before[name] += seconds
         for vertex, seconds in run["vertices"]:
             vertices[vertex] += seconds / hours
     stations = [Share("station", n, served[n] / room[n] if room[n] else 0.0, queued[n] / hours) for n in served]
-    places = [Share(kinds[n], n, occupied[n], waited[n] / hours) for n in waited]
-    stations.sort(key=lambda share: (-share.utilisation, share.name))
+    lifts = [Share("lift", n, rides[n], before[n] / hours) for n in rides]
+    places = lifts + [Share(kinds[n], n, occupied[n], waited[n] / hours) for n in waited if n not in rides]
+    for busiest_first in (stations, lifts):
+        busiest_first.sort(key=lambda share: (-share.utilisation, share.name))
     places.sort(key=lambda share: (-share.waited_s_per_h, share.name))
     planner = Share("planner", "", mean_of([run["planning_share"] for run in runs]))
     fleet = Share("fleet", "", mean_of([r["metrics"].get("robot_busy_share") for r in point.records]))
@@ -76,14 +83,15 @@ def reasons(point: Point) -> Reasons:
     on_the_way = sum(seconds for name, seconds in parts.items() if name not in ("assignment", "serving"))
     crowded = on_the_way > 0 and (parts["standing"] + parts["queue"]) / on_the_way >= CROWDED
     limit = fleet
-    if stations and stations[0].utilisation >= FULL:
-        limit = stations[0]
+    full = [share for share in (*stations, *lifts) if share.utilisation >= FULL]
+    if full:
+        limit = max(full, key=lambda share: share.utilisation)
     elif planner.utilisation >= FULL:
         limit = planner
     elif crowded and places:
         limit = places[0]
     heaviest = sorted(vertices.items(), key=lambda item: (-item[1], item[0]))
-    return Reasons(point.robots, limit, tuple(stations), tuple(places), planner, fleet, tuple(heaviest))
+    return Reasons(point.robots, limit, tuple(stations), tuple(lifts), tuple(places), planner, fleet, tuple(heaviest))
 
 
 def cycle(point: Point) -> dict[str, float]:
