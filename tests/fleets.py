@@ -57,6 +57,7 @@ class Fleets:
                 "due_s": [None] * int(there.sum()),
                 "steady_s": 0.0,
                 "stations": {"a": {"places": 1, "served_s": 36.0 * trial.robots, "queued_s": 5.0, "stops": 9, "over_s": 3600.0}},
+                "lifts": {},
                 "places": {"a \N{EN DASH} b": ["aisle", 40.0, 0.5]},
                 "vertices": [[3, 40.0]],
                 "minutes": [[1.0, 10.0]] * 60,
