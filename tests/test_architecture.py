@@ -16,7 +16,7 @@ FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"files"},
     {"core", "plugins"},
     {"traffic", "search", "maps"},
-    {"formats", "engines"},
+    {"formats", "engines", "crowd"},
     {"planning"},
     {"drive", "metrics", "io"},
     {"bags"},

@@ -10,6 +10,7 @@ import numpy as np
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.task import StopLog, TaskLog
 
@@ -96,6 +97,7 @@ class Execution:
     findings: tuple[str, ...] = field(default=())  # collisions that SUMO itself reports
     level: IntArray | None = None  # [T, R] that robots are on, in the order of the graph's names; None: all of them on one for good
     facilities: FacilityLog | None = None  # what lifts and doors did; None where there are none
+    people: PeopleLog | None = None  # what people did, and what they cost robots; None where there are none
     believed: FloatArray | None = None  # [3, T, R] x, y, yaw: where robots take themselves to be; None: where they are
     sumo_t_s: FloatArray = field(default_factory=lambda: np.zeros(0))  # [K] times within the run at which SUMO was asked
     sumo_xy_m: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # [K, R, 2] where it had the robots

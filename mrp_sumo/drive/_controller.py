@@ -9,6 +9,7 @@ import numpy as np
 from mrp_sumo.drive._causes import DISTURBED, FACILITY, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
 from mrp_sumo.drive._facilities import run_facilities
 from mrp_sumo.drive._observe import observe
+from mrp_sumo.drive._people import book_lost, heed
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._motion import stop_speed
 
@@ -37,7 +38,9 @@ def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditi
     num_logged, num_changed, num_due
         Entries in the log, robots with another speed, robots whose routes end soon.
     """
-    num_logged = observe(now, dt, s_m, kinematics, rules, visits, needs, state, log) if look else 0
+    num_logged = observe(now, dt, s_m, kinematics, rules, visits, needs, state, conditions.people.halted, log) if look else 0
+    if look and conditions.people.any:
+        book_lost(dt, conditions.people)
     if conditions.facilities.any:
         run_facilities(now, dt, kinematics, visits, needs, state, conditions.facilities)
     grant(now, kinematics, rules, visits, needs, state, conditions.closed, conditions.facilities.shut)
@@ -188,7 +191,7 @@ def command(now, dt, kinematics, rules, visits, state, conditions, changed):
     cause, commanded = state.grants.cause, state.grants.command_mps
     known = state.grants.allowed_m if conditions.prompt else conditions.told_m
     factor, hold_until, due, at = conditions.factor, conditions.hold_until_s, visits.due_s, visits.at_m
-    following, reached = visits.next, visits.reached
+    following, reached, people = visits.next, visits.reached, conditions.people
     count = 0
     for r in range(len(s_m)):
         v = min(stop_speed(known[r] - s_m[r] - MARGIN_M, decel[r], dt), top[r] * factor[r])
@@ -199,6 +202,10 @@ def command(now, dt, kinematics, rules, visits, state, conditions, changed):
         k = following[reached[r]]
         if rules.paced and v > 0.0 and k >= 0 and due[k] > now:
             v = min(v, max((at[k] - s_m[r]) / (due[k] - now), SLOWEST * top[r]))
+        if people.any:
+            v = heed(r, v, now, dt, kinematics, visits, state.motion, people)
+            if people.halted[r] and cause[r] != FINISHED:
+                cause[r] = DISTURBED
         if v < 1e-9:
             v = 0.0
         if abs(v - commanded[r]) > 1e-4 or (v == 0.0 and commanded[r] != 0.0):

@@ -32,9 +32,11 @@ AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 
 
 @kernel
-def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
-    """Book the step that ended at `now`; robots have driven `s_m` [R] in all. Returns the number of entries in the log."""
-    move(dt, s_m, kinematics, visits, state.facing_rad, state.motion)
+def observe(now, dt, s_m, kinematics, rules, visits, needs, state, halted, log):
+    """Book the step that ended at `now`; robots have driven `s_m` [R] in all, and those `halted` did not turn. Returns the number of
+    entries in the log.
+    """
+    move(dt, s_m, kinematics, visits, state.facing_rad, halted, state.motion)
     book(dt, visits, state)
     count = watch_progress(now, dt, s_m, rules, visits, state.grants, state.waits, log, 0)
     count = watch_waits(now, dt, rules, state.grants, state.waits, log, count)
@@ -45,7 +47,7 @@ def observe(now, dt, s_m, kinematics, rules, visits, needs, state, log):
 
 
 @kernel
-def move(dt, s_m, kinematics, visits, facing, motion):
+def move(dt, s_m, kinematics, visits, facing, halted, motion):
     """Speeds, and turns in place towards the lane that comes next, or at the end of its way as the robot is to stay."""
     was, moved, speed, yaw, turning = motion.s_m, motion.moved_m, motion.speed_mps, motion.yaw_rad, motion.turning
     reached, following, last, heading, turn_rate = visits.reached, visits.next, visits.last, visits.heading_rad, kinematics.turn_rate_rad_s
@@ -56,7 +58,7 @@ def move(dt, s_m, kinematics, visits, facing, motion):
         target = heading[ahead] if ahead >= 0 else heading[last[r]] if np.isnan(facing[r]) else facing[r]
         away = (target - yaw[r] + np.pi) % (2 * np.pi) - np.pi
         turning[r] = abs(away) > 1e-12
-        if turning[r]:
+        if turning[r] and not halted[r]:
             most = turn_rate[r] * dt
             if abs(away) <= most + 1e-9:
                 yaw[r] = target

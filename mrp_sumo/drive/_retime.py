@@ -51,7 +51,7 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
         now = step * dt
         if step > 0:
             was_mps[:] = speed
-            move(dt, s_m, kinematics, visits, facing, motion)
+            move(dt, s_m, kinematics, visits, facing, conditions.people.halted, motion)
             depart(now - dt, motion.s_m, motion.moved_m, was_mps, visits, left_s)
             before[:] = reached
             arrive(now, dt, s_m, visits, state, log, 0)

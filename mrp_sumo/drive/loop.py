@@ -30,6 +30,7 @@ from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.listeners import AtGoalReport, EventLog, GrantRecorder, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
+from mrp_sumo.drive.people import Bystanders, PeopleRecorder
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
 from mrp_sumo.drive.reroute import Replan, first_of
@@ -86,28 +87,29 @@ def simulate(
     """
     dt, policy = settings.step_length_s, policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))
+    around = Bystanders(settings.people, problem.graph, problem.fleet)
     world = World(
         *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
-        *(float(problem.fleet.radius_m.max()), settings.seed, facilities_of(problem.graph, ledger.resources)),
+        *(float(problem.fleet.radius_m.max()), settings.seed, facilities_of(problem.graph, ledger.resources), around.seen),
     )
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
     # a plan in steps lets robots be early, one with the times of real motion does not
     controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
     recovery = Recovery(ledger, world, settings)
-    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped)
+    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped, around)
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, witness, grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
     facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
+    people = PeopleRecorder(around) if around.any else None
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = plan.vertex if only_first else None
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            drive.run(
-                bodies, [log, recorder, witness, grants, *reports, *listeners, *([facilities] if facilities else [])], recorder.settle
-            )
-        return _execution(drive, plan, log, recorder, witness, grants, facilities)
+            also = [listener for listener in (facilities, people) if listener is not None]
+            drive.run(bodies, [log, recorder, witness, grants, *reports, *listeners, *also], recorder.settle)
+        return _execution(drive, plan, log, recorder, witness, grants, facilities, people)
 
 
 def _engine(
@@ -130,7 +132,8 @@ class Drive:
     recovery: Recovery
     chosen: Policy  # of the scenario; a new plan may be driven by another
     first: Plan
-    stopped: Callable[[], bool] | None = None  # by the user
+    stopped: Callable[[], bool] | None  # by the user
+    people: Bystanders
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
@@ -174,10 +177,13 @@ class Drive:
         """Until all tasks are done, or time is up. The ledger forgets what is over, after whoever needs it has been called."""
         settings, dt, state, conditions = self.settings, self.settings.step_length_s, self.ledger.state, self.world.conditions
         look_every, sample_every = max(1, round(LOOK_EVERY_S / dt)), settings.steps_per_sample
+        self.people.begin(dt, self.ledger, bodies.driven_m)
         wall, cpu, step = time.perf_counter(), time.process_time(), 0
         while True:
             self.events += self.world.update(self.now_s, state.grants)
             self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0)
+            if self.people.any:
+                self.events += self.people.notice(self.now_s)
             is_sample = step % sample_every == 0
             is_last = is_sample and self._is_over()
             if is_last:
@@ -198,6 +204,8 @@ class Drive:
             self.controller.command(bodies)
             moving = (state.grants.command_mps > 0) | (state.motion.speed_mps > 0)
             found = bodies.step(moving)
+            if self.people.any:
+                self.people.settle(self.now_s, dt, self.ledger, bodies.driven_m)
             step += 1
             self.now_s = round(step * dt, 9)
             self.findings += [f"{self.now_s:.2f} s: {finding}" for finding in found]
@@ -208,6 +216,7 @@ class Drive:
         self._update_tasks()
         self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
+        self.events += self.people.close(self.now_s)
 
     def _is_over(self) -> bool:
         if self.outcome is Outcome.DEADLOCK:
@@ -342,6 +351,7 @@ def _execution(
     witness: Witness,
     grants: GrantRecorder,
     facilities: FacilityRecorder | None,
+    people: PeopleRecorder | None,
 ) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
@@ -375,6 +385,7 @@ def _execution(
         calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
         facilities=facilities.log() if facilities else None,
+        people=people.log(ledger.graph) if people else None,
         level=None if level is None else frozen(level),
         believed=believed,
         sumo_t_s=frozen(np.array(witness.t_s)),

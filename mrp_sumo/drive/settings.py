@@ -8,6 +8,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import Battery, Charging
 from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.drive.disturbances import NONE, Disturbances
 from mrp_sumo.errors import ExecutionError, nearest
 
@@ -68,6 +69,7 @@ class ExecutionSettings:
     patience_s: float = 10.0  # of who is blocked for good, before 'resolve' drives around, or plans anew
     replanner: str = "lacam"  # the planner that resolves; '' for none
     disturbances: Disturbances = NONE
+    people: People | LaneSpeeds | None = None  # who walks among the robots, or the speeds that they are drawn instead
 
     def __post_init__(self) -> None:
         for key in ("step_length_s", "time_limit_s", "record_period_s", "blocking_window_s", "patience_s"):

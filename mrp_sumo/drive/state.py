@@ -166,6 +166,50 @@ class Facilities(NamedTuple):
     longest_s: float  # of `call_s`, and of a door's closing and opening
 
 
+class People(NamedTuple):
+    """N people whom R robots see, on L lanes and V vertices, in B bins; `halted` to `lost_share` are written by `_people`, the rest by
+    `drive.people`.
+    """
+
+    any: bool  # whether there are people, or speeds drawn for lanes; else all below is empty, but for `halted`
+    watches: bool  # whether robots have fields
+    halted: BoolArray  # [R] whether somebody is in the robot's protective field, or was just now
+    since_s: FloatArray  # [R] since when
+    free_since_s: FloatArray  # [R] since when the field is free again, inf: it is not
+    in_motion: BoolArray  # [R] whether the robot was in motion then
+    lost_s: FloatArray  # [R] time that people have cost it: 1 s for each second at a standstill, half a second for one at half its speed
+    lost_share: FloatArray  # [R] and what they cost it in this step
+    cap_mps: FloatArray  # [R] the speed drawn for the lane it is on, inf: none
+    x_m: FloatArray  # [N] people
+    y_m: FloatArray  # [N]
+    first: IntArray  # [B + 1] CSR: people by bin
+    member: IntArray
+    low_x: float  # of the lower left bin
+    low_y: float
+    bin_m: float
+    columns: int
+    rows: int
+    vertex_x: FloatArray  # [V]
+    vertex_y: FloatArray  # [V]
+    head_x: FloatArray  # [L] where lanes end
+    head_y: FloatArray  # [L]
+    along_x: FloatArray  # [L] for each metre of them
+    along_y: FloatArray  # [L]
+    is_ride: BoolArray  # [L]
+    half_length_m: FloatArray  # [R]
+    half_width_m: FloatArray  # [R]
+    body_m: float  # radius of people
+    reaction_s: float  # of fields, see `crowd.model.Fields`
+    extra_m: float
+    side_m: float
+    slowest_mps: float
+    restart_s: float
+    robot_x: FloatArray  # [R] where people see robots, NaN: nowhere
+    robot_y: FloatArray  # [R]
+    robot_yaw: FloatArray  # [R]
+    robot_along: FloatArray  # [R] speed towards where the robot faces
+
+
 class Conditions(NamedTuple):
     """What the world lets robots do."""
 
@@ -175,6 +219,7 @@ class Conditions(NamedTuple):
     closed: BoolArray  # [L] lanes nobody may set out on
     prompt: bool  # whether robots know at once what they are granted
     facilities: Facilities
+    people: People
 
 
 class Log(NamedTuple):

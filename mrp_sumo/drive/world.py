@@ -14,7 +14,8 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
 from mrp_sumo.drive.facilities import door_names, lift_names
-from mrp_sumo.drive.state import Conditions, Facilities, Grants
+from mrp_sumo.drive.people import nobody
+from mrp_sumo.drive.state import Conditions, Facilities, Grants, People
 from mrp_sumo.drive.visitors import Visitors
 from mrp_sumo.errors import ExecutionError
 
@@ -49,6 +50,7 @@ class World:
     robot_radius_m: float
     seed: int
     facilities: Facilities
+    people: People | None = None  # nobody by default
     factor: FloatArray = field(init=False)  # [R] on the robots' speeds
     hold_until: FloatArray = field(init=False)  # [R] s
     told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive
@@ -81,7 +83,8 @@ class World:
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
         self._is_calm = not what.any
-        self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt, self.facilities)
+        around = self.people or nobody(self.num_robots)
+        self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt, self.facilities, around)
 
     def inform(self, robots: list[int], allowed_m: FloatArray) -> None:
         """These robots know how far they may drive, allowed_m [R], whatever they were sent before."""

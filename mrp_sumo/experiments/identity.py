@@ -27,11 +27,14 @@ _FLOORS = (
     "planning",
     "formats",
     "engines",
+    "crowd",
     "drive",
     "metrics",
 )
 _FILES = (
+    "io/people.py",
     "io/scenario.py",
+    "experiments/people.py",
     "experiments/run.py",
     "experiments/solve.py",
     "experiments/set_up.py",

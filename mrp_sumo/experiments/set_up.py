@@ -26,6 +26,7 @@ from mrp_sumo.drive.settings import ExecutionSettings, Planning
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.experiments.errands import unreachable
 from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.people import people_of
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario import (
@@ -150,6 +151,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         _require_reachable(file, problem)
     if scenario.tasks is not None:
         settings = _with_tasks(settings, file, map_.nav, problem, models)
+    if scenario.people is not None:
+        settings = replace(settings, people=people_of(file, map_, graph))
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, _with_closures(file, map_.nav, graph, settings), shut + narrow)
 
 
@@ -161,7 +164,8 @@ def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
 def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, driven as another scenario says."""
     require_trust(file)
-    return replace(setup, file=file, settings=_with_closures(file, setup.map.nav, setup.problem.graph, _settings(file)))
+    settings = replace(_settings(file), people=people_of(file, setup.map, setup.problem.graph))
+    return replace(setup, file=file, settings=_with_closures(file, setup.map.nav, setup.problem.graph, settings))
 
 
 def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:

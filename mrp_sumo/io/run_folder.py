@@ -238,6 +238,7 @@ def _write_logs(
     from mrp_sumo.io.battery_table import write_batteries
     from mrp_sumo.io.facilities import write_facilities
     from mrp_sumo.io.grants import write_grants
+    from mrp_sumo.io.people_table import PEOPLE, write_people
     from mrp_sumo.io.replans import write_replans
     from mrp_sumo.io.tasks_table import write_stops, write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
@@ -262,6 +263,8 @@ def _write_logs(
         write_batteries(folder / "battery.parquet", execution.batteries, problem.fleet.robot_name)
     if execution.facilities is not None:
         write_facilities(folder, execution.facilities, problem.fleet.robot_name, problem.graph.level_names)
+    if execution.people is not None:
+        write_people(folder / PEOPLE, execution.people, execution.t_s, levels)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
     if write_bag and scenario.record.bag and len(execution.t_s):
         record = record_of(scenario, problem, result.plan, execution, nav, costmap, levels)

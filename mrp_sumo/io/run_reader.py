@@ -15,6 +15,7 @@ from mrp_sumo.core.execution import Execution, GrantLog, Outcome, PlannerCalls, 
 from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
+from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError
@@ -169,6 +170,7 @@ class RunFolder:
             findings=tuple(self.result["findings"]),
             level=None if samples.level is None else frozen(samples.level),
             facilities=self._facilities(),
+            people=self._people(),
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
             replies=self._replies(),
             grants=self._grants(),
@@ -266,6 +268,11 @@ class RunFolder:
 
         there = [self._has(name) for name in (LIFTS, DOORS)]
         return read_facilities(self.folder, self.fleet.robot_name, self.graph.level_names) if any(there) else None
+
+    def _people(self) -> PeopleLog | None:
+        from mrp_sumo.io.people_table import PEOPLE, read_people
+
+        return read_people(self.folder / PEOPLE, self.samples.t_ns, self.samples.levels) if self._has(PEOPLE) else None
 
     def _calls(self) -> PlannerCalls | None:
         metrics = self.metrics

@@ -32,6 +32,7 @@ from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.columns import MAIN_KEYS, put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
+from mrp_sumo.io.people import PeopleChoice
 from mrp_sumo.io.tasks import TasksChoice
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.plugins.source import program_of
@@ -503,6 +504,7 @@ class Scenario(_Strict):
     assignment: Assignment = Assignment()
     planner: PlannerChoice = PlannerChoice()
     tasks: TasksChoice | None = Field(None, description="Work that comes while robots drive; then robots have no goals of their own.")
+    people: PeopleChoice | None = Field(None, description="People who walk among the robots. A number alone is short for their count.")
     execution: ExecutionChoice = ExecutionChoice()
     record: Recording = Recording()
 
@@ -527,13 +529,16 @@ class Scenario(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _short_forms(cls, data: Any) -> Any:
-        """`map: office`, `planner: cbs`, `discretisation: grid` and `robots: 9` stand for their main key, a list of robots for `fleet`."""
+        """`map: office`, `planner: cbs`, `discretisation: grid`, `robots: 9` and `people: 20` stand for their main key, and a list of
+        robots for `fleet`.
+        """
         if isinstance(data, dict):
             for key, main, kind in (
                 ("map", "file", str),
                 ("planner", "name", str),
                 ("discretisation", "kind", str),
                 ("robots", "count", int),
+                ("people", "count", int),
                 ("robots", "fleet", list),
             ):
                 if isinstance(data.get(key), kind) and not isinstance(data[key], bool):

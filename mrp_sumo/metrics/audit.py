@@ -14,7 +14,7 @@ from mrp_sumo.core.execution import Execution, Outcome, positions_at
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.maps.boxes import overlapping
-from mrp_sumo.metrics import _audit, _walls
+from mrp_sumo.metrics import _audit, _people, _walls
 from mrp_sumo.metrics.metric import TOGETHER
 
 LISTED = 20  # findings of a kind that are listed one by one
@@ -57,10 +57,14 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
         `min_clearance` with robots and time; `num_wall_contacts`, pairs of a robot and a wall that its footprint ever
         touches, `num_wall_crossings`, those whose wall its centre crosses, and `wall_contacts`, each pair's first one
         (robot, t_s, x_m, y_m of the robot, crosses); `min_wall_clearance_m`, the least distance of a footprint from a
-        wall, and `min_wall_clearance` with robot and time, all None without walls; counts of samples over the limits of
-        speed, acceleration, deceleration and turn rate; `num_jumps`, steps longer than the robot can drive in the time between two
-        samples, and `num_heading_jumps`, turns of more than twice what it can turn; `violations`, the first
-        of each kind; `num_sumo_disagreements`, robots SUMO had elsewhere, and `sumo_disagreements`, the
+        wall, and `min_wall_clearance` with robot and time, all None without walls; `num_person_contacts`, how often a robot that
+        moves faster than its field allows comes to touch a person, `num_person_touches`, how often people come to touch one that
+        stands, or brakes as its field demands, `person_contacts`, the first of both (robot, t_s, person, kind),
+        `num_field_violations`, samples of robots that are faster than their fields allow and do not brake, `field_violations`, the
+        first of them, and `min_person_distance_m`, the least distance of a moving footprint from a person, all None without people;
+        counts of samples over the limits of speed, acceleration, deceleration and turn rate; `num_jumps`, steps longer than the
+        robot can drive in the time between two samples, and `num_heading_jumps`, turns of more than twice what it can turn;
+        `violations`, the first of each kind; `num_sumo_disagreements`, robots SUMO had elsewhere, and `sumo_disagreements`, the
         first of each; `sumo_apart_m`, the most that SUMO's positions are off (None without any);
         `num_sumo_collisions`, what SUMO reports of collisions, and `sumo_collisions`.
     """
@@ -68,16 +72,19 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
         execution, level = _on_floors(execution, execution.level), None
     overlaps, clearance = _closeness(_apart(execution), fleet, level)
     walls_found = _at_walls(execution, fleet, walls)
+    people_found = _among_people(execution, fleet)
     counts, violations = _motion(execution, fleet)
     elsewhere, apart_m = _elsewhere(execution, fleet)
     collisions = execution.findings
     return {
-        "passed": not (overlaps or walls_found["num_wall_contacts"] or any(counts.values()) or elsewhere or collisions),
+        "passed": not (overlaps or walls_found["num_wall_contacts"] or any(counts.values()) or elsewhere or collisions)
+        and not (people_found["num_person_contacts"] or people_found["num_field_violations"]),
         "num_overlaps": len(overlaps),
         "overlaps": overlaps[:LISTED],
         "min_clearance_m": clearance["m"] if clearance else None,
         "min_clearance": clearance and {key: clearance[key] for key in ("robots", "t_s")},
         **walls_found,
+        **people_found,
         **counts,
         "violations": violations,
         "num_sumo_disagreements": len(elsewhere),
@@ -170,6 +177,33 @@ def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> d
         "wall_contacts": contacts,
         "min_wall_clearance_m": float(best) if nearest else None,
         "min_wall_clearance": nearest,
+    }
+
+
+def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
+    """Contacts of footprints with people, and robots that are faster than their fields allow."""
+    log, names = execution.people, ("num_person_contacts", "num_person_touches", "person_contacts")
+    if log is None or not len(execution.t_s):
+        return dict.fromkeys((*names, "num_field_violations", "field_violations", "min_person_distance_m"))
+    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
+    touches, fast, nearest = _people.meet_people(
+        *(_rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad), _rows(execution.speed_mps), period_s),
+        *(fleet.length_m / 2, fleet.width_m / 2, _rows(fleet.decel_mps2), log.first, log.person, log.x_m, log.y_m, log.radius_m),
+        np.array([log.extra_m, log.reaction_s, log.side_m, log.slowest_mps]),
+    )
+    kinds, num_fast = ("standing", "braking", "too_fast"), int((touches[:, 3] == _people.TOO_FAST).sum())
+
+    def where(k: float, r: float) -> dict[str, Any]:
+        return {"robot": fleet.robot_name[int(r)], "t_s": float(execution.t_s[int(k)])}
+
+    worst = touches[np.argsort(-touches[:, 3], kind="stable")[:LISTED]]
+    return {
+        "num_person_contacts": num_fast,
+        "num_person_touches": len(touches) - num_fast,
+        "person_contacts": [{**where(k, r), "person": int(p), "kind": kinds[int(kind)]} for k, r, p, kind in worst.tolist()],
+        "num_field_violations": len(fast),
+        "field_violations": [{**where(k, r), "speed_mps": v} for k, r, v in fast[:LISTED].tolist()],
+        "min_person_distance_m": float(nearest[0]) if np.isfinite(nearest[0]) else None,
     }
 
 

@@ -3,7 +3,7 @@
 Documentation, reports, comparisons and batches read this table; a metric's unit, sense and formula stand nowhere else.
 """
 
-from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, planning, safety, service, tasks, zones
+from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, people, planning, safety, service, tasks, zones
 from mrp_sumo.metrics.metric import YES_NO, Metric
 
 METRICS: tuple[Metric, ...] = (
@@ -97,6 +97,13 @@ METRICS: tuple[Metric, ...] = (
     facilities.lift_queue_max,
     facilities.lift_utilisation_max,
     facilities.door_openings,
+    people.num_people,
+    people.protective_stops_per_robot_h,
+    people.lost_to_people_s,
+    people.min_person_distance_m,
+    people.people_waiting_s,
+    people.num_person_contacts,
+    people.num_person_touches,
     zones.zone_occupancy_max,
     zones.zone_robots_mean_max,
     zones.zone_robots_max,

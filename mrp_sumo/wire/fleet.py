@@ -152,7 +152,7 @@ class VirtualFleet:
             For a fault of a vehicle that is not there.
         """
         problem, settings = setup.problem, setup.settings
-        self.settings: ExecutionSettings = replace(settings, disturbances=NONE)
+        self.settings: ExecutionSettings = replace(settings, disturbances=NONE, people=None)
         self.link, self.dialect, self.reporting = link, dialect, reporting
         self.site = GraphSite(problem.graph, setup.map.level_shift_m)
         check_room(problem)

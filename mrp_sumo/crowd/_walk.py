@@ -1,0 +1,331 @@
+"""The kernel of a crowd: the social force model of Helbing and Molnar (Phys. Rev. E 51, 4282, 1995), in steps of at most 0.04 s.
+
+People are drawn to their places at the speeds that they like, pushed away by each other, by walls and by robots, and see what is
+ahead of them better than what is behind. Three things are not in the paper. Who walks behind another keeps to a speed at which that
+one stays a time ahead, without which dense crowds are too fast. The push of walls never slows anybody down, since ways know of
+walls. And nobody gets into a robot or through a wall by walking. Neighbours come from bins, so that the work grows with the number
+of people.
+"""
+
+import numpy as np
+
+from mrp_sumo.crowd._floor import NO_WAY, NUM_ANGLES, THERE, distance_to_wall
+from mrp_sumo.search._kernel import kernel
+
+STEP_S = 0.04  # at most
+RELAX_S = 0.5  # tau
+PAIR_M2PS2, PAIR_M, AHEAD_S = 2.1, 0.3, 2.0  # V0 and sigma of the pair potential; the step that others are seen to take
+WALL_M2PS2, WALL_M = 10.0, 0.2  # U0 and R of the walls' potential
+SIGHT, BEHIND = np.cos(np.radians(100.0)), 0.5  # people see so far to the side; what they do not see counts half
+FASTEST = 1.3  # of the speed that one likes
+MOST_MPS2 = 10.0  # of one other's push
+BIN_M = 2.5  # others farther away do not matter
+BODY_M = 0.25  # radius
+LANE_M, BODY_LENGTH_M, HEADWAY_S = 0.4, 0.35, 0.8  # who is ahead this far to the side; its depth; the time that it stays ahead
+KEEP_RIGHT = np.radians(3.0)
+ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
+ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
+CLEAR_M = 0.02  # beside a robot
+AT_WALL_M = 0.15  # nobody's centre is closer to a wall
+SLOW = 0.2  # of the speed that one likes: who is slower stands
+BEFORE_ROBOT_M = 1.2  # and waits for a robot that is no farther
+PATIENCE_S, AWAY_S = 8.0, 12.0  # who has stood so long goes back for a while
+
+
+@kernel
+def walk(now, dt, count, walkers, ground, robots, ways):
+    """Let the first `count` people walk for `dt` seconds from `now`, among robots where these will be then.
+
+    Parameters
+    ----------
+    ways
+        [S, C] uint8, see `_floor.march`.
+
+    Returns
+    -------
+    int
+        How many are where they wanted to go.
+    """
+    put_in_bins(robots.x_m, robots.y_m, len(robots.x_m), ground, robots.first, robots.member)
+    num_steps = max(1, int(np.ceil(dt / STEP_S - 1e-9)))
+    h = dt / num_steps
+    for _ in range(num_steps):
+        put_in_bins(walkers.x_m, walkers.y_m, count, ground, walkers.first, walkers.member)
+        for p in range(count):
+            push(now, p, walkers, ground, robots, ways)
+        for p in range(count):
+            move(h, p, walkers, ground, robots)
+    put_in_bins(walkers.x_m, walkers.y_m, count, ground, walkers.first, walkers.member)
+    num_there = 0
+    for p in range(count):
+        look_back(now + dt, dt, p, walkers, ground, robots)
+        num_there += walkers.is_there[p]
+    return num_there
+
+
+@kernel
+def put_in_bins(x, y, count, ground, first, member):
+    """Sort people or robots into bins; NaN: into none."""
+    first[:] = 0
+    for p in range(count):
+        if x[p] == x[p]:
+            first[bin_of(x[p], y[p], ground) + 1] += 1
+    for b in range(1, len(first)):
+        first[b] += first[b - 1]
+    total = first[len(first) - 1]
+    for p in range(count - 1, -1, -1):
+        if x[p] == x[p]:
+            b = bin_of(x[p], y[p], ground) + 1
+            first[b] -= 1
+            member[first[b]] = p
+    for b in range(len(first) - 1):  # each is where its bin begins
+        first[b] = first[b + 1]
+    first[len(first) - 1] = total
+
+
+@kernel(inline="always")
+def bin_of(x, y, ground):
+    """The bin of a place; those beyond the edge count as at it."""
+    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
+    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
+    return row * ground.columns + column
+
+
+@kernel(inline="always")
+def cell_of(x, y, ground):
+    """The cell of a place, at the edge for those beyond."""
+    column = min(max(int((x - ground.x_m) / 0.2), 0), ground.width - 1)
+    row = min(max(int((y - ground.y_m) / 0.2), 0), ground.height - 1)
+    return row * ground.width + column
+
+
+@kernel
+def push(now, p, walkers, ground, robots, ways):
+    """What drives a person, and what pushes it."""
+    x, y, vx, vy = walkers.x_m[p], walkers.y_m[p], walkers.vx_mps[p], walkers.vy_mps[p]
+    wish, cell = walkers.wish_mps[p], cell_of(walkers.x_m[p], walkers.y_m[p], ground)
+    is_away = now < walkers.away_until_s[p]
+    code = ways[walkers.home[p] if is_away else walkers.goal[p], cell]
+    if code == NO_WAY:
+        code = ground.back[cell]
+    if code == THERE and not is_away:
+        walkers.is_there[p] = True
+    ex, ey = 0.0, 0.0
+    if code < NUM_ANGLES:
+        angle = code * (2.0 * np.pi / NUM_ANGLES)
+        ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
+    tx, ty = round_robots(x, y, ex, ey, ground, robots)
+    ax, ay, gap = push_of_people(p, x, y, ex, ey, walkers, ground)
+    rx, ry = push_of_robots(x, y, ex, ey, ground, robots)
+    wx, wy = push_of_walls(x, y, ex, ey, ground, cell)
+    goes = min(wish, max(gap - BODY_LENGTH_M, 0.0) / HEADWAY_S)
+    walkers.ax_mps2[p] = (goes * tx - vx) / RELAX_S + ax + rx + wx
+    walkers.ay_mps2[p] = (goes * ty - vy) / RELAX_S + ay + ry + wy
+
+
+@kernel
+def push_of_people(p, x, y, ex, ey, walkers, ground):
+    """The push of others, and how far ahead the next of them is."""
+    ax, ay, gap = 0.0, 0.0, np.inf
+    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
+    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
+    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
+        begin = walkers.first[r * ground.columns + max(column - 1, 0)]
+        end = walkers.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
+        for k in range(begin, end):
+            q = walkers.member[k]
+            dx, dy = x - walkers.x_m[q], y - walkers.y_m[q]
+            away = np.hypot(dx, dy)
+            if q == p or away > BIN_M:
+                continue
+            ahead, aside = -(dx * ex + dy * ey), abs(dx * ey - dy * ex)
+            if ahead > 0.0 and aside < LANE_M:
+                gap = min(gap, ahead)
+            away = max(away, 1e-3)
+            sx, sy = AHEAD_S * walkers.vx_mps[q], AHEAD_S * walkers.vy_mps[q]
+            step = sx * sx + sy * sy
+            ox, oy = dx - sx, dy - sy
+            other = max(np.hypot(ox, oy), 1e-3)
+            twice = max(np.sqrt(max((away + other) ** 2 - step, 0.0)), 0.1)
+            size = PAIR_M2PS2 / PAIR_M * np.exp(-twice / 2.0 / PAIR_M) * (away + other) / (2.0 * twice)
+            fx, fy = size * (dx / away + ox / other), size * (dy / away + oy / other)
+            long = np.hypot(fx, fy)
+            scale = MOST_MPS2 / long if long > MOST_MPS2 else 1.0
+            if -(ex * fx + ey * fy) < long * SIGHT:
+                scale *= BEHIND
+            ax += scale * fx
+            ay += scale * fy
+    return ax, ay, gap
+
+
+@kernel
+def push_of_walls(x, y, ex, ey, ground, cell):
+    """The push of the nearest wall, to the side only: a way through a door leads through it."""
+    away, nx, ny = nearest_wall(x, y, ground, cell)
+    if away == np.inf:
+        return 0.0, 0.0
+    size = WALL_M2PS2 / WALL_M * np.exp(-away / WALL_M)
+    fx, fy = size * nx, size * ny
+    back = min(fx * ex + fy * ey, 0.0)
+    return fx - back * ex, fy - back * ey
+
+
+@kernel
+def nearest_wall(x, y, ground, cell):
+    """Distance of the nearest wall, inf where none is near, and the direction away from it."""
+    best, nearest = np.inf, -1
+    for k in range(ground.first[cell], ground.first[cell + 1]):
+        w = ground.near[k]
+        away = distance_to_wall(x, y, ground.walls[w, 0], ground.walls[w, 1], ground.walls[w, 2], ground.walls[w, 3])
+        if away < best:
+            best, nearest = away, w
+    if nearest < 0:
+        return best, 0.0, 0.0
+    x0, y0 = ground.walls[nearest, 0], ground.walls[nearest, 1]
+    dx, dy = ground.walls[nearest, 2] - x0, ground.walls[nearest, 3] - y0
+    long = dx * dx + dy * dy
+    share = min(max(((x - x0) * dx + (y - y0) * dy) / long, 0.0), 1.0) if long > 0.0 else 0.0
+    nx, ny = x - x0 - share * dx, y - y0 - share * dy
+    size = max(np.hypot(nx, ny), 1e-9)
+    return best, nx / size, ny / size
+
+
+@kernel(inline="always")
+def from_robot(x, y, robot, robots, reach_s):
+    """Distance of a point from a robot's footprint, negative inside, and the direction away from it.
+
+    The footprint is stretched by what the robot drives in `reach_s`.
+    """
+    cos, sin = np.cos(robots.yaw_rad[robot]), np.sin(robots.yaw_rad[robot])
+    dx, dy = x - robots.x_m[robot], y - robots.y_m[robot]
+    stretch = robots.along_mps[robot] * reach_s / 2.0
+    u, v = cos * dx + sin * dy - stretch, cos * dy - sin * dx
+    a, b = robots.half_length_m[robot] + abs(stretch), robots.half_width_m[robot]
+    out_u, out_v = abs(u) - a, abs(v) - b
+    if out_u <= 0.0 and out_v <= 0.0:
+        if out_u > out_v:
+            away, mx, my = out_u, np.sign(u), 0.0
+        else:
+            away, mx, my = out_v, 0.0, 1.0 if v >= 0.0 else -1.0
+    else:
+        mx, my = max(out_u, 0.0) * np.sign(u), max(out_v, 0.0) * np.sign(v)
+        away = max(np.hypot(mx, my), 1e-9)
+        mx, my = mx / away, my / away
+    return away, cos * mx - sin * my, sin * mx + cos * my
+
+
+@kernel
+def push_of_robots(x, y, ex, ey, ground, robots):
+    """The push of robots and of where they will soon be."""
+    ax, ay = 0.0, 0.0
+    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
+    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
+    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
+        begin = robots.first[r * ground.columns + max(column - 1, 0)]
+        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
+        for k in range(begin, end):
+            away, nx, ny = from_robot(x, y, robots.member[k], robots, ROBOT_AHEAD_S)
+            if away > BIN_M:
+                continue
+            size = ROBOT_MPS2 * np.exp(-max(away - BODY_M, 0.0) / ROBOT_M)
+            if -(ex * nx + ey * ny) < SIGHT:
+                size *= BEHIND
+            ax += size * nx
+            ay += size * ny
+    return ax, ay
+
+
+@kernel
+def round_robots(x, y, ex, ey, ground, robots):
+    """The direction that leads past the robots that stand or come in the way, on the side with room."""
+    tx, ty, nearest = ex, ey, ROUND_M
+    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
+    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
+    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
+        begin = robots.first[r * ground.columns + max(column - 1, 0)]
+        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
+        for k in range(begin, end):
+            i = robots.member[k]
+            dx, dy = robots.x_m[i] - x, robots.y_m[i] - y
+            ahead, left = dx * ex + dy * ey, dy * ex - dx * ey
+            beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
+            if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
+                continue
+            side = -1.0 if left > -0.05 else 1.0  # to the right of a robot that is right ahead
+            for _ in range(2):
+                bx, by = dx - side * ey * beside, dy + side * ex * beside  # the point to pass
+                if ground.free[cell_of(x + bx, y + by, ground)]:
+                    size = np.hypot(bx, by)
+                    tx, ty, nearest = bx / size, by / size, ahead
+                    break
+                side = -side
+    return tx, ty
+
+
+@kernel
+def move(h, p, walkers, ground, robots):
+    """A step: no faster than a person walks, not into robots, not through walls."""
+    x, y = walkers.x_m[p], walkers.y_m[p]
+    vx, vy = walkers.vx_mps[p] + h * walkers.ax_mps2[p], walkers.vy_mps[p] + h * walkers.ay_mps2[p]
+    speed, most = np.hypot(vx, vy), FASTEST * walkers.wish_mps[p]
+    if speed > most:
+        vx, vy = vx * most / speed, vy * most / speed
+    nx, ny = x + h * vx, y + h * vy
+    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
+    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
+    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
+        begin = robots.first[r * ground.columns + max(column - 1, 0)]
+        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
+        for k in range(begin, end):
+            away, ox, oy = from_robot(nx, ny, robots.member[k], robots, 0.0)
+            short = BODY_M + CLEAR_M - away
+            if short > 0.0:
+                nx, ny = nx + short * ox, ny + short * oy
+    away, ox, oy = nearest_wall(nx, ny, ground, cell_of(nx, ny, ground))
+    if away < AT_WALL_M:
+        nx, ny = nx + (AT_WALL_M - away) * ox, ny + (AT_WALL_M - away) * oy
+    if leads_through_wall(x, y, nx, ny, ground):
+        nx, ny = x, y
+    walkers.vx_mps[p], walkers.vy_mps[p] = (nx - x) / h, (ny - y) / h
+    speed = np.hypot(nx - x, ny - y) / h
+    if speed > most:  # it was pushed
+        walkers.vx_mps[p], walkers.vy_mps[p] = (nx - x) / h * most / speed, (ny - y) / h * most / speed
+    walkers.x_m[p], walkers.y_m[p] = nx, ny
+
+
+@kernel
+def leads_through_wall(x, y, nx, ny, ground):
+    """Whether a step crosses a wall."""
+    cell = cell_of(x, y, ground)
+    for k in range(ground.first[cell], ground.first[cell + 1]):
+        w = ground.near[k]
+        x0, y0, x1, y1 = ground.walls[w, 0], ground.walls[w, 1], ground.walls[w, 2], ground.walls[w, 3]
+        a, b = (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0), (x1 - x0) * (ny - y0) - (y1 - y0) * (nx - x0)
+        c, d = (nx - x) * (y0 - y) - (ny - y) * (x0 - x), (nx - x) * (y1 - y) - (ny - y) * (x1 - x)
+        if a * b <= 0.0 and c * d <= 0.0 and (a != 0.0 or b != 0.0):
+            return True
+    return False
+
+
+@kernel
+def look_back(now, dt, p, walkers, ground, robots):
+    """Whether a person stands, and before a robot; who has stood for long goes back a little."""
+    x, y = walkers.x_m[p], walkers.y_m[p]
+    if np.hypot(walkers.vx_mps[p], walkers.vy_mps[p]) >= SLOW * walkers.wish_mps[p]:
+        walkers.stuck_s[p] = max(walkers.stuck_s[p] - dt, 0.0)
+        return
+    nearest = np.inf
+    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
+    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
+    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
+        begin = robots.first[r * ground.columns + max(column - 1, 0)]
+        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
+        for k in range(begin, end):
+            away, _, _ = from_robot(x, y, robots.member[k], robots, 0.0)
+            nearest = min(nearest, away)
+    if nearest <= BEFORE_ROBOT_M:
+        walkers.waited_s[p] += dt
+    walkers.stuck_s[p] += dt
+    if walkers.stuck_s[p] >= PATIENCE_S:
+        walkers.stuck_s[p] = 0.0
+        walkers.away_until_s[p] = now + AWAY_S

@@ -1,0 +1,92 @@
+"""Who walks in a building: how many, between which places, at which times of day and how fast; and what robots do about it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.crowd.floor import Floor
+
+HOUR_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Flow:
+    """People who go from one of some places to one of others."""
+
+    origins: tuple[int, ...]  # places
+    destinations: tuple[int, ...]
+    per_hour: float
+    profile: tuple[tuple[float, float], ...] = ((0.0, 1.0),)  # from this hour of the day on, so many times `per_hour`
+
+    def rate_per_s(self, hour: float) -> float:
+        """How often somebody sets out at an hour of the day; before the first hour of the profile the last one of the day before counts."""
+        return self.per_hour / HOUR_S * next((share for since, share in reversed(self.profile) if since <= hour % 24), self.profile[-1][1])
+
+    @property
+    def most_per_s(self) -> float:
+        """The highest rate of the day."""
+        return self.per_hour / HOUR_S * max(share for _, share in self.profile)
+
+
+@dataclass(frozen=True)
+class Group:
+    """People who walk alike: their speeds are normally distributed, cut off two standard deviations from the mean."""
+
+    share: float  # of all people, to be divided by the sum of all shares
+    speed_mps: float = 1.34
+    spread_mps: float = 0.26
+
+
+@dataclass(frozen=True)
+class Fields:
+    """The warning and protective fields of robots, see `reach_m`."""
+
+    scanner_s: float = 0.1  # until the scanner has seen somebody
+    control_s: float = 0.1  # and the brakes take hold
+    tolerance_m: float = 0.1  # TZ, of the scanner's distances
+    reflection_m: float = 0.2  # Z_R, for reflectors nearby
+    ground_m: float = 0.05  # Z_F, for want of ground clearance
+    braking_m: float = 0.1  # Z_B, for brakes that have worn
+    side_m: float = 0.1  # beside the footprint
+    slowest_mps: float = 0.1  # the warning field slows a robot down to this
+    restart_s: float = 2.0  # for which the protective field has to be free before the robot goes on
+
+    @property
+    def extra_m(self) -> float:
+        """TZ + Z_R + Z_F + Z_B."""
+        return self.tolerance_m + self.reflection_m + self.ground_m + self.braking_m
+
+    def reach_m(self, speed_mps: float, decel_mps2: float) -> float:
+        """S_L = S_A + TZ + Z_R + Z_F + Z_B with S_A = v^2 / (2 d) + v (t_control + t_scanner): how far the protective field reaches."""
+        return speed_mps**2 / (2 * decel_mps2) + speed_mps * (self.control_s + self.scanner_s) + self.extra_m
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """Who walks where. Either `count` people are there all the time, or they come by `flows`."""
+
+    floor: Floor
+    place: IntArray  # [K] cells of the places between which people walk
+    count: int = 0
+    flows: tuple[Flow, ...] = ()
+    groups: tuple[Group, ...] = (Group(1.0),)
+    clock_h: float = 8.0  # the hour of the day at which the run begins
+    fields: Fields | None = Fields()  # None: robots take no notice of people
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class LaneSpeeds:
+    """Instead of people: the speed of a robot is drawn anew on each lane, from a triangular distribution."""
+
+    least_mps: float = 0.274
+    usual_mps: float = 0.508
+    most_mps: float = 0.63
+    seed: int = 0
+
+
+def joint_places(people: People) -> list[list[int]]:
+    """[K] the places that can be reached from each place, itself excluded."""
+    region = people.floor.region[people.place]
+    return [np.flatnonzero((region == region[k]) & (np.arange(len(region)) != k)).tolist() for k in range(len(region))]

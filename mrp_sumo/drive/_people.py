@@ -1,0 +1,166 @@
+"""The kernels of robots among people: how fast people ahead let a robot drive, and where people see robots.
+
+The protective field reaches S_L(v) ahead of a robot at speed v, as wide as its footprint and a margin; somebody in it makes the robot
+stop, and go on once the field of its slowest speed has been free for a while. The warning field is what it takes to slow down in time:
+robots drive no faster than v with S_L(v) <= the distance, less a step, but for their slowest speed. Who turns in place has a field
+all around.
+"""
+
+import numpy as np
+
+from mrp_sumo.search._kernel import kernel
+
+TIE_M = 1e-9  # so near the end of a field is outside
+
+
+@kernel
+def book_lost(dt, people):
+    """What the step that has ended cost robots because of people."""
+    for r in range(len(people.lost_s)):
+        people.lost_s[r] += dt * people.lost_share[r]
+
+
+@kernel
+def heed(r, wanted, now, dt, kinematics, visits, motion, people):
+    """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
+    halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
+    v, turns = min(wanted, people.cap_mps[r]), motion.turning[r] and motion.moved_m[r] == 0.0
+    share[r] = 0.0
+    if people.watches and (v > 0.0 or motion.speed_mps[r] > 0.0 or turns):
+        decel, slowest = kinematics.decel_mps2[r], people.slowest_mps
+        if v > 0.0 or motion.speed_mps[r] > 0.0:
+            speed = slowest if halted[r] else max(motion.speed_mps[r], slowest)
+            most = reach(max(wanted, speed), decel, people) + max(wanted, speed) * dt
+            room = room_ahead(r, most, visits, motion, people)
+            is_free = room >= reach(speed, decel, people) - TIE_M
+        else:
+            room, is_free = np.inf, is_clear_around(r, visits, motion, people)
+        if halted[r]:
+            if not is_free:
+                free_since[r] = np.inf
+            elif free_since[r] == np.inf:
+                free_since[r] = now
+            halted[r] = not (is_free and now - free_since[r] >= people.restart_s - 1e-9)
+        elif not is_free:
+            halted[r], since[r], free_since[r] = True, now, np.inf
+            people.in_motion[r] = turns or motion.speed_mps[r] > 0.0
+        slowed = max(speed_within(room - people.extra_m, people.reaction_s + dt, decel), slowest)
+        v = 0.0 if halted[r] else min(v, slowed)
+    elif halted[r]:
+        halted[r] = False
+    if wanted > 0.0:
+        share[r] = 1.0 - v / wanted
+    elif turns and halted[r]:
+        share[r] = 1.0
+    return v
+
+
+@kernel(inline="always")
+def reach(speed, decel, people):
+    """S_L: how far the protective field reaches."""
+    return speed * speed / (2.0 * decel) + speed * people.reaction_s + people.extra_m
+
+
+@kernel(inline="always")
+def speed_within(room, reaction_s, decel):
+    """The speed from which a robot that reacts so late stops within so many metres."""
+    if room <= 0.0:
+        return 0.0
+    if room == np.inf:
+        return np.inf
+    late = reaction_s * decel
+    return np.sqrt(late * late + 2.0 * decel * room) - late
+
+
+@kernel
+def room_ahead(r, most, visits, motion, people):
+    """How far ahead of a robot's front the nearest person in its field is, inf where nobody is within `most`."""
+    k = visits.next[visits.reached[r]]
+    if k < 0:
+        return np.inf
+    lane = visits.lane[k]
+    if people.is_ride[lane]:
+        return np.inf
+    before = visits.at_m[k] - motion.s_m[r]
+    x, y = people.head_x[lane] - before * people.along_x[lane], people.head_y[lane] - before * people.along_y[lane]
+    size = np.hypot(people.along_x[lane], people.along_y[lane])
+    ux, uy = people.along_x[lane] / size, people.along_y[lane] / size
+    front, half = people.half_length_m[r], people.half_width_m[r] + people.side_m
+    body = people.body_m
+    end, best = front + most, np.inf
+    x0, y0, x1, y1 = x + front * ux, y + front * uy, x + end * ux, y + end * uy
+    wide = half + body
+    left, right = min(x0, x1) - wide, max(x0, x1) + wide
+    low, high = min(y0, y1) - wide, max(y0, y1) + wide
+    for row in range(bin_row(low, people), bin_row(high, people) + 1):
+        begin = people.first[row * people.columns + bin_column(left, people)]
+        last = people.first[row * people.columns + bin_column(right, people) + 1]
+        for m in range(begin, last):
+            p = people.member[m]
+            dx, dy = people.x_m[p] - x, people.y_m[p] - y
+            along, aside = dx * ux + dy * uy, abs(dy * ux - dx * uy)
+            if along <= front or aside >= wide:
+                continue
+            over = max(aside - half, 0.0)
+            best = min(best, max(along - front - np.sqrt(body * body - over * over), 0.0))
+    return best
+
+
+@kernel
+def is_clear_around(r, visits, motion, people):
+    """Whether nobody is where a robot that turns in place could touch them."""
+    x, y = place_of(r, motion.s_m[r], visits.reached[r], visits.next, visits.at_m, visits.lane, visits.vertex, people)
+    most = np.hypot(people.half_length_m[r], people.half_width_m[r]) + people.side_m + people.body_m
+    for row in range(bin_row(y - most, people), bin_row(y + most, people) + 1):
+        begin = people.first[row * people.columns + bin_column(x - most, people)]
+        last = people.first[row * people.columns + bin_column(x + most, people) + 1]
+        for m in range(begin, last):
+            p = people.member[m]
+            if np.hypot(people.x_m[p] - x, people.y_m[p] - y) < most:
+                return False
+    return True
+
+
+@kernel(inline="always")
+def bin_row(y, people):
+    """The row of bins of a place, at the edge for those beyond."""
+    return min(max(int((y - people.low_y) / people.bin_m), 0), people.rows - 1)
+
+
+@kernel(inline="always")
+def bin_column(x, people):
+    """The column of bins of a place, at the edge for those beyond."""
+    return min(max(int((x - people.low_x) / people.bin_m), 0), people.columns - 1)
+
+
+@kernel(inline="always")
+def place_of(r, s, reached, following, at_m, lane, vertex, people):
+    """Where a robot is that has driven so far."""
+    k = following[reached]
+    while k >= 0 and s > at_m[k] and following[k] >= 0:
+        reached, k = k, following[k]
+    if k < 0:
+        return people.vertex_x[vertex[reached]], people.vertex_y[vertex[reached]]
+    if s <= at_m[reached]:  # it has not set out
+        return people.vertex_x[vertex[reached]], people.vertex_y[vertex[reached]]
+    before, on = at_m[k] - s, lane[k]
+    return people.head_x[on] - before * people.along_x[on], people.head_y[on] - before * people.along_y[on]
+
+
+@kernel
+def see_robots(dt, driven_m, visits, motion, people):
+    """Where people see robots that have driven `driven_m` [R]: where these are when the step is over, headings one step old."""
+    following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex
+    for r in range(len(driven_m)):
+        reached, s = visits.reached[r], driven_m[r]
+        people.robot_x[r], people.robot_y[r] = place_of(r, s, reached, following, at_m, lane, vertex, people)
+        people.robot_yaw[r] = motion.yaw_rad[r]
+        along = (s - motion.s_m[r]) / dt
+        k = following[reached]
+        if k >= 0:
+            on = lane[k]
+            if people.is_ride[on] and s > at_m[reached] + 1e-6:
+                people.robot_x[r] = np.nan
+            faces = np.cos(motion.yaw_rad[r]) * people.along_x[on] + np.sin(motion.yaw_rad[r]) * people.along_y[on]
+            along = along if faces >= 0.0 else -along
+        people.robot_along[r] = along

@@ -1,0 +1,213 @@
+"""People around the robots of an execution: they walk while robots drive, robots heed them, and what comes of it is recorded.
+
+The crowd itself is `crowd`; how robots heed people is in the kernels of `_people`. Where the scenario has no people but speeds that
+are drawn lane by lane, these are drawn here.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.execution import Event
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
+from mrp_sumo.core.people import PeopleLog
+from mrp_sumo.crowd._walk import BIN_M
+from mrp_sumo.crowd.crowd import Crowd
+from mrp_sumo.crowd.floor import BODY_M
+from mrp_sumo.crowd.model import Fields, LaneSpeeds
+from mrp_sumo.crowd.model import People as Scene
+from mrp_sumo.drive import _people
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.listeners import Moment
+from mrp_sumo.drive.state import People
+
+LANE_SPEEDS = 56  # purpose of the stream of chance
+
+
+def nobody(num_robots: int) -> People:
+    """No people at all."""
+    return _people_of(num_robots, None, None, None, Fields(), watches=False)
+
+
+def _people_of(
+    num_robots: int, graph: PlanGraph | None, fleet: Fleet | None, crowd: Crowd | None, fields: Fields, *, watches: bool
+) -> People:
+    def of(value: float) -> FloatArray:
+        return np.full(num_robots, value)
+
+    none, no_index = np.zeros(0), np.zeros(0, np.int64)
+    along = np.zeros((0, 2))
+    if graph is not None:
+        along = (graph.xy[graph.head] - graph.xy[graph.tail]) / np.maximum(graph.length_m, 1e-9)[:, None]
+    robots = crowd.robots if crowd else None
+    return People(
+        any=graph is not None,
+        watches=watches,
+        halted=np.zeros(num_robots, np.bool_),
+        since_s=of(0.0),
+        free_since_s=of(np.inf),
+        in_motion=np.zeros(num_robots, np.bool_),
+        lost_s=of(0.0),
+        lost_share=of(0.0),
+        cap_mps=of(np.inf),
+        x_m=crowd.walkers.x_m if crowd else none,
+        y_m=crowd.walkers.y_m if crowd else none,
+        first=crowd.walkers.first if crowd else np.zeros(2, np.int64),
+        member=crowd.walkers.member if crowd else no_index,
+        low_x=crowd.ground.x_m if crowd else 0.0,
+        low_y=crowd.ground.y_m if crowd else 0.0,
+        bin_m=BIN_M,
+        columns=crowd.ground.columns if crowd else 1,
+        rows=crowd.ground.rows if crowd else 1,
+        vertex_x=np.ascontiguousarray(graph.xy[:, 0]) if graph else none,
+        vertex_y=np.ascontiguousarray(graph.xy[:, 1]) if graph else none,
+        head_x=np.ascontiguousarray(graph.xy[graph.head, 0]) if graph else none,
+        head_y=np.ascontiguousarray(graph.xy[graph.head, 1]) if graph else none,
+        along_x=np.ascontiguousarray(along[:, 0]),
+        along_y=np.ascontiguousarray(along[:, 1]),
+        is_ride=np.array(graph.is_ride) if graph else np.zeros(0, np.bool_),
+        half_length_m=fleet.length_m / 2 if fleet else none,
+        half_width_m=fleet.width_m / 2 if fleet else none,
+        body_m=BODY_M,
+        reaction_s=fields.scanner_s + fields.control_s,
+        extra_m=fields.extra_m,
+        side_m=fields.side_m,
+        slowest_mps=fields.slowest_mps,
+        restart_s=fields.restart_s,
+        robot_x=robots.x_m if robots else none,
+        robot_y=robots.y_m if robots else none,
+        robot_yaw=robots.yaw_rad if robots else none,
+        robot_along=robots.along_mps if robots else none,
+    )
+
+
+class Bystanders:
+    """People of one execution, as the loop uses them. Costs nothing where there are none."""
+
+    def __init__(self, what: Scene | LaneSpeeds | None, graph: PlanGraph, fleet: Fleet) -> None:
+        num_robots = fleet.num_robots
+        self.any = what is not None
+        self._graph, self._what = graph, what
+        self.crowd = Crowd(what, fleet.length_m / 2, fleet.width_m / 2) if isinstance(what, Scene) else None
+        if what is None:
+            self.seen = nobody(num_robots)
+            return
+        fields = what.fields if isinstance(what, Scene) else None
+        self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or Fields(), watches=fields is not None)
+        self._was_halted = self.seen.halted.copy()
+        self.stops: list[tuple[int, float, float, bool]] = []  # robot, since, duration, whether it was in motion
+        if isinstance(what, LaneSpeeds):
+            self._streams = [np.random.default_rng([what.seed, LANE_SPEEDS, r]) for r in range(num_robots)]
+            self._stretch = _stretches(graph)
+            self._reached, self._on = np.full(num_robots, -1), np.full(num_robots, -1)
+
+    def begin(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
+        """People are there before robots set out."""
+        if self.crowd is not None:
+            _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, self.seen)
+            self.crowd.begin()
+
+    def settle(self, now_s: float, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
+        """Robots have driven `driven_m` [R] by the time `now_s + dt`: people walk until then."""
+        motion, visits = ledger.state.motion, ledger.visits
+        if self.crowd is not None:
+            _people.see_robots(dt, driven_m, visits, motion, self.seen)
+            self.crowd.step(now_s, dt)
+        elif isinstance(self._what, LaneSpeeds):
+            self._draw_speeds(self._what, ledger)
+
+    def notice(self, now_s: float) -> list[Event]:
+        """Stops of robots that are over."""
+        halted = self.seen.halted
+        changed = np.flatnonzero(halted != self._was_halted)
+        if not len(changed):
+            return []
+        self._was_halted = halted.copy()
+        return [self._stop(r, now_s) for r in changed.tolist() if not halted[r]]
+
+    def close(self, now_s: float) -> list[Event]:
+        """Stops that last until the end."""
+        return [self._stop(r, now_s) for r in np.flatnonzero(self.seen.halted).tolist()] if self.any else []
+
+    def _stop(self, robot: int, now_s: float) -> Event:
+        since_s, moved = float(self.seen.since_s[robot]), bool(self.seen.in_motion[robot])
+        duration_s = round(now_s - since_s, 9)
+        self.stops.append((robot, since_s, duration_s, moved))
+        text = "somebody in its protective field" if moved else "somebody in its protective field as it was to set out"
+        return Event(since_s, "protective_stop", robot, duration_s=duration_s, text=text)
+
+    def _draw_speeds(self, what: LaneSpeeds, ledger: Ledger) -> None:
+        """Those of robots that have come to another lane of the map."""
+        visits = ledger.visits
+        for r in np.flatnonzero(visits.reached != self._reached).tolist():
+            self._reached[r] = visits.reached[r]
+            ahead = int(visits.next[visits.reached[r]])
+            stretch = self._on[r] if ahead < 0 else int(self._stretch[visits.lane[ahead]])
+            if stretch != self._on[r]:
+                self._on[r] = stretch
+                self.seen.cap_mps[r] = self._streams[r].triangular(what.least_mps, what.usual_mps, what.most_mps)
+
+
+def _stretches(graph: PlanGraph) -> IntArray:
+    """[L] the lane of the map that each lane is a part of, those of a grid themselves."""
+    of_cut = np.maximum(graph.nav_lane[graph.tail], graph.nav_lane[graph.head])
+    return np.where(of_cut >= 0, of_cut, len(graph.length_m) + np.arange(graph.num_lanes))
+
+
+@dataclass
+class PeopleRecorder:
+    """Keeps where people are, see `Listener`."""
+
+    around: Bystanders
+    counts: list[int] = field(default_factory=lambda: [0])
+    rows: list[tuple[Any, ...]] = field(default_factory=list)
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        crowd = self.around.crowd
+        if moment.is_sample and crowd is not None:
+            who, n = crowd.walkers, crowd.count
+            order = np.argsort(who.person[:n], kind="stable")
+            self.rows.append(tuple(column[:n][order].astype(kind) for column, kind in zip((who.person, who.x_m, who.y_m), KINDS)))
+            self.counts.append(n)
+
+    def log(self, graph: PlanGraph) -> PeopleLog | None:
+        """All of it."""
+        crowd, seen = self.around.crowd, self.around.seen
+        if crowd is None:
+            return None
+        none = tuple(np.zeros(0, kind) for kind in KINDS)
+        person, x_m, y_m = (np.concatenate([none[k], *(row[k] for row in self.rows)]) for k in range(3))
+        stops = sorted(self.around.stops, key=lambda stop: (stop[1], stop[0]))
+        robot, since_s, duration_s, moved = (np.array([stop[k] for stop in stops]) for k in range(4))
+        level = np.zeros(len(crowd.waited_s), np.int64)
+        if len(graph.level_names) > 1 and len(person):
+            from scipy.spatial import cKDTree
+
+            _, sample = np.unique(person, return_index=True)
+            nearest = cKDTree(graph.xy).query(np.stack([x_m[sample], y_m[sample]], 1))[1]
+            level[person[sample]] = graph.level[nearest]
+        fields = crowd.people.fields
+        return PeopleLog(
+            first=frozen(np.cumsum(self.counts)),
+            person=frozen(person),
+            x_m=frozen(x_m),
+            y_m=frozen(y_m),
+            level=frozen(level),
+            waited_s=frozen(crowd.totals()),
+            radius_m=BODY_M,
+            lost_s=frozen(seen.lost_s),
+            stop_robot=frozen(robot.astype(np.int64)),
+            stop_s=frozen(since_s.astype(np.float64)),
+            stop_duration_s=frozen(duration_s.astype(np.float64)),
+            stop_in_motion=frozen(moved.astype(np.bool_)),
+            extra_m=fields.extra_m if fields else np.nan,
+            reaction_s=fields.scanner_s + fields.control_s if fields else 0.0,
+            side_m=fields.side_m if fields else 0.0,
+            slowest_mps=fields.slowest_mps if fields else np.inf,
+        )
+
+
+KINDS = np.int32, np.float32, np.float32  # of person, x, y

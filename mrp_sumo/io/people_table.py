@@ -1,0 +1,74 @@
+"""Where people were, as Parquet: `people.parquet`, person by person, at the times of the trajectory's samples.
+
+Columns: `t_ns` int64, `person` int32, `x_m`, `y_m` float32; where robots change levels `level`, too, and positions are in its frame,
+as in the trajectory. The file's metadata hold what belongs to no sample: radius, each person's level and how long it stood before
+robots, what people cost each robot, stops, and the figures of the fields.
+"""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.people import PeopleLog
+from mrp_sumo.io.arrow import numbers, texts
+
+if TYPE_CHECKING:
+    from mrp_sumo.io.trajectory import Levels
+
+KEY = b"mrp_sumo"
+PEOPLE = "people.parquet"
+ROWS_PER_GROUP = 1_000_000
+PER_PERSON, PER_ROBOT = ("level", "waited_s"), ("lost_s",)
+PER_STOP, FIGURES = (
+    ("stop_robot", "stop_s", "stop_duration_s", "stop_in_motion"),
+    ("radius_m", "extra_m", "reaction_s", "side_m", "slowest_mps"),
+)
+
+
+def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Levels | None") -> None:
+    """Write the table. `t_s` [T]: the times of the samples."""
+    t_ns = np.repeat(np.rint(t_s * 1e9).astype(np.int64), np.diff(log.first))
+    order = np.lexsort((t_ns, log.person))
+    person, x_m, y_m = log.person[order], log.x_m[order], log.y_m[order]
+    columns = {"t_ns": numbers(t_ns[order]), "person": numbers(person)}
+    if levels:
+        on = log.level[person]
+        x_m, y_m = (column - levels.shift_m[on, k].astype(np.float32) for k, column in enumerate((x_m, y_m)))
+        columns["level"] = pa.DictionaryArray.from_arrays(numbers(on.astype(np.int16)), texts(levels.name))
+    columns |= {"x_m": numbers(x_m), "y_m": numbers(y_m)}
+    about = {name: getattr(log, name).tolist() for name in (*PER_PERSON, *PER_ROBOT, *PER_STOP)}
+    about |= {name: value if np.isfinite(value := getattr(log, name)) else None for name in FIGURES}
+    table = pa.table(columns).replace_schema_metadata({KEY: json.dumps(about, allow_nan=False)})
+    encoding = {"t_ns": "DELTA_BINARY_PACKED", "person": "DELTA_BINARY_PACKED", "x_m": "BYTE_STREAM_SPLIT", "y_m": "BYTE_STREAM_SPLIT"}
+    pq.write_table(table, path, row_group_size=ROWS_PER_GROUP, compression="zstd", use_dictionary=["level"], column_encoding=encoding)
+
+
+def read_people(path: Path, t_ns: IntArray, levels: "Levels | None") -> PeopleLog:
+    """The log as it was written. `t_ns` [T]: the times of the samples."""
+    table = pq.read_table(path)
+    about = json.loads(table.schema.metadata[KEY])
+    time, person, x_m, y_m = (table[name].to_numpy() for name in ("t_ns", "person", "x_m", "y_m"))
+    order = np.lexsort((person, time))
+    level = np.array(about["level"], np.int64)
+    if levels:
+        on = level[person]
+        x_m, y_m = (column + levels.shift_m[on, k].astype(np.float32) for k, column in enumerate((x_m, y_m)))
+    first = np.searchsorted(time[order], t_ns)
+    kinds = {"level": np.int64, "stop_robot": np.int64, "stop_in_motion": np.bool_}
+    listed: dict[str, Any] = {
+        name: frozen(np.array(about[name], kinds.get(name, np.float64))) for name in (*PER_PERSON, *PER_ROBOT, *PER_STOP)
+    }
+    figures: dict[str, Any] = {name: np.nan if about[name] is None else about[name] for name in FIGURES}
+    return PeopleLog(
+        first=frozen(np.append(first, len(time)).astype(np.int64)),
+        person=frozen(person[order]),
+        x_m=frozen(x_m[order]),
+        y_m=frozen(y_m[order]),
+        **listed,
+        **figures,
+    )
