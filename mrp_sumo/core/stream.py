@@ -92,6 +92,7 @@ class Arrivals:
     rate_per_h: float = 0.0  # of 'poisson'
     profile: tuple[float, ...] = ()  # of 'poisson': factors on the rate, equally long parts of a day, again and again
     day_s: float = 24 * HOUR_S
+    clock_s: float = 0.0  # of 'poisson': how much of the day is over at 0
     per_step: float = 0.0  # of 'per_step': tasks in a step; below 1 a task with that probability
     step_s: float = 1.0
     num_open: int = 0  # of 'open'
@@ -104,7 +105,7 @@ class Arrivals:
             most = self.rate_per_h * max(profile) / HOUR_S
             while True:  # thinning: Lewis and Shedler, "Simulation of nonhomogeneous Poisson processes by thinning", 1979
                 t_s += float(rng.exponential(1 / most))
-                part = int(t_s % self.day_s / self.day_s * len(profile))
+                part = int((t_s + self.clock_s) % self.day_s / self.day_s * len(profile))
                 if float(rng.random()) * max(profile) < profile[part]:
                     yield t_s
         elif self.kind == "per_step":

@@ -57,14 +57,15 @@ class Crowd:
         )
         self.count = 0  # of people who are there
         self.waited_s: list[float] = []  # by person
-        self._stream = {purpose: np.random.default_rng([people.seed, purpose]) for purpose in range(ARRIVALS, PLACES + 1)}
+        self._stream = {purpose: np.random.default_rng([people.seed, purpose]) for purpose in (TRIPS, SPEEDS, PLACES)}
         self._reachable = joint_places(people)
         shares = np.array([group.share for group in people.groups])
         self._shares = shares / shares.sum()
         self._ways: NDArray[np.uint8] = np.zeros((0, floor.width * floor.height), np.uint8)
         self._row: dict[int, int] = {}  # of the ways to a place, the least recently used first
         self._outside: list[tuple[int, int]] = []  # trips of those who have not found room yet: from place to place
-        self._next_s = [self._after(flow, 0.0) for flow in range(len(people.flows))]
+        times = [flow.arrivals.times(np.random.default_rng([people.seed, ARRIVALS, k])) for k, flow in enumerate(people.flows)]
+        self._next = [(next(some), some) for some in times]  # by flow: when somebody sets out, and those after it
 
     def begin(self) -> None:
         """People who are there from the start appear anywhere between the places, as far as there is room."""
@@ -101,26 +102,16 @@ class Crowd:
         ends = self._reachable[origin]
         return origin, ends[stream.integers(len(ends))]
 
-    def _after(self, flow: int, now_s: float) -> float:
-        """When the next person of a flow sets out: a Poisson process with the rate of the hour, by thinning."""
-        it, stream = self.people.flows[flow], self._stream[ARRIVALS]
-        if it.most_per_s <= 0:
-            return np.inf
-        while True:
-            now_s += float(stream.exponential(1 / it.most_per_s))
-            if stream.random() * it.most_per_s <= it.rate_per_s(self.people.clock_h + now_s / 3600) or now_s > 1e7:
-                return now_s
-
     def _come(self, now_s: float) -> None:
         """Those who set out, as far as there is room."""
         stream, anywhere = self._stream[TRIPS], None
         for k, flow in enumerate(self.people.flows):
-            while self._next_s[k] <= now_s:
+            while self._next[k][0] <= now_s:
                 origin = flow.origins[stream.integers(len(flow.origins))]
                 ends = [place for place in flow.destinations if place in self._reachable[origin]]
                 if ends:
                     self._outside.append((origin, ends[stream.integers(len(ends))]))
-                self._next_s[k] = self._after(k, self._next_s[k])
+                self._next[k] = next(self._next[k][1]), self._next[k][1]
         while self.people.count > self.count + len(self._outside):
             anywhere = anywhere or [k for k, ends in enumerate(self._reachable) if ends]
             self._outside.append(self._trip_from(anywhere))

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.stream import Arrivals
 from mrp_sumo.crowd.floor import Floor
-
-HOUR_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -16,17 +15,7 @@ class Flow:
 
     origins: tuple[int, ...]  # places
     destinations: tuple[int, ...]
-    per_hour: float
-    profile: tuple[tuple[float, float], ...] = ((0.0, 1.0),)  # from this hour of the day on, so many times `per_hour`
-
-    def rate_per_s(self, hour: float) -> float:
-        """How often somebody sets out at an hour of the day; before the first hour of the profile the last one of the day before counts."""
-        return self.per_hour / HOUR_S * next((share for since, share in reversed(self.profile) if since <= hour % 24), self.profile[-1][1])
-
-    @property
-    def most_per_s(self) -> float:
-        """The highest rate of the day."""
-        return self.per_hour / HOUR_S * max(share for _, share in self.profile)
+    arrivals: Arrivals  # when they set out
 
 
 @dataclass(frozen=True)
@@ -71,7 +60,6 @@ class People:
     count: int = 0
     flows: tuple[Flow, ...] = ()
     groups: tuple[Group, ...] = (Group(1.0),)
-    clock_h: float = 8.0  # the hour of the day at which the run begins
     fields: Fields | None = Fields()  # None: robots take no notice of people
     seed: int = 0
 

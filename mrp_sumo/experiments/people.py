@@ -6,6 +6,7 @@ Refuses names that the map does not have, places without room, and maps on which
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.stream import HOUR_S, Arrivals
 from mrp_sumo.crowd.floor import Floor, floor_of
 from mrp_sumo.crowd.model import Fields, Flow, Group, LaneSpeeds, People, joint_places
 from mrp_sumo.errors import ScenarioError, nearest
@@ -32,15 +33,14 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
     drawn = _drawn(file, choice, places, seed)
     for i, each in enumerate(choice.flows or ()):
         flows.append(_flow(file, ("people", "flows", i), choice, each, places, drawn))
-    if choice.rate_per_hour is not None:
-        flows.append(Flow(tuple(drawn), tuple(drawn), choice.rate_per_hour, _profile(choice.profile)))
+    if choice.rate_per_h is not None:
+        flows.append(Flow(tuple(drawn), tuple(drawn), _arrivals(choice.rate_per_h, choice.profile, choice.clock_h)))
     people = People(
         floor=floor,
         place=np.array(places.cells, np.int64),
         count=choice.count or 0,
-        flows=tuple(flows),
+        flows=tuple(flow for flow in flows if flow.arrivals.rate_per_h > 0 and max(flow.arrivals.profile, default=1.0) > 0),
         groups=tuple(Group(group.share, group.speed_mps, group.spread_mps) for group in choice.groups) or (Group(1.0),),
-        clock_h=choice.clock_h,
         fields=None if choice.fields == "off" else Fields(**choice.fields.model_dump()),
         seed=seed,
     )
@@ -86,7 +86,7 @@ def _drawn(file: ScenarioFile, choice: PeopleChoice, places: _Places, seed: int)
     """The places between which people walk where nothing else is said: those listed, else vertices with names, else any."""
     if choice.places is not None:
         return [places.named(("people", "places", i), name) for i, name in enumerate(choice.places)]
-    if choice.flows is not None and all(flow.from_ and flow.to for flow in choice.flows):
+    if choice.flows is not None and all(flow.origin and flow.destination for flow in choice.flows):
         return []
     nav = places.nav
     named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
@@ -108,9 +108,9 @@ def _flow(file: ScenarioFile, key: Place, choice: PeopleChoice, flow: FlowChoice
             return (places.named((*key, field), names),)
         return tuple(places.named((*key, field, i), name) for i, name in enumerate(names))
 
-    profile = choice.profile if flow.profile is None else flow.profile
-    return Flow(ends("from", flow.from_), ends("to", flow.to), flow.per_hour, _profile(profile))
+    arrivals = _arrivals(flow.rate_per_h, choice.profile if flow.profile is None else flow.profile, choice.clock_h)
+    return Flow(ends("origin", flow.origin), ends("destination", flow.destination), arrivals)
 
 
-def _profile(profile: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    return tuple(profile) or ((0.0, 1.0),)
+def _arrivals(rate_per_h: float, profile: list[float], clock_h: float) -> Arrivals:
+    return Arrivals("poisson", rate_per_h, tuple(profile), clock_s=clock_h * HOUR_S)

@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Count = Annotated[int, Field(ge=1, le=5000)]
-Rate = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
-Hour = Annotated[float, Field(ge=0, lt=24)]
+Rate = Annotated[float, Field(ge=0, le=1e6)]
 Factor = Annotated[float, Field(ge=0, le=1e3)]
 Walking = Annotated[float, Field(gt=0, le=5)]
 OfField = Annotated[float, Field(ge=0, le=5)]
@@ -19,12 +18,10 @@ class _Strict(BaseModel):
 class FlowChoice(_Strict):
     """People who go from one place to another."""
 
-    from_: str | list[str] | None = Field(
-        None, alias="from", description="Name of a vertex, or of several, one of which is drawn. Any by default."
-    )
-    to: str | list[str] | None = Field(None, description="The same.")
-    per_hour: Rate = Field(description="How many set out in an hour, on average; their times are random (Poisson).")
-    profile: list[tuple[Hour, Factor]] | None = Field(None, description="As people.profile, for this flow.")
+    origin: str | list[str] | None = Field(None, description="Name of a vertex, or names, one of which is drawn each time; any by default.")
+    destination: str | list[str] | None = Field(None, description="The same.")
+    rate_per_h: Rate = Field(description="How many set out in an hour on average, at random times (Poisson).")
+    profile: list[Factor] | None = Field(None, description="As people.profile, for this flow.")
 
 
 class GroupChoice(_Strict):
@@ -46,7 +43,7 @@ class FieldsChoice(_Strict):
     ground_m: OfField = Field(0.05, description="Z_F, for want of ground clearance.")
     braking_m: OfField = Field(0.1, description="Z_B, for brakes that have worn.")
     side_m: OfField = Field(0.1, description="Beside the footprint, and around a robot that turns.")
-    slowest_mps: Annotated[float, Field(gt=0, le=5)] = Field(0.1, description="To which somebody in the warning field slows a robot down.")
+    slowest_mps: Walking = Field(0.1, description="To which somebody in the warning field slows a robot down.")
     restart_s: Annotated[float, Field(ge=0, le=60)] = Field(
         2.0, description="For which the protective field has to be free before the robot goes on."
     )
@@ -59,34 +56,29 @@ class PeopleChoice(_Strict):
         "social_force", description="'lane_speeds': nobody walks, but each robot's speed is drawn anew on each lane."
     )
     count: Count | None = Field(None, description="So many people, all the time: whoever arrives is replaced.")
-    rate_per_hour: Rate | None = Field(None, description="Instead: so many set out in an hour, from any place to any other.")
+    rate_per_h: Rate | None = Field(None, description="Instead: so many set out in an hour, from any place to any other.")
     flows: Annotated[list[FlowChoice], Field(min_length=1)] | None = Field(None, description="Instead: people from place to place.")
     places: list[str] | None = Field(
         None, description="Names of vertices between which people walk; by default those with a name, at most 40, drawn by the seed."
     )
-    profile: list[tuple[Hour, Factor]] = Field(
-        [], description="How the rates change over the day: [hour, factor], each from that hour on until the next."
-    )
-    clock_h: Hour = Field(8.0, description="The hour of the day at which the run begins.")
+    profile: list[Factor] = Field([], description="Factors on the rates, in equal parts of a day.")
+    clock_h: Annotated[float, Field(ge=0, lt=24)] = Field(8.0, description="The hour of the day at which the run begins.")
     groups: list[GroupChoice] = Field([], description="Who walks how fast; by default 1.34 m/s, standard deviation 0.26 m/s.")
     corridor_m: Annotated[float, Field(gt=0.5, le=100)] = Field(2.0, description="Width of the way along lanes, on maps without walls.")
     fields: FieldsChoice | Literal["off"] = Field(FieldsChoice(), description="What robots do about people; 'off': nothing.")
     lane_speeds: tuple[Walking, Walking, Walking] = Field(
-        (0.274, 0.508, 0.63), description="Least, usual and greatest of model lane_speeds, m/s."
+        (0.274, 0.508, 0.63), description="Least, usual and greatest speed of model lane_speeds, m/s."
     )
 
     @model_validator(mode="after")
     def _one_number(self) -> "PeopleChoice":
-        given = [key for key in ("count", "rate_per_hour", "flows") if getattr(self, key) is not None]
+        given = [key for key in ("count", "rate_per_h", "flows") if getattr(self, key) is not None]
         if self.model == "lane_speeds":
             if given:
                 raise ValueError(f"{given[0]} and model: lane_speeds exclude each other: nobody walks")
-            if not self.lane_speeds[0] <= self.lane_speeds[1] <= self.lane_speeds[2] or self.lane_speeds[0] == self.lane_speeds[2]:
+            least, usual, most = self.lane_speeds
+            if not (least <= usual <= most and least < most):
                 raise ValueError("lane_speeds: expected least <= usual <= greatest, not all equal")
         elif len(given) != 1:
-            raise ValueError(f"{' and '.join(given)} exclude each other" if given else "give count, rate_per_hour or flows")
-        for profile in (self.profile, *(flow.profile or [] for flow in self.flows or ())):
-            hours = [hour for hour, _ in profile]
-            if hours != sorted(set(hours)):
-                raise ValueError("profile: expected hours in ascending order")
+            raise ValueError(f"{' and '.join(given)} exclude each other" if given else "give count, rate_per_h or flows")
         return self
