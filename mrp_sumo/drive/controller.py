@@ -76,10 +76,10 @@ class Controller:
 
     def command(self, bodies: Engine) -> None:
         """Send the engine new speeds, and more of the way where it needs it."""
-        if self._num_changed:
-            bodies.command(self._news.changed[: self._num_changed].tolist(), self.ledger.state.grants.command_mps)
         if self._num_due:
             bodies.lengthen(self._news.due[: self._num_due].tolist(), self.ledger.visits)
+        if self._num_changed:
+            bodies.command(self._news.changed[: self._num_changed].tolist(), self.ledger.state.grants.command_mps)
 
     def send_again(self) -> None:
         """Speeds that were set in this step may be set anew: send them all."""

@@ -1,8 +1,10 @@
 """SUMO as an engine: robots on routes of a few edges ahead, renewed as they advance.
 
-SUMO looks along the whole remaining route in every step, so long routes are its largest cost. A route
+SUMO looks along the remaining route of every vehicle, so long routes are a large cost. A route
 reaches one edge beyond the last vertex the robot may enter, since SUMO removes a vehicle at its route's end.
 Where no lane leads on from a robot's last vertex, the route ends in an endless stop.
+
+Robots that stand at the end of their ways are taken out of SUMO after a few steps, and put back where they stood when they are sent on.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,18 +21,22 @@ from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, l
 from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
 from mrp_sumo.errors import ExecutionError
 
-AHEAD = 5  # edges in a renewed route
+AHEAD = 6  # edges in a renewed route beyond the last visit that the robot has been granted
+REST_STEPS = 5  # a robot that has stood at the end of its way for so many is taken out
+PLAN_STEPS = 10  # at most, for which vehicles that others keep apart follow one look ahead
 MOST_OF = 0.7  # of a graph's vertices, from which on it is quicker to load the whole network
 
 
 class SumoEngine:
     """See `engines.protocol.Engine`. Made by `sumo_engine`."""
 
-    def __init__(self, graph: PlanGraph, fleet: Fleet, sumo: Sumo, only: IntArray | None = None) -> None:
+    def __init__(self, graph: PlanGraph, fleet: Fleet, sumo: Sumo, only: IntArray | None = None, *, rests: bool = True) -> None:
+        """`rests`: take robots out that stand at the end of their ways."""
         self.driven_m = np.zeros(fleet.num_robots)
         self.routed = np.zeros(fleet.num_robots, np.int64)
-        self._graph, self._fleet, self._sumo, self._only = graph, fleet, sumo, only
+        self._graph, self._fleet, self._sumo, self._only, self._rests = graph, fleet, sumo, only, rests
         self._edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]  # [L]
+        self._rested = np.zeros(fleet.num_robots, np.int64)  # steps for which each robot has stood
 
     def place(self, visits: Visits) -> None:
         """Check the network, put robots on it, and let SUMO take the step in which they appear.
@@ -40,17 +46,20 @@ class SumoEngine:
         """
         self._check_network(visits)
         self._raise_limits(float(self._fleet.max_speed_mps.max()))
+        self._visits = visits
         self._insert_all(visits, type_of(self._fleet))
-        self._sumo.begin(free=not np.isfinite(self._graph.speed_mps).any())
+        self._sumo.begin(free=_is_free(self._graph))
 
     def command(self, robots: Sequence[int], speed_mps: FloatArray) -> None:
         """See Engine."""
-        set_speed, names = self._sumo.set_speed, self._sumo.names
+        set_speed, names, out = self._sumo.set_speed, self._sumo.names, self._sumo.out
         for r in robots:
-            set_speed(names[r], speed_mps[r])
+            if r not in out:  # who is out stands
+                set_speed(names[r], speed_mps[r])
 
     def lengthen(self, robots: Sequence[int], visits: Visits) -> None:
         """See Engine."""
+        self._visits = visits
         for robot in robots:
             here, reached = self._sumo.edge(robot), visits.reached.item(robot)
             visit = visits.next.item(reached)
@@ -60,15 +69,18 @@ class SumoEngine:
             if not ahead:  # it stays where it is
                 ahead = self._exit(self._graph.lane_between(*lane_ends(here)))
                 stops = not ahead
-            self._sumo.set_route(robot, [here, *ahead], stops)
+            self._sumo.set_route(robot, [here, *ahead], stops, self.driven_m.item(robot))
 
     def divert(self, robots: Sequence[int], visits: Visits) -> None:
-        """Routes are made anew when the next step is due."""
+        """Routes are renewed before the next step."""
+        self._visits = visits
         for robot in robots:
             self.routed[robot] = visits.rank[visits.granted[robot]]
 
     def turn_back(self, robot: int, visits: Visits) -> None:
         """See Engine."""
+        if robot in self._sumo.out:
+            self.lengthen([robot], visits)
         visit = int(visits.next[visits.reached[robot]])
         ahead, stops = self._ahead(robot, visit, visits)
         self._sumo.turn_back(robot, self._edge[visits.lane[visit]], ahead, stops, float(self.driven_m[robot]))
@@ -77,11 +89,23 @@ class SumoEngine:
         """See Engine."""
         self._sumo.step()
         self._sumo.read_driven(self.driven_m, moving)
+        if self._rests:
+            self._rest(moving)
         return [f"SUMO reports a {kind} of {one} and {two}" for one, two, kind in self._sumo.collisions()]
 
     def positions(self) -> FloatArray:
         """See Engine."""
         return self._sumo.positions()
+
+    def _rest(self, moving: BoolArray) -> None:
+        """Take out who has come to the end of its way."""
+        self._rested += 1
+        self._rested[moving] = 0
+        rested = np.flatnonzero(self._rested == REST_STEPS)
+        if len(rested):
+            visits = self._visits
+            for robot in rested[visits.next[visits.reached[rested]] < 0].tolist():
+                self._sumo.take_out(robot)
 
     def _check_network(self, visits: Visits) -> None:
         """Refuse a network whose edges for the lanes of these visits are not those of the graph."""
@@ -130,7 +154,8 @@ class SumoEngine:
         edges: list[str] = []
         following, lane = visits.next.item, visits.lane.item
         ahead = following(visit)
-        while ahead >= 0 and len(edges) < AHEAD:
+        most = visits.rank.item(visits.granted.item(robot)) + AHEAD
+        while ahead >= 0 and visits.rank.item(visit) < most:
             visit = ahead
             edges.append(self._edge[lane(visit)])
             ahead = following(visit)
@@ -177,8 +202,22 @@ def sumo_engine(
     only = None if ways is None or gui else _with_neighbours(graph, ways)
     if only is not None and len(only) > MOST_OF * graph.num_vertices:
         only = None
-    with running_sumo(network, fleet, step_length_s, seed, gui, only=only) as sumo:
-        yield SumoEngine(graph, fleet, sumo, only)
+    steps = _plan_steps(graph, fleet, step_length_s) if _is_free(graph) else 1
+    plan_every_s = round(steps * step_length_s, 9) if steps > 1 else None
+    with running_sumo(network, fleet, step_length_s, seed, gui, only=only, plan_every_s=plan_every_s) as sumo:
+        yield SumoEngine(graph, fleet, sumo, only, rests=not gui)
+
+
+def _is_free(graph: PlanGraph) -> bool:
+    """Whether robots do as they are commanded, whatever is ahead. SUMO has to look out where lanes have limits."""
+    return not np.isfinite(graph.speed_mps).any()
+
+
+def _plan_steps(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> int:
+    """For how many steps one look ahead is enough: robots come to the end of one lane at most in that time, and know what follows it."""
+    shortest_m = max(float(graph.length_m.min(initial=np.inf)), SHORTEST_M)
+    fastest_mps = float(fleet.max_speed_mps.max())
+    return int(min(max(0.999 * shortest_m / (fastest_mps * step_length_s), 1.0), PLAN_STEPS))
 
 
 def _with_neighbours(graph: PlanGraph, vertices: IntArray) -> IntArray:

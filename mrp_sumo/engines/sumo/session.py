@@ -34,12 +34,17 @@ _running = False
 class Sumo:
     """A running simulation. Made by `running_sumo`."""
 
-    def __init__(self, api: Any, num_robots: int) -> None:
+    def __init__(self, api: Any, num_robots: int, plan_every_s: float | None) -> None:
         self._api = api
         self._vehicle = api.vehicle
         self._name = [f"robot_{r}" for r in range(num_robots)]
         self._base = np.zeros(num_robots)
         self._turned: list[tuple[int, float]] = []  # robots that turned back since the last step, and what their odometers show
+        self._plan_every_s = plan_every_s  # None: every step
+        self._kind = [""] * num_robots
+        self.out: dict[int, tuple[str, float, tuple[float, float]]] = {}  # robots that are out: edge, place on it, position
+        self._num_back = 0  # how often robots were put back
+        self._free = False
         self.set_speed = api.vehicle.setSpeed  # by name: called more often than anything else
 
     @property
@@ -66,10 +71,10 @@ class Sumo:
 
     def insert(self, robot: int, kind: int, edges: list[str], at_end: bool, stops: bool) -> None:
         """Put a robot on the first edge, at its end or its beginning. `stops`: the route ends where the robot stays."""
-        name = self._name[robot]
+        name, self._kind[robot] = self._name[robot], f"type_{kind}"
         self._api.route.add(name, edges)
         position = str(self._api.lane.getLength(edges[0] + "_0")) if at_end else "0"
-        self._vehicle.add(name, name, f"type_{kind}", departPos=position, departSpeed="0")
+        self._vehicle.add(name, name, self._kind[robot], departPos=position, departSpeed="0")
         if stops:
             self._stop_at_end(name, edges[-1])
 
@@ -79,10 +84,9 @@ class Sumo:
         found = self._vehicle.getIDCount()
         if found != len(self._name):
             raise ExecutionError(f"SUMO inserted {found} of {len(self._name)} robots")
+        self._free = free
         for name in self._name:
-            self._vehicle.setSpeed(name, 0.0)
-            if free:
-                self._vehicle.setSpeedMode(name, WITHOUT_SAFE_SPEED)
+            self._take_command(name)
         self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))
 
     def step(self) -> None:
@@ -101,13 +105,24 @@ class Sumo:
             driven_m[moving] = np.fromiter(map(self._vehicle.getDistance, names), np.float64) - self._base[moving]
 
     def edge(self, robot: int) -> str:
-        return str(self._vehicle.getRoadID(self._name[robot]))
+        return self.out[robot][0] if robot in self.out else str(self._vehicle.getRoadID(self._name[robot]))
 
-    def set_route(self, robot: int, edges: list[str], stops: bool) -> None:
-        """Replace what lies ahead; the first edge is where the robot is."""
-        self._vehicle.setRoute(self._name[robot], edges)
+    def take_out(self, robot: int) -> None:
+        """A robot that stands costs no more time, until it is sent on."""
+        name = self._name[robot]
+        self.out[robot] = self._vehicle.getRoadID(name), self._vehicle.getLanePosition(name), self._vehicle.getPosition(name)
+        self._vehicle.remove(name)
+
+    def set_route(self, robot: int, edges: list[str], stops: bool, driven_m: float) -> None:
+        """Replace what lies ahead; the first edge is where the robot is. One that is out is put back, with `driven_m` on its odometer."""
+        name = self._name[robot]
+        if robot in self.out:
+            self._put_back(robot, edges, driven_m)
+        else:
+            self._vehicle.setRoute(name, edges)
         if stops:
-            self._stop_at_end(self._name[robot], edges[-1])
+            self._stop_at_end(name, edges[-1])
+        self._plan_now(name)
 
     def turn_back(self, robot: int, edge: str, onward: list[str], stops: bool, driven_m: float) -> None:
         """Put a standing robot at the same place of the opposite edge. Its odometer shows `driven_m` after the next step."""
@@ -118,6 +133,7 @@ class Sumo:
         self._vehicle.moveTo(name, edge + "_0", length - along)
         if stops:
             self._stop_at_end(name, ([edge, *onward])[-1])
+        self._plan_now(name)
         self._turned.append((robot, driven_m))
 
     def collisions(self) -> list[tuple[str, str, str]]:
@@ -126,7 +142,28 @@ class Sumo:
 
     def positions(self) -> FloatArray:
         """[R, 2] m, SUMO's own."""
-        return np.array([self._vehicle.getPosition(name) for name in self._name]).reshape(-1, 2)
+        places = (self.out[r][2] if r in self.out else self._vehicle.getPosition(name) for r, name in enumerate(self._name))
+        return np.array(list(places)).reshape(-1, 2)
+
+    def _take_command(self, name: str) -> None:
+        self._vehicle.setSpeed(name, 0.0)
+        if self._free:
+            self._vehicle.setSpeedMode(name, WITHOUT_SAFE_SPEED)
+
+    def _plan_now(self, name: str) -> None:
+        """Look ahead in the next step, where another edge may follow now."""
+        if self._plan_every_s is not None:
+            self._vehicle.setActionStepLength(name, self._plan_every_s, True)
+
+    def _put_back(self, robot: int, edges: list[str], driven_m: float) -> None:
+        name, (edge, along_m, _) = self._name[robot], self.out.pop(robot)
+        self._num_back += 1
+        route = f"{name}.{self._num_back}"
+        self._api.route.add(route, edges)
+        self._vehicle.add(name, route, self._kind[robot], departPos="0", departSpeed="0")
+        self._vehicle.moveTo(name, edge + "_0", along_m)
+        self._take_command(name)
+        self._base[robot] = self._vehicle.getDistance(name) - driven_m
 
     def _stop_at_end(self, name: str, edge: str) -> None:
         self._vehicle.setStop(name, edge, pos=self._api.lane.getLength(edge + "_0"), duration=1e7)
@@ -134,11 +171,19 @@ class Sumo:
 
 @contextmanager
 def running_sumo(
-    network: Path, fleet: Fleet, step_length_s: float, seed: int, gui: bool = False, *, only: IntArray | None = None
+    network: Path,
+    fleet: Fleet,
+    step_length_s: float,
+    seed: int,
+    gui: bool = False,
+    *,
+    only: IntArray | None = None,
+    plan_every_s: float | None = None,
 ) -> Iterator[Sumo]:
     """Start SUMO (sumo-gui with `gui`) on a network, and close it whatever happens.
 
-    Robots' types are numbered by `type_of`. Of the network, SUMO loads only what is between the vertices `only`, if given.
+    Robots' types are numbered by `type_of`. Of the network, SUMO loads only what is between the vertices `only`, if given. With `plan_every_s`
+    vehicles look ahead so often only, and in between do what they are commanded; by default in every step.
 
     Raises
     ------
@@ -152,7 +197,7 @@ def running_sumo(
     api, program = _api(gui)
     with tempfile.TemporaryDirectory() as folder:
         types = Path(folder) / "types.add.xml"
-        types.write_text(_types(fleet, step_length_s))
+        types.write_text(_types(fleet, step_length_s, plan_every_s or step_length_s))
         loaded = Path(network)
         if only is not None:
             loaded = Path(folder) / "excerpt.net.xml"
@@ -173,11 +218,12 @@ def running_sumo(
                         "--no-warnings",
                         "true",
                     ),
+                    *("--step-method.ballistic", "false"),  # SUMO would choose it where vehicles do not plan in every step
                     *("--xml-validation", "never", "--duration-log.disable", "true", "--seed", str(seed % 2**31)),
                     *(VIEW if gui else ()),
                 ]
             )
-            yield Sumo(api, fleet.num_robots)
+            yield Sumo(api, fleet.num_robots, plan_every_s)
         except (api.TraCIException, api.FatalTraCIError, struct.error, ConnectionError) as error:
             if gui and not isinstance(error, api.TraCIException):
                 raise ExecutionError("sumo-gui was closed before the end of the run") from error
@@ -222,7 +268,7 @@ def _additional(network: Path, types: Path, gui: bool) -> str:
     return f"{types},{backdrop}" if gui and backdrop.is_file() else str(types)
 
 
-def _types(fleet: Fleet, step_length_s: float) -> str:
+def _types(fleet: Fleet, step_length_s: float, plan_every_s: float) -> str:
     kind = np.array(type_of(fleet))
     lines = ["<additional>"]
     for k in range(kind.max() + 1):
@@ -232,6 +278,6 @@ def _types(fleet: Fleet, step_length_s: float) -> str:
             f'<vType id="type_{k}" length="{half_m:.6f}" minGap="{half_m:.6f}" width="{fleet.width_m[r]:.6f}" '
             f'accel="{fleet.accel_mps2[r]:.6f}" decel="{fleet.decel_mps2[r]:.6f}" apparentDecel="{fleet.decel_mps2[r]:.6f}" '
             f'emergencyDecel="{2 * fleet.decel_mps2[r]:.6f}" maxSpeed="{fleet.max_speed_mps[r]:.6f}" speedFactor="1" speedDev="0" '
-            f'sigma="0" tau="{step_length_s:g}"/>'  # emergencyDecel: with less, SUMO lets some head-on robots collide
+            f'sigma="0" tau="{step_length_s:g}" actionStepLength="{plan_every_s:g}"/>'  # emergencyDecel: with less, SUMO lets some head-on robots collide
         )
     return "\n".join([*lines, "</additional>\n"])
