@@ -30,6 +30,7 @@ from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.listeners import AtGoalReport, EventLog, GrantRecorder, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
+from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.drive.people import Bystanders, PeopleRecorder
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
@@ -103,7 +104,7 @@ def simulate(
     facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
     people = PeopleRecorder(around) if around.any else None
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
-    ways = plan.vertex if only_first else None
+    ways = (plan.vertex, lanes_along(problem.graph, plan)[0]) if only_first else None
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
@@ -113,7 +114,7 @@ def simulate(
 
 
 def _engine(
-    problem: Problem, settings: ExecutionSettings, network: Path, gui: bool, ways: IntArray | None
+    problem: Problem, settings: ExecutionSettings, network: Path, gui: bool, ways: tuple[IntArray, IntArray] | None
 ) -> AbstractContextManager[Engine]:
     if settings.engine == "kinematic" and not gui:
         return nullcontext(KinematicEngine(problem.graph, problem.fleet, settings.step_length_s))

@@ -10,7 +10,7 @@ from mrp_sumo.core.execution import Outcome
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.engines.sumo import engine, network, session
+from mrp_sumo.engines.sumo import engine, network
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
 
@@ -174,16 +174,16 @@ def test_the_same_input_gives_the_same_bytes(tmp_path):
 
 
 @pytest.mark.parametrize("robot", [BURGER, dataclasses.replace(BURGER, max_speed_mps=3.0)])
-def test_what_no_robot_comes_near_changes_nothing_and_is_not_loaded(tmp_path, monkeypatch, robot):
+def test_what_no_robot_drives_on_changes_nothing_and_is_not_loaded(tmp_path, monkeypatch, robot):
     graph = square_grid(7)
     paths = [[0, 1, 2, 9], [9, 8, 7, 0], [16, 15, 14]]
     loaded = []
-    monkeypatch.setattr(session, "excerpt", lambda *given: loaded.append(network.excerpt(*given)) or loaded[-1])
+    monkeypatch.setattr(engine, "excerpt", lambda *given, **more: loaded.append(network.excerpt(*given, **more)) or loaded[-1])
     one = drive(tmp_path, graph, paths, robot=robot)
-    monkeypatch.setattr(engine, "MOST_OF", 0.0)
+    monkeypatch.setattr(engine, "excerpt", lambda text, **_: text)
     two = drive(tmp_path, graph, paths, robot=robot)
     (text,) = loaded
-    assert text.count("<junction") == 9 + 6  # the corner that is driven on, and what is next to it
+    assert text.count("<edge") == 8 + 8 + 3  # what is driven on, leads to where robots stand at first, and on from where they end
     assert one.all_at_goal
     assert one.events == two.events
     for name in ("x_m", "y_m", "speed_mps", "arrived_s", "sumo_xy_m"):

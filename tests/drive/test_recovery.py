@@ -13,6 +13,7 @@ from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
+from mrp_sumo.engines.sumo.session import Sumo
 from mrp_sumo.errors import ExecutionError, PlanError
 from mrp_sumo.metrics.audit import audit
 
@@ -145,6 +146,19 @@ def test_who_blocks_a_goal_is_moved_aside_by_a_new_plan(tmp_path):
     (resolved,) = events(run, "resolved")
     assert 10.0 <= resolved.t_s <= CELL_S + 10.0 + 2.0
     assert (run.x_m[-1, 0], run.x_m[-1, 1]) == pytest.approx((0.8, 1.2), abs=0.002)
+
+
+def test_who_had_come_to_stay_is_put_back_where_it_stood_when_it_is_sent_on(tmp_path, monkeypatch):
+    out = []
+    take_out = Sumo.take_out
+    monkeypatch.setattr(Sumo, "take_out", lambda sumo, robot: out.append(robot) or take_out(sumo, robot))
+    sumo, kinematic = (
+        recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], patience_s=10.0, engine=engine) for engine in ("sumo", "kinematic")
+    )
+    assert out == [0, 1]  # robot_0 stands there from the beginning, and goes aside when it is in the way
+    assert sumo.events == kinematic.events
+    for name in ("x_m", "y_m", "yaw_rad", "goal_s"):
+        np.testing.assert_allclose(getattr(sumo, name), getattr(kinematic, name), atol=1e-6)
 
 
 @pytest.mark.parametrize("tolerance_m", [0.0, 0.01])

@@ -7,8 +7,9 @@ Where no lane leads on from a robot's last vertex, the route ends in an endless 
 Robots that stand at the end of their ways are taken out of SUMO after a few steps, and put back where they stood when they are sent on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,13 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.engines.protocol import WHOLE_WAY
-from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, lane_ends
+from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, excerpt, lane_ends
 from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
 from mrp_sumo.errors import ExecutionError
 
 AHEAD = 6  # edges in a renewed route beyond the last visit that the robot has been granted
 REST_STEPS = 5  # a robot that has stood at the end of its way for so many is taken out
 PLAN_STEPS = 10  # at most, for which vehicles that others keep apart follow one look ahead
-MOST_OF = 0.7  # of a graph's vertices, from which on it is quicker to load the whole network
 
 
 class SumoEngine:
@@ -119,22 +119,18 @@ class SumoEngine:
     def _raise_limits(self, speed_mps: float) -> None:
         """The network's stand-in for no limit must not cap fast robots."""
         if speed_mps > NO_LIMIT_MPS:
-            unlimited = ~np.isfinite(self._graph.speed_mps)
-            if self._only is not None:
-                unlimited &= np.isin(self._graph.tail, self._only) & np.isin(self._graph.head, self._only)
-            for lane in np.flatnonzero(unlimited).tolist():
+            unlimited = np.flatnonzero(~np.isfinite(self._graph.speed_mps))
+            for lane in (unlimited if self._only is None else np.intersect1d(unlimited, self._only)).tolist():
                 self._sumo.raise_limit(self._edge[lane], speed_mps)
 
     def _insert_all(self, visits: Visits, kinds: Sequence[int]) -> None:
         """Put every robot on its first vertex: at the end of the incoming edge most in line with its first move."""
         graph = self._graph
-        by_head = np.argsort(graph.head, kind="stable")
-        into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
-        heading = graph.heading_rad
+        into, heading = _incoming(graph), graph.heading_rad
         for robot, begin in enumerate(visits.first.tolist()):
             vertex = int(visits.vertex[begin])
             onward = visits.heading_rad[begin if visits.next[begin] < 0 else visits.next[begin]]
-            incoming = by_head[into[vertex] : into[vertex + 1]]
+            incoming = into(vertex)
             ahead, stops = self._ahead(robot, begin, visits)
             if len(incoming):
                 away = np.abs((heading[incoming] - onward + np.pi) % (2 * np.pi) - np.pi)
@@ -169,13 +165,9 @@ class SumoEngine:
         return edges + beyond, not beyond
 
     def _exit(self, lane: int) -> list[str]:
-        """An edge that leads on from a lane's end, back if possible."""
-        graph = self._graph
-        if graph.reverse[lane] >= 0:
-            return [self._edge[int(graph.reverse[lane])]]
-        head = int(graph.head[lane])
-        onward = range(int(graph.first[head]), int(graph.first[head + 1]))
-        return [self._edge[onward[0]]] if onward else []
+        """An edge that leads on from a lane's end."""
+        onward = _exit(self._graph, lane)
+        return [self._edge[onward]] if onward >= 0 else []
 
 
 @contextmanager
@@ -187,25 +179,27 @@ def sumo_engine(
     seed: int,
     gui: bool = False,
     *,
-    ways: IntArray | None = None,
+    ways: tuple[IntArray, IntArray] | None = None,
 ) -> Iterator[SumoEngine]:
     """Start SUMO (sumo-gui with `gui`) on the network of a graph, and close it whatever happens.
 
-    With `ways`, all vertices that robots will ever come to, SUMO loads these and their neighbours only: they need not go elsewhere,
-    and on large maps the network is most of what a run of few robots loads.
+    With `ways`, all that robots will ever drive, SUMO loads nothing else: they need not go elsewhere, and on large maps the network is
+    most of what a run of few robots loads. These are the vertices of robot after robot, and the lanes by which they come to them, -1 for
+    the first of each.
 
     Raises
     ------
     ExecutionError
         For a network that SUMO does not load or that is another graph's, and for every error of SUMO inside the block.
     """
-    only = None if ways is None or gui else _with_neighbours(graph, ways)
-    if only is not None and len(only) > MOST_OF * graph.num_vertices:
-        only = None
+    lanes, shorten = None, None
+    if ways is not None and not gui:
+        lanes, onward = _driven_on(graph, *ways)
+        shorten = partial(excerpt, graph=graph, lanes=lanes, onward=onward)
     steps = _plan_steps(graph, fleet, step_length_s) if _is_free(graph) else 1
     plan_every_s = round(steps * step_length_s, 9) if steps > 1 else None
-    with running_sumo(network, fleet, step_length_s, seed, gui, only=only, plan_every_s=plan_every_s) as sumo:
-        yield SumoEngine(graph, fleet, sumo, only, rests=not gui)
+    with running_sumo(network, fleet, step_length_s, seed, gui, shorten=shorten, plan_every_s=plan_every_s) as sumo:
+        yield SumoEngine(graph, fleet, sumo, lanes, rests=not gui)
 
 
 def _is_free(graph: PlanGraph) -> bool:
@@ -220,11 +214,37 @@ def _plan_steps(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> int:
     return int(min(max(0.999 * shortest_m / (fastest_mps * step_length_s), 1.0), PLAN_STEPS))
 
 
-def _with_neighbours(graph: PlanGraph, vertices: IntArray) -> IntArray:
-    """Ascending; robots are put on lanes to their first vertices, and routes lead on beyond the last ones."""
-    is_in = np.zeros(graph.num_vertices, np.bool_)
-    is_in[vertices] = True
-    near = is_in.copy()
-    near[graph.tail[is_in[graph.head]]] = True
-    near[graph.head[is_in[graph.tail]]] = True
-    return np.flatnonzero(near)
+def _driven_on(graph: PlanGraph, vertex: IntArray, lane: IntArray) -> tuple[IntArray, IntArray]:
+    """Lanes of these ways, by which robots may be put on them, and by which routes lead on beyond; and [K, 2] which follow which."""
+    begin = np.flatnonzero(lane < 0)
+    end = np.append(begin[1:], len(lane)) - 1
+    follows = np.flatnonzero((lane[:-1] >= 0) & (lane[1:] >= 0))
+    onward = np.stack([lane[follows], lane[follows + 1]], 1).tolist()
+    onward += [[last, _exit(graph, last)] for last in np.unique(lane[end]).tolist() if last >= 0]
+    into = _incoming(graph)
+    for first, last in zip(begin.tolist(), end.tolist()):
+        start = int(vertex[first])
+        before = into(start).tolist()
+        if first < last:
+            onward += [[one, int(lane[first + 1])] for one in before]
+        else:  # it stays there
+            before = before or [int(graph.first[start])]
+            onward += [[one, _exit(graph, one)] for one in before]
+    pairs = np.array(onward, np.int64).reshape(-1, 2)
+    lanes = np.unique(np.concatenate([lane, pairs.ravel()]))
+    return lanes[lanes >= 0], pairs[pairs[:, 1] >= 0]
+
+
+def _incoming(graph: PlanGraph) -> Callable[[int], IntArray]:
+    """What gives the lanes that lead to a vertex."""
+    by_head = np.argsort(graph.head, kind="stable")
+    first = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
+    return lambda vertex: by_head[first[vertex] : first[vertex + 1]]
+
+
+def _exit(graph: PlanGraph, lane: int) -> int:
+    """A lane that leads on from a lane's end, back if possible; -1 where none does."""
+    if graph.reverse[lane] >= 0:
+        return int(graph.reverse[lane])
+    head = int(graph.head[lane])
+    return int(graph.first[head]) if graph.first[head] < graph.first[head + 1] else -1

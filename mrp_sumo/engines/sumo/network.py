@@ -24,11 +24,11 @@ NO_LIMIT_MPS = 2.0  # of lanes without a limit; SUMO looks for followers by it, 
 LANE_WIDTH_M = 0.3  # drawn only
 SHORTEST_M = 0.1  # SUMO makes shorter edges this long
 THINNEST_M = 0.01  # netconvert drops edges below
-ELEMENT = re.compile(  # of a network, by the vertices it touches
-    r'\s*<(?:edge id="e(\d+)_(\d+)".*?</edge>|connection from="e(\d+)_(\d+)" to="e\d+_(\d+)"[^>]*/>|junction id="n(\d+)"[^>]*/>)',
-    re.DOTALL,
+ELEMENT = re.compile(  # of a network: an edge, a connection of two edges, a junction
+    r'\s*<(?:edge id="(\w+)".*?</edge>|connection from="(\w+)" to="(\w+)"[^>]*/>|junction id="n(\d+)"[^>]*/>)', re.DOTALL
 )
 INCOMING = re.compile(r'(?<= incLanes=")[^"]+')  # lanes that lead to a junction
+OPPOSITE = re.compile(r' bidi="(\w+)"')
 
 
 def edge_name(tail: int, head: int) -> str:
@@ -80,16 +80,33 @@ def backdrop_of(path: Path) -> Path:
     return path.with_name(path.name.removesuffix(".net.xml").removesuffix(".xml") + ".poly.xml")
 
 
-def excerpt(text: str, vertices: IntArray) -> str:
-    """A network's text without all that touches other vertices than these: SUMO needs time and memory for whatever it loads."""
-    kept = set(map(str, vertices.tolist()))
+def excerpt(text: str, graph: NavGraph, lanes: IntArray, onward: IntArray) -> str:
+    """A network's text without what nobody drives on: SUMO needs time and memory for whatever it loads.
+
+    Parameters
+    ----------
+    lanes
+        That robots may be on.
+    onward
+        [K, 2] pairs of them that robots may pass one after the other.
+    """
+    edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
+    kept = {edge[lane] for lane in lanes.tolist()}
+    passed = {(edge[before], edge[after]) for before, after in onward.tolist()}
+    touched = set(map(str, np.union1d(graph.tail[lanes], graph.head[lanes]).tolist()))
 
     def shorten(element: re.Match[str]) -> str:
-        if not all(vertex is None or vertex in kept for vertex in element.groups()):
+        name, before, after, vertex = element.groups()
+        if name is not None:
+            if name not in kept:
+                return ""
+            opposite = OPPOSITE.search(element[0])
+            return element[0] if opposite is None or opposite[1] in kept else element[0].replace(opposite[0], "", 1)
+        if vertex is None:
+            return element[0] if (before, after) in passed else ""
+        if vertex not in touched:
             return ""
-        if element[6] is None:
-            return element[0]
-        return INCOMING.sub(lambda lanes: " ".join(lane for lane in lanes[0].split() if lane[1:].partition("_")[0] in kept), element[0])
+        return INCOMING.sub(lambda found: " ".join(lane for lane in found[0].split() if lane.removesuffix("_0") in kept), element[0])
 
     return ELEMENT.sub(shorten, text)
 

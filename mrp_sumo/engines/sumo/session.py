@@ -7,7 +7,7 @@ replace the first. Everything SUMO complains of comes out as an ExecutionError.
 
 import struct
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import compress
 from pathlib import Path
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.core.imports import without
-from mrp_sumo.engines.sumo.network import backdrop_of, excerpt
+from mrp_sumo.engines.sumo.network import backdrop_of
 from mrp_sumo.errors import ExecutionError
 
 VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times real time
@@ -177,12 +177,12 @@ def running_sumo(
     seed: int,
     gui: bool = False,
     *,
-    only: IntArray | None = None,
+    shorten: Callable[[str], str] | None = None,
     plan_every_s: float | None = None,
 ) -> Iterator[Sumo]:
     """Start SUMO (sumo-gui with `gui`) on a network, and close it whatever happens.
 
-    Robots' types are numbered by `type_of`. Of the network, SUMO loads only what is between the vertices `only`, if given. With `plan_every_s`
+    Robots' types are numbered by `type_of`. SUMO loads what `shorten`, if given, leaves of the network's text. With `plan_every_s`
     vehicles look ahead so often only, and in between do what they are commanded; by default in every step.
 
     Raises
@@ -199,9 +199,9 @@ def running_sumo(
         types = Path(folder) / "types.add.xml"
         types.write_text(_types(fleet, step_length_s, plan_every_s or step_length_s))
         loaded = Path(network)
-        if only is not None:
+        if shorten is not None:
             loaded = Path(folder) / "excerpt.net.xml"
-            loaded.write_text(excerpt(Path(network).read_text(encoding="utf-8"), only), encoding="utf-8")
+            loaded.write_text(shorten(Path(network).read_text(encoding="utf-8")), encoding="utf-8")
         _running = True
         try:
             api.start(
@@ -277,7 +277,8 @@ def _types(fleet: Fleet, step_length_s: float, plan_every_s: float) -> str:
         lines.append(
             f'<vType id="type_{k}" length="{half_m:.6f}" minGap="{half_m:.6f}" width="{fleet.width_m[r]:.6f}" '
             f'accel="{fleet.accel_mps2[r]:.6f}" decel="{fleet.decel_mps2[r]:.6f}" apparentDecel="{fleet.decel_mps2[r]:.6f}" '
+            # with less SUMO lets some head-on robots collide
             f'emergencyDecel="{2 * fleet.decel_mps2[r]:.6f}" maxSpeed="{fleet.max_speed_mps[r]:.6f}" speedFactor="1" speedDev="0" '
-            f'sigma="0" tau="{step_length_s:g}" actionStepLength="{plan_every_s:g}"/>'  # emergencyDecel: with less, SUMO lets some head-on robots collide
+            f'sigma="0" tau="{step_length_s:g}" actionStepLength="{plan_every_s:g}"/>'
         )
     return "\n".join([*lines, "</additional>\n"])
