@@ -7,6 +7,7 @@ connection that is lost is made again, while whoever uses it goes on. Needs the 
 import json
 import selectors
 import socket
+import ssl
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -318,4 +319,8 @@ def encoded(payload: Mapping[str, Any]) -> bytes:
 
 
 def _why(error: Exception) -> str:
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate is not trusted: {error.verify_message}"
+    if isinstance(error, ssl.SSLError):  # whose numbers are its own
+        return " ".join(str(error.reason or error).replace("_", " ").lower().split())
     return sentence(error) if isinstance(error, OSError) and error.errno is not None and error.errno > 0 else " ".join(str(error).split())

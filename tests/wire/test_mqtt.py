@@ -34,13 +34,17 @@ def free_port():
 def broker(tmp_path_factory):
     """A broker that lets `fleet` in, with the password `secret`."""
     folder = tmp_path_factory.mktemp("broker")
+    with running(folder, one_user(folder)) as port:
+        yield Broker("127.0.0.1", port, "fleet", "secret")
+
+
+def one_user(folder):
+    """The plugins of a broker that lets `fleet` in, with the password `secret`."""
     from pwdlib import PasswordHash
     from pwdlib.hashers.argon2 import Argon2Hasher
 
     (folder / "passwords").write_text(f"fleet:{PasswordHash((Argon2Hasher(),)).hash('secret')}\n")
-    plugins = {"amqtt.plugins.authentication.FileAuthPlugin": {"password_file": str(folder / "passwords")}}
-    with running(folder, plugins) as port:
-        yield Broker("127.0.0.1", port, "fleet", "secret")
+    return {"amqtt.plugins.authentication.FileAuthPlugin": {"password_file": str(folder / "passwords")}}
 
 
 @pytest.fixture
@@ -51,10 +55,10 @@ def open_port(tmp_path):
 
 
 @contextmanager
-def running(folder, plugins):
+def running(folder, plugins, **listener):
     """A broker on the loopback. Yields its port."""
     port = free_port()
-    settings = {"listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}}, "plugins": plugins}
+    settings = {"listeners": {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}", **listener}}, "plugins": plugins}
     (folder / "broker.yaml").write_text(yaml.safe_dump(settings))
     command = [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(folder / "broker.yaml")]
     with (folder / "log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
@@ -64,8 +68,10 @@ def running(folder, plugins):
                 break
             except OSError:
                 time.sleep(0.05)
-        yield port
-        process.terminate()
+        try:
+            yield port
+        finally:
+            process.terminate()
 
 
 @contextmanager
@@ -76,8 +82,10 @@ def theirs(script, *arguments):
         pytest.skip("no node or vda-5050-lib (tools/ci_tools.sh installs it)")
     command = [node, str(Path(__file__).parent / "others" / script), *map(str, arguments)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "NODE_PATH": str(modules)}) as process:
-        yield process
-        process.terminate()
+        try:
+            yield process
+        finally:
+            process.terminate()
 
 
 @pytest.mark.slow
@@ -176,6 +184,48 @@ def test_our_master_drives_our_vehicles_through_a_broker_to_all_goals(broker, tm
     assert found["status"] == "completed" and found["audit"]["num_overlaps"] == 0
     for name in ("fleet.jsonl", "master.jsonl"):
         assert main(["validate", "--vda5050", str(tmp_path / name)]) == 0
+
+
+def certificate(folder, name):
+    """A certificate of its own making for 127.0.0.1, and its key."""
+    if not shutil.which("openssl"):
+        pytest.skip("no openssl to make a certificate with")
+    made, key = folder / f"{name}.pem", folder / f"{name}.key"
+    about = ["-subj", f"/CN={name}", "-addext", "subjectAltName=IP:127.0.0.1", "-days", "2"]
+    command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", str(key), "-out", str(made), *about]
+    subprocess.run(command, check=True, capture_output=True)
+    return made, key
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings(
+    "ignore:Exception ignored in. <ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning"
+)  # paho leaves them to be collected
+def test_broker_with_tls_is_trusted_by_its_own_authority_alone(tmp_path, capsys):
+    scenario(tmp_path)
+    (trusted, key), (other, other_key) = certificate(tmp_path, "broker"), certificate(tmp_path, "other")
+    (tmp_path / "password").write_text("secret\n")
+    with running(tmp_path, one_user(tmp_path), ssl=True, certfile=str(trusted), keyfile=str(key)) as port:
+        who = ["--user", "fleet", "--password-file", str(tmp_path / "password"), "--duration", "2", "--speed", "10"]
+        at = ["vda5050", str(tmp_path / "carts.yaml"), "--broker", f"127.0.0.1:{port}"]
+        assert main([*at, *who, "--tls", "--ca", str(trusted)]) == 0
+        said = capsys.readouterr().out
+        assert "2 vehicles" in said and " 0 lost" in said
+        why = f"mrp-sumo: no connection to the broker 127.0.0.1:{port}: "
+        refused = "its certificate is not trusted: self"  # "-signed", or " signed", as OpenSSL has it
+        cases = {
+            ("--tls", "--ca", str(other)): f"{why}{refused}",
+            ("--tls",): f"{why}{refused}",  # the system's authorities do not know it
+            ("--tls", "--ca", str(other_key)): f"mrp-sumo: TLS: {other_key}: ",
+            ("--tls", "--ca", str(tmp_path / "none")): f"mrp-sumo: {tmp_path / 'none'}: no such file",
+            (): f"mrp-sumo: the broker 127.0.0.1:{port} does not let 'robot_0' in: ",  # without TLS
+        }
+        for options, line in cases.items():
+            assert main([*at, *who, *options]) == 2
+            found = capsys.readouterr()
+            assert found.err.startswith(line) and found.err.count("\n") == 1 and not found.out
+        assert main([*at, "--user", "fleet", "--tls", "--ca", str(trusted)]) == 2, "the password is asked for, too"
+        assert "does not let 'robot_0' in: " in capsys.readouterr().err
 
 
 @pytest.mark.slow
