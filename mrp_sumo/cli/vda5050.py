@@ -9,8 +9,9 @@ import argparse
 import math
 import sys
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -23,6 +24,24 @@ if TYPE_CHECKING:
     from mrp_sumo.wire.fleet import Fault
     from mrp_sumo.wire.link import Link
     from mrp_sumo.wire.mqtt import Broker, Connections
+
+
+@dataclass(frozen=True)
+class Session:
+    """What both parts begin with."""
+
+    options: argparse.Namespace
+    setup: "SetUp"
+    maps: "MapCache"
+    connections: "Connections"
+    dialect: "Dialect"
+    log: TextIO | None
+
+    def logged(self, link: "Link", now_s: Callable[[], float]) -> "Link":
+        """The link, whose messages are written down where that is asked for, with simulated times."""
+        from mrp_sumo.wire.pace import Logged
+
+        return link if self.log is None else Logged(link, self.log, self.dialect, self.options.manufacturer, now_s)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,35 +99,24 @@ def run(options: argparse.Namespace) -> int:
         maps = stack.enter_context(MapCache())
         setup = set_up(scenario_choice.chosen_scenario(options), maps)
         log = None if options.log is None else stack.enter_context(options.log.open("x", encoding="utf-8"))
-        connections = Connections(broker, dialect, options.manufacturer)
-        if options.part == "master":
-            return _drive(options, setup, maps, connections, dialect, log, stack)
-        return _be_driven(options, setup, maps, connections, dialect, log, stack)
+        session = Session(options, setup, maps, Connections(broker, dialect, options.manufacturer), dialect, log)
+        return (_drive if options.part == "master" else _be_driven)(session, stack)
 
 
-def _be_driven(
-    options: argparse.Namespace,
-    setup: "SetUp",
-    maps: "MapCache",
-    connections: "Connections",
-    dialect: "Dialect",
-    log: TextIO | None,
-    stack: ExitStack,
-) -> int:
+def _be_driven(session: Session, stack: ExitStack) -> int:
     """Be vehicles."""
     from mrp_sumo.experiments.run import interrupts
     from mrp_sumo.wire.fleet import Reporting, VirtualFleet
     from mrp_sumo.wire.mqtt import VehicleLink, encoded
     from mrp_sumo.wire.pace import Logged, Pace
 
+    options, setup, dialect, connections = session.options, session.setup, session.dialect, session.connections
     faults = [_fault(text, setup) for text in options.fault]
     reporting = Reporting(options.state_period, options.visualization_period, options.manufacturer, time.time())
     vehicles = VehicleLink(connections)
-    link: Link = vehicles
     fleet: VirtualFleet
-    if log is not None:
-        link = Logged(vehicles, log, dialect, options.manufacturer, lambda: fleet.now_s)
-    fleet = VirtualFleet(setup, maps.network(setup.problem.graph), link, dialect, reporting, faults)
+    link = session.logged(vehicles, lambda: fleet.now_s)
+    fleet = VirtualFleet(setup, session.maps.network(setup.problem.graph), link, dialect, reporting, faults)
     stack.callback(link.close)
     for vehicle in fleet.vehicles:
         online, will = encoded(fleet.connection(vehicle, "ONLINE")), encoded(fleet.last_will(vehicle))
@@ -132,15 +140,7 @@ def _be_driven(
     return 0
 
 
-def _drive(
-    options: argparse.Namespace,
-    setup: "SetUp",
-    maps: "MapCache",
-    connections: "Connections",
-    dialect: "Dialect",
-    log: TextIO | None,
-    stack: ExitStack,
-) -> int:
+def _drive(session: Session, stack: ExitStack) -> int:
     """Be the master of vehicles, and write the run."""
     from mrp_sumo.cli.run import print_result, progress_bar
     from mrp_sumo.experiments.run import finish
@@ -150,25 +150,23 @@ def _drive(
     from mrp_sumo.wire.fleet import GraphSite
     from mrp_sumo.wire.master import driven_vehicles
     from mrp_sumo.wire.mqtt import MasterLink
-    from mrp_sumo.wire.pace import Logged
 
+    options, setup, dialect = session.options, session.setup, session.dialect
     out = options.out or Path("runs") / setup.scenario.name
     check_replaceable(out)
     settings = replace(setup.settings, on_deadlock="report")  # no order can say that a vehicle turns round on a lane
     setup = replace(setup, settings=settings)
-    master = MasterLink(connections, frozenset(serials_of(setup.problem.fleet.robot_name)))
-    link: Link = master
+    master = MasterLink(session.connections, frozenset(serials_of(setup.problem.fleet.robot_name)))
     begun_s = time.monotonic()
-    if log is not None:
-        link = Logged(master, log, dialect, options.manufacturer, lambda: (time.monotonic() - begun_s) * options.speed)
+    link = session.logged(master, lambda: (time.monotonic() - begun_s) * options.speed)
     master.join()
     stack.callback(link.close)
     site = GraphSite(setup.problem.graph, setup.map.level_shift_m)
     how = {"speed": options.speed, "manufacturer": options.manufacturer}
     engine = driven_vehicles(setup.problem, site, link, dialect, settings.step_length_s, **how)
     with progress_bar() as progress:
-        result = finish(setup, solve(setup, progress=progress), maps, progress=progress, keeps_interrupted=True, engine=engine)
-    result.write(out, maps)
+        result = finish(setup, solve(setup, progress=progress), session.maps, progress=progress, keeps_interrupted=True, engine=engine)
+    result.write(out, session.maps)
     print_result(result, out, False)
     return 0 if result.status == "completed" else 1
 
