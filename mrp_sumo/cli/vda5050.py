@@ -189,7 +189,7 @@ def _broker(options: argparse.Namespace) -> "Broker":
 def _fault(text: str, setup: "SetUp") -> "Fault":
     """A fault that `ROBOT:KIND@S[+S]` asks for."""
     from mrp_sumo.errors import MrpSumoError, nearest
-    from mrp_sumo.formats.vda.vehicle import FAULTS
+    from mrp_sumo.formats.vda.abilities import FAULTS
     from mrp_sumo.wire.fleet import Fault
 
     names = setup.problem.fleet.robot_name

@@ -34,9 +34,12 @@ from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.set_up import SetUp, robot_types
+from mrp_sumo.formats.vda.abilities import ABILITIES, FAULTS, LIMITS
+from mrp_sumo.formats.vda.inbox import receive
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
 from mrp_sumo.formats.vda.order import Edge, Node
-from mrp_sumo.formats.vda.vehicle import ABILITIES, FACES_RAD, FAULTS, LIMITS, Body, Vehicle
+from mrp_sumo.formats.vda.report import state_of, view_of
+from mrp_sumo.formats.vda.vehicle import FACES_RAD, Body, Vehicle
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of
@@ -68,7 +71,7 @@ class Reporting:
 
 
 class GraphSite:
-    """The map of a run as its vehicles know it. See `formats.vda.vehicle.Site`."""
+    """The map of a run as its vehicles know it. See `formats.vda.abilities.Site`."""
 
     def __init__(self, graph: PlanGraph, shift_m: Mapping[str, tuple[float, float]]) -> None:
         self._graph = graph
@@ -224,7 +227,7 @@ class VirtualFleet:
     def step(self, messages: Sequence[Received]) -> None:
         """Take messages, report, and let a step of time pass."""
         for serial, kind, payload in messages:
-            self.vehicles[self.robot_of[serial]].receive(kind, payload, self.now_s)
+            receive(self.vehicles[self.robot_of[serial]], kind, payload, self.now_s)
         self.world.update(self.now_s, self.ledger.state.grants)
         self.controller.advance(self.now_s, self.bodies, self.world.conditions, observe=self.step_count > 0)
         self._observe()
@@ -349,13 +352,13 @@ class VirtualFleet:
         due: BoolArray = self.now_s >= self._to_send - 1e-9
         for r, vehicle in enumerate(self.vehicles):
             if vehicle.news or due[r]:
-                self._publish(vehicle, "state", vehicle.state(self.now_s))
+                self._publish(vehicle, "state", state_of(vehicle, self.now_s))
                 self._to_send[r] = self.now_s + self.reporting.state_s
             if vehicle.asked_for_factsheet:
                 vehicle.asked_for_factsheet = False
                 self._publish(vehicle, "factsheet", self._factsheet(vehicle))
             if shows:
-                self._publish(vehicle, "visualization", vehicle.view(self.now_s))
+                self._publish(vehicle, "visualization", view_of(vehicle, self.now_s))
         if shows:
             self._to_show = max(self._to_show + self.reporting.view_s, self.now_s)
 

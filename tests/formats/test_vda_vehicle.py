@@ -8,10 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from mrp_sumo.formats.vda.abilities import EMERGENCY_STOP, LOST
 from mrp_sumo.formats.vda.errors import NAMES
+from mrp_sumo.formats.vda.inbox import receive
 from mrp_sumo.formats.vda.messages import Dialect, Sender, action, node
 from mrp_sumo.formats.vda.order import LONGEST_PAYLOAD, MOST_NODES, check_sequence, read_document, read_order
-from mrp_sumo.formats.vda.vehicle import EMERGENCY_STOP, LOST, Body, Vehicle
+from mrp_sumo.formats.vda.report import state_of
+from mrp_sumo.formats.vda.vehicle import Body, Vehicle
 
 REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference" / "data"
 PLACES = {name: (2.0 * k, 0.0, "hall") for k, name in enumerate("abcdef")}
@@ -52,7 +55,7 @@ class World:
 
     def send(self, content, kind="order"):
         payload = content if isinstance(content, bytes) else json.dumps(self.master.message(kind, self.now_s, content)).encode()
-        self.vehicle.receive(kind, payload, self.now_s)
+        receive(self.vehicle, kind, payload, self.now_s)
         return self.state()
 
     def instant(self, kind, name=None, **parameters):
@@ -77,7 +80,7 @@ class World:
         self.vehicle.advance(self.now_s)
 
     def state(self):
-        return self.vehicle.state(self.now_s)
+        return state_of(self.vehicle, self.now_s)
 
     def statuses(self):
         said = self.state()

@@ -9,9 +9,9 @@ import pytest
 from jsonschema import Draft202012Validator
 from wire.worlds import TYPE, carts
 
+from mrp_sumo.formats.vda.abilities import BREAKDOWN
 from mrp_sumo.formats.vda.check import check
 from mrp_sumo.formats.vda.messages import action, line_of
-from mrp_sumo.formats.vda.vehicle import BREAKDOWN
 from mrp_sumo.wire.fleet import Fault, Reporting
 from mrp_sumo.wire.link import FROM_VEHICLES
 
