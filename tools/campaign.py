@@ -20,6 +20,7 @@ CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
     "repeat": ("campaigns.repeat:Repeat", 600.0),
     "kills": ("campaigns.kills:Kills", 300.0),
     "noise": ("campaigns.noise:Noise", 300.0),
+    "buildings": ("campaigns.noise:Buildings", 300.0),
     "times": ("campaigns.times:Times", 300.0),
     "referee": ("campaigns.referee:Referee", 60.0),
     "referee_in_seconds": ("campaigns.referee_in_seconds:RefereeInSeconds", 60.0),

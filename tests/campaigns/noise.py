@@ -1,10 +1,11 @@
 """Thousands of disturbed executions on all maps, by all policies and recoveries, each judged by an audit of its own and by the program's.
 
 Everything about a run is drawn from its number: the world (bundled maps, each as a grid and as a roadmap; generated warehouses and
-roads; racks with narrow aisles; tangles of lanes with acute angles and crossings), robots, policy, step length, disturbances and what is
-done about deadlocks. The audit of its own follows footprints with shapely, another author's geometry, and knows nothing of ours: they
-overlap nobody and no wall of the building (lanes without room are left out before), vertices are passed in the plan's order where a policy
-keeps it, robots that stand on their goals count as there, and none stands to the end for no reason.
+roads; racks with narrow aisles; tangles of lanes with acute angles and crossings; or, as buildings, all levels of a map with
+its lifts and doors), robots, policy, step length, disturbances and what is done about deadlocks. The audit of its own follows footprints
+with shapely, another author's geometry, and knows nothing of ours: they overlap nobody and no wall of the building (lanes without room are
+left out before), vertices are passed in the plan's order where a policy keeps it, robots that stand on their goals count as there, and none
+stands to the end for no reason.
 """
 
 import collections
@@ -12,7 +13,7 @@ import hashlib
 import json
 import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -29,7 +30,8 @@ from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import replanning
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
+from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Fire, Obstacle, Outage
+from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import needs_sound_plan, policies
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -38,9 +40,12 @@ from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.clearance import narrow, pruned, standing_walls
+from mrp_sumo.maps.doors import with_doors
 from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.maps.grid import grid_graph, paper_grid
+from mrp_sumo.maps.lifts import with_rides
 from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.planning.registry import planner
@@ -53,9 +58,19 @@ SWITCHES = "adg_switch"  # changes the plan's order, which then has no cycles ei
 TIME_LIMIT_S = 150.0
 MIXED = 0.3  # of the runs on maps with room for boxes are driven by both types, half of those in the kinematic engine
 SHARES = {"bundled": 0.25, "corpus": 0.25, "warehouse": 0.15, "roads": 0.1, "racks": 0.1, "tangle": 0.15}  # of the runs
+BUILDINGS = {"building": 1.0}  # the same, of whole buildings
+RIDING, MOST_RIDING = 4.0, 20  # times as long as other runs; robots
+CORPUS = Path(__file__).resolve().parents[3] / "shared" / "maps" / "corpus"
 NOISE = ("speed_spread", "speed_noise", "stops_per_s", "start_delay_s", "delay_probability", "latency_s", "message_loss", "localisation_m")
 
 World = tuple[str, str]  # family, and which of it
+
+
+def _has_lifts(path: Path) -> bool:
+    try:
+        return bool(load_map(path).nav.is_ride.any())
+    except MrpSumoError:
+        return False
 
 
 def tangle(rng: np.random.Generator) -> PlanGraph:
@@ -86,10 +101,11 @@ class Noise:
     """One run a trial."""
 
     size = None
+    shares: Mapping[str, float] = SHARES
 
     def __init__(self, seed: int) -> None:
         self._scratch = tempfile.TemporaryDirectory(prefix="noise-")
-        self._worlds, self._first = Worlds(None, Path(self._scratch.name)), seed * 10_000_000
+        self._worlds, self._first = Worlds(None, Path(self._scratch.name), self.shares), seed * 10_000_000
 
     def trial(self, number: int, folder: Path) -> Trial:
         row = one(self._first + number, self._worlds)
@@ -98,20 +114,29 @@ class Noise:
         return Trial(f"{row['family']}, {row['policy']}", row["ended"], wrong, "cat run.json  # all follows from the number")
 
 
+class Buildings(Noise):
+    """Whole buildings only: all levels of a map, its lifts and its doors."""
+
+    shares = BUILDINGS
+
+
 class Worlds:
     """Graphs and their networks, made once."""
 
-    def __init__(self, maps: Path | None, scratch: Path) -> None:
+    def __init__(self, maps: Path | None, scratch: Path, shares: Mapping[str, float] = SHARES) -> None:
         corpus = sorted(maps.rglob("*.building.yaml")) if maps else []
-        self._scratch = scratch
-        self._paths = {"bundled": sorted(bundled_maps().values()), "corpus": corpus}
+        self._scratch, self._shares = scratch, shares
+        bundled = sorted(bundled_maps().values())
+        whole = [path for path in [*bundled, *sorted(CORPUS.rglob("*.building.yaml"))] if _has_lifts(path)] if "building" in shares else []
+        self._paths = {"bundled": bundled, "corpus": corpus, "building": whole}
         self._lasting_graph = cache(self._graph)
         self._building: dict[World, Building | None] = {}
+        self._shift: dict[World, Mapping[str, tuple[float, float]]] = {}
 
     def draw(self, rng: np.random.Generator, number: int) -> World:
         """A family, and one of its worlds."""
-        families = [family for family in SHARES if self._paths.get(family, [0])]
-        share = np.array([SHARES[family] for family in families])
+        families = [family for family in self._shares if self._paths.get(family, [0])]
+        share = np.array([self._shares[family] for family in families])
         family = str(rng.choice(families, p=share / share.sum()))
         if family in self._paths:
             which = f"{int(rng.integers(len(self._paths[family])))} {int(rng.integers(12))} {rng.choice(['grid', 'roadmap', 'two_way'])}"
@@ -134,7 +159,7 @@ class Worlds:
     def network(self, world: World, graph: PlanGraph, robot: RobotType) -> Path:
         if world[0] in PASSING:
             return build_network(graph, self._scratch / "passing.net.xml")
-        name = re.sub(r"\W", "_", " ".join((*world, robot.name)))
+        name = re.sub(r"\W", "_", " ".join((*world, robot.name, str(graph.num_vertices))))
         path = self._scratch / f"{name}.net.xml"
         return path if path.is_file() else build_network(graph, path)
 
@@ -145,6 +170,13 @@ class Worlds:
             return graph, np.zeros((0, 2, 2))
         return pruned(graph, narrow(graph, building, robot)), standing_walls(building, graph.level_names)
 
+    def facilities(self, world: World, graph: PlanGraph, radius_m: float, step_s: float) -> PlanGraph:
+        """The graph with the lifts and doors of a whole building, for robots up to a radius and planned steps."""
+        if world[0] != "building":
+            return graph
+        ridden = with_rides(graph, step_s, radius_m, self._building[world], self._shift[world])
+        return with_doors(ridden, self._building[world], radius_m)
+
     def _graph(self, world: World) -> PlanGraph:
         family, which = world
         if family in PASSING:
@@ -152,11 +184,14 @@ class Worlds:
         *parts, kind, cell = which.split()
         if family in self._paths:
             path = self._paths[family][int(parts[0])]
-            map_ = load_map(path, graph="all")
+            map_ = load_map(path, graph=None if family == "building" else "all")
             names = map_.nav.level_names
-            if len(names) > 1:  # lifts are not driven yet
+            if len(names) > 1 and family != "building":
                 map_ = load_map(path, graph="all", level=names[int(parts[1]) % len(names)])
-            nav, self._building[world] = map_.nav, map_.building
+            nav, self._building[world], self._shift[world] = map_.nav, map_.building, map_.level_shift_m
+            if family == "building":
+                nav, _ = join_short(nav, 0.45)
+                kind = "roadmap" if kind == "grid" else kind
         else:
             path = self._scratch / f"{family}_{'_'.join(parts)}.building.yaml"
             if family == "warehouse":
@@ -191,6 +226,15 @@ def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> Di
     if rng.random() < 0.2:
         x, y = graph.xy[int(rng.integers(graph.num_vertices))].tolist()
         what = replace(what, obstacles=(Obstacle(x, y, float(rng.uniform(0, 40)), float(rng.choice([15.0, np.inf]))),))
+    if lifts := lift_names(graph):
+        what = replace(what, lift_rides_per_h=float(rng.choice([0.0, 20.0, 60.0])), door_passages_per_h=float(rng.choice([0.0, 30.0])))
+        span = float(rng.uniform(0, 100)), float(rng.choice([20.0, 60.0, np.inf]))
+        if rng.random() < 0.2:
+            what = replace(what, outages=(Outage(str(rng.choice(lifts)), *span),))
+        elif (doors := door_names(graph)) and rng.random() < 0.2:
+            what = replace(what, outages=(Outage("", *span, door=str(rng.choice(doors))),))
+        elif rng.random() < 0.1:
+            what = replace(what, fires=(Fire(*span),))
     if rng.random() < 0.2:
         lane = int(rng.integers(graph.num_lanes))
         closure = Closure(int(graph.tail[lane]), int(graph.head[lane]), float(rng.uniform(0, 40)), float(rng.choice([15.0, np.inf])))
@@ -200,12 +244,17 @@ def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> Di
 
 def kinds_of(what: Disturbances) -> list[str]:
     """What there is of it."""
-    return [name for name in (*NOISE, "breakdowns", "obstacles", "closures") if getattr(what, name)]
+    return [
+        name
+        for name in (*NOISE, "breakdowns", "obstacles", "closures", "outages", "fires", "lift_rides_per_h", "door_passages_per_h")
+        if getattr(what, name)
+    ]
 
 
 def apart(graph: PlanGraph, rng: np.random.Generator, num: int, distance: float) -> np.ndarray:
     """Up to `num` vertices with lanes in one component, at least `distance` apart."""
     served = np.unique(np.concatenate([graph.tail, graph.head]))
+    served = served[~graph.having("cabin")[served]]
     served = served[graph.component[served] == np.bincount(graph.component[served]).argmax()]
     chosen: list[int] = []
     for v in rng.permutation(served).tolist():
@@ -237,7 +286,11 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
         graph, walls = worlds.with_room(world, graph, robot)
     except MrpSumoError:
         return row | {"ended": "no room beside walls"}
-    distance = fleet_of(robot, 1).separation_m
+    distance, slowest = fleet_of(robot, 1).separation_m, min(robot.max_speed_mps, BURGER.max_speed_mps)
+    step_s = graph.cell_m / slowest + 1.0 if world[0] == "building" else 0.0
+    graph = worlds.facilities(world, graph, max(robot.radius_m, BURGER.radius_m), step_s)
+    if world[0] == "building":
+        wanted = min(wanted, MOST_RIDING)
     wanted = min(wanted, graph.num_vertices // (4 if graph.kind == "grid" else 10))
     start, goal = apart(graph, rng, wanted, distance), apart(graph, rng, wanted, distance)
     num = min(len(start), len(goal))
@@ -252,7 +305,7 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     settings = ExecutionSettings(
         policy=policy,
         step_length_s=dt,
-        time_limit_s=TIME_LIMIT_S,
+        time_limit_s=TIME_LIMIT_S * (RIDING if world[0] == "building" else 1.0),
         record_period_s=dt,
         seed=number,
         disturbances=what,
@@ -262,7 +315,7 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     )
     types = " and ".join(sorted(set(fleet.type_name)))
     row |= {"kind": graph.kind, "robots": num, "robot": types, "engine": engine, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
-    step_s = graph.cell_m / float(fleet.max_speed_mps.min()) + 1.0
+    step_s = step_s or graph.cell_m / float(fleet.max_speed_mps.min()) + 1.0
     problem = Problem(graph, fleet, start, goal, np.arange(num), step_s, seed=number, drivable=needs_sound_plan(policy))
     why = ""
     for name, method in methods(rng):
@@ -301,6 +354,7 @@ def plain(error: Exception) -> str:
 def findings(run: Execution, plan: Plan, problem: Problem, settings: ExecutionSettings, walls: np.ndarray) -> dict[str, Any]:
     """What the audit and a few other looks find."""
     fleet, level, policy = problem.fleet, problem.graph.level[problem.start], settings.policy
+    level = level if run.level is None else np.zeros_like(level)  # they lie beside each other
     found = audit(run, fleet, level, walls if len(walls) else None)
     wrong = [f"{found[key]} {key.removeprefix('num_')}" for key in found if key.startswith("num_") and found[key]]
     wrong += [str(found["violations"][0])] if found["violations"] else []
@@ -396,7 +450,8 @@ def uncounted(run: Execution, problem: Problem) -> list[str]:
 def idle(run: Execution, settings: ExecutionSettings, events: Any) -> list[str]:
     """A run at whose end nobody moves any more, though some are not at their goals and nothing is known to stand in the way for good."""
     what = settings.disturbances
-    lasting = any(not np.isfinite(d.duration_s) for d in (*what.breakdowns, *what.obstacles, *what.closures))
+    listed = (*what.breakdowns, *what.obstacles, *what.closures, *what.outages, *what.fires)
+    lasting = any(not np.isfinite(d.duration_s) for d in listed)
     seen = {"deadlock", "unresolved", "blocked_for_good"} & set(events)
     last = run.t_s > run.t_s[-1] - 60.0
     moved = np.hypot(np.ptp(run.x_m[last], axis=0), np.ptp(run.y_m[last], axis=0)).max(initial=0.0)
