@@ -1,10 +1,10 @@
 """The kernel of a crowd: the social force model of Helbing and Molnar (Phys. Rev. E 51, 4282, 1995), in steps of at most 0.04 s.
 
 People are drawn to their places at the speeds that they like, pushed away by each other, by walls and by robots, and see what is
-ahead of them better than what is behind. Three things are not in the paper. Who walks behind another keeps to a speed at which that
-one stays a time ahead, without which dense crowds are too fast. The push of walls never slows anybody down, since ways know of
-walls. And nobody gets into a robot or through a wall by walking. Neighbours come from bins, so that the work grows with the number
-of people.
+ahead of them better than what is behind. Three things are not in the paper, which has crowds in one direction walk backwards from a
+density of 1.5 per m2 on. Those who go the same way push each other to the side only, and slow down for who is ahead in their path; nobody
+walks backwards for others. The push of walls never slows anybody down, since ways know of walls. And nobody gets into a robot or
+through a wall by walking. Neighbours come from bins, so that the work grows with the number of people.
 """
 
 import numpy as np
@@ -21,15 +21,16 @@ FASTEST = 1.3  # of the speed that one likes
 MOST_MPS2 = 10.0  # of one other's push
 BIN_M = 2.5  # others farther away do not matter
 BODY_M = 0.25  # radius
-LANE_M, BODY_LENGTH_M, HEADWAY_S = 0.4, 0.35, 0.8  # who is ahead this far to the side; its depth; the time that it stays ahead
+LANE_M, BODY_LENGTH_M, HEADWAY_S = 0.27, 0.3, 0.75  # who is ahead this far to the side; its depth; the time that it stays ahead
 KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
+YIELD_M, ASIDE_M, STEP_ASIDE_M = 2.0, 0.25, 0.7  # where there is no way past a robot: how near one lets it pass, and how far aside
 CLEAR_M = 0.02  # beside a robot
 AT_WALL_M = 0.15  # nobody's centre is closer to a wall
 SLOW = 0.2  # of the speed that one likes: who is slower stands
 BEFORE_ROBOT_M = 1.2  # and waits for a robot that is no farther
-PATIENCE_S, AWAY_S = 8.0, 12.0  # who has stood so long goes back for a while
+WAITS_S, PATIENCE_S, AWAY_S = 1.5, 8.0, 12.0  # who has stood so long before a robot lets it pass; and goes back for a while
 
 
 @kernel
@@ -114,11 +115,13 @@ def push(now, p, walkers, ground, robots, ways):
     if code < NUM_ANGLES:
         angle = code * (2.0 * np.pi / NUM_ANGLES)
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
-    tx, ty = round_robots(x, y, ex, ey, ground, robots)
+    tx, ty = round_robots(x, y, ex, ey, walkers.stuck_s[p] > WAITS_S, ground, robots)
     ax, ay, gap = push_of_people(p, x, y, ex, ey, walkers, ground)
     rx, ry = push_of_robots(x, y, ex, ey, ground, robots)
     wx, wy = push_of_walls(x, y, ex, ey, ground, cell)
     goes = min(wish, max(gap - BODY_LENGTH_M, 0.0) / HEADWAY_S)
+    back = min(ax * ex + ay * ey + goes / RELAX_S, 0.0)  # nobody walks backwards for others
+    ax, ay = ax - back * ex, ay - back * ey
     walkers.ax_mps2[p] = (goes * tx - vx) / RELAX_S + ax + rx + wx
     walkers.ay_mps2[p] = (goes * ty - vy) / RELAX_S + ay + ry + wy
 
@@ -153,6 +156,9 @@ def push_of_people(p, x, y, ex, ey, walkers, ground):
             scale = MOST_MPS2 / long if long > MOST_MPS2 else 1.0
             if -(ex * fx + ey * fy) < long * SIGHT:
                 scale *= BEHIND
+            if ex * walkers.vx_mps[q] + ey * walkers.vy_mps[q] > 0.0:  # who goes the same way pushes to the side only
+                along = ex * fx + ey * fy
+                fx, fy = fx - along * ex, fy - along * ey
             ax += scale * fx
             ay += scale * fy
     return ax, ay, gap
@@ -236,8 +242,10 @@ def push_of_robots(x, y, ex, ey, ground, robots):
 
 
 @kernel
-def round_robots(x, y, ex, ey, ground, robots):
-    """The direction that leads past the robots that stand or come in the way, on the side with room."""
+def round_robots(x, y, ex, ey, is_stuck, ground, robots):
+    """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
+    made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
+    """
     tx, ty, nearest = ex, ey, ROUND_M
     column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
     row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
@@ -251,15 +259,50 @@ def round_robots(x, y, ex, ey, ground, robots):
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
-            side = -1.0 if left > -0.05 else 1.0  # to the right of a robot that is right ahead
-            for _ in range(2):
+            side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
+            lets_pass = ahead < YIELD_M and (is_stuck or (robots.is_halted[i] and is_before(x, y, i, robots)))
+            for _ in range(0 if lets_pass else 2):
                 bx, by = dx - side * ey * beside, dy + side * ex * beside  # the point to pass
-                if ground.free[cell_of(x + bx, y + by, ground)]:
+                if is_free_way(x, y, bx, by, ground):
                     size = np.hypot(bx, by)
-                    tx, ty, nearest = bx / size, by / size, ahead
+                    tx, ty, nearest, has_room = bx / size, by / size, ahead, True
                     break
                 side = -side
+            if not has_room and ahead < YIELD_M:
+                nearest = ahead
+                tx, ty = out_of_path(x, y, i, ground, robots)
     return tx, ty
+
+
+@kernel(inline="always")
+def is_before(x, y, i, robots):
+    """Whether one is where a robot faces."""
+    return np.cos(robots.yaw_rad[i]) * (x - robots.x_m[i]) + np.sin(robots.yaw_rad[i]) * (y - robots.y_m[i]) > 0.0
+
+
+@kernel
+def is_free_way(x, y, dx, dy, ground):
+    """Whether the cells on the way to a point are free, but for the first ones: people are pushed to walls."""
+    is_free = True
+    for part in range(3, 9):
+        is_free &= ground.free[cell_of(x + dx * part / 8.0, y + dy * part / 8.0, ground)]
+    return is_free
+
+
+@kernel
+def out_of_path(x, y, i, ground, robots):
+    """The direction that leads out of a robot's path, (0, 0) for who is beside it."""
+    cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
+    dx, dy = x - robots.x_m[i], y - robots.y_m[i]
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    if ahead <= 0.0 or abs(left) >= robots.half_width_m[i] + BODY_M + ASIDE_M:
+        return 0.0, 0.0
+    side = 1.0 if left >= 0.0 else -1.0
+    for _ in range(2):
+        if ground.free[cell_of(x - side * sin * STEP_ASIDE_M, y + side * cos * STEP_ASIDE_M, ground)]:
+            return -side * sin, side * cos
+        side = -side
+    return cos, sin
 
 
 @kernel

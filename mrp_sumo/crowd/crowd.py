@@ -18,8 +18,9 @@ MOST_PEOPLE = 5000  # at a time; others wait outside
 KEPT_BYTES = 64_000_000  # of ways to places
 APPEAR_WITHIN_M = 1.0  # of the place that people come from
 ROOM_M = 0.2  # between people who appear and others
-ROBOT_ROOM_M = 2.0  # from the nearest robot's footprint
-TRIES = 8  # to find room, each step
+ROBOT_ROOM_M, ROBOT_ROOM_S = 0.8, 1.5  # from robots, and what these drive in this time
+TRIES = 4  # to find room
+LOOK_EVERY_S = 0.5
 SLOWEST_MPS = 0.3
 
 
@@ -52,6 +53,7 @@ class Crowd:
             *(np.full(num_robots, np.nan) for _ in range(4)),
             half_length_m,
             half_width_m,
+            is_halted=np.zeros(num_robots, np.bool_),
             first=np.zeros(columns * rows + 1, np.int64),
             member=np.zeros(num_robots, np.int64),
         )
@@ -63,6 +65,7 @@ class Crowd:
         self._shares = shares / shares.sum()
         self._ways: NDArray[np.uint8] = np.zeros((0, floor.width * floor.height), np.uint8)
         self._row: dict[int, int] = {}  # of the ways to a place, the least recently used first
+        self._look_again_s = 0.0
         self._outside: list[tuple[int, int]] = []  # trips of those who have not found room yet: from place to place
         times = [flow.arrivals.times(np.random.default_rng([people.seed, ARRIVALS, k])) for k, flow in enumerate(people.flows)]
         self._next = [(next(some), some) for some in times]  # by flow: when somebody sets out, and those after it
@@ -74,8 +77,8 @@ class Crowd:
         used = np.unique(region[[bool(ends) for ends in self._reachable]])
         cells = np.flatnonzero(np.isin(people.floor.region, used)) if people.count else np.zeros(0, np.int64)
         for _ in range(TRIES * people.count):
-            cell = int(cells[stream.integers(len(cells))])
-            xy = people.floor.centre_of(np.array([cell]))[0]
+            cell = cells[stream.integers(len(cells))]
+            xy = people.floor.centre_of(cell)
             if self.count < people.count and self._has_room(xy):
                 near = np.flatnonzero(region == people.floor.region[cell])
                 self._add(xy, self._trip_from(near.tolist()))
@@ -115,36 +118,35 @@ class Crowd:
         while self.people.count > self.count + len(self._outside):
             anywhere = anywhere or [k for k, ends in enumerate(self._reachable) if ends]
             self._outside.append(self._trip_from(anywhere))
-        if not self._outside:
+        if not self._outside or now_s < self._look_again_s:
             return
         waiting = []
         for trip in self._outside:
             xy = self._room_near(trip[0]) if self.count < len(self.walkers.x_m) else None
-            if xy is None:
-                waiting.append(trip)
-            else:
+            if xy is not None:
                 self._add(xy, trip)
-        self._outside = waiting
+            elif self.people.flows:
+                waiting.append(trip)  # else somebody comes from another place
+        self._outside, self._look_again_s = waiting, now_s + LOOK_EVERY_S
 
     def _room_near(self, place: int) -> FloatArray | None:
         """Where somebody may appear near a place, None where there is no room now."""
-        floor, stream = self.people.floor, self._stream[PLACES]
-        middle = floor.centre_of(self.people.place[place : place + 1])[0]
-        there = self._ways[self._way_to(place)]
-        for _ in range(TRIES):
-            xy = middle + stream.uniform(-APPEAR_WITHIN_M, APPEAR_WITHIN_M, 2)
-            cell = int(floor.cell_of(xy[None])[0])
-            if cell >= 0 and there[cell] == _floor.THERE and self._has_room(xy):
-                return xy
+        floor, row = self.people.floor, self._way_to(place)
+        middle = floor.centre_of(self.people.place[place])
+        points = middle + self._stream[PLACES].uniform(-APPEAR_WITHIN_M, APPEAR_WITHIN_M, (TRIES, 2))
+        cells = floor.cell_of(points)
+        for k in np.flatnonzero((cells >= 0) & (self._ways[row, cells] == _floor.THERE)).tolist():
+            if self._has_room(points[k]):
+                return points[k]
         return None
 
     def _has_room(self, xy: FloatArray) -> bool:
-        """Whether nobody is near a point, and no robot."""
+        """Whether nobody is near a point, and no robot, the less so the faster it drives."""
         walkers, robots = self.walkers, self.robots
         if np.hypot(walkers.x_m[: self.count] - xy[0], walkers.y_m[: self.count] - xy[1]).min(initial=np.inf) < 2 * BODY_M + ROOM_M:
             return False
         away = np.hypot(robots.x_m - xy[0], robots.y_m - xy[1]) - np.hypot(robots.half_length_m, robots.half_width_m)
-        return not (away < ROBOT_ROOM_M).any()
+        return not (away < ROBOT_ROOM_M + ROBOT_ROOM_S * np.abs(robots.along_mps)).any()
 
     def _add(self, xy: FloatArray, trip: tuple[int, int]) -> None:
         walkers, p = self.walkers, self.count

@@ -68,7 +68,7 @@ class Floor:
         return np.where(inside, row * self.width + column, -1)
 
     def centre_of(self, cell: IntArray) -> FloatArray:
-        """[N, 2] m"""
+        """[..., 2] m, the places of cells [...]."""
         place: FloatArray = np.array(self.corner_m) + (np.stack([cell % self.width, cell // self.width], axis=-1) + 0.5) * CELL_M
         return place
 

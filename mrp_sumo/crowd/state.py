@@ -54,5 +54,6 @@ class Machines(NamedTuple):
     along_mps: FloatArray  # speed towards where the robot faces, negative backwards
     half_length_m: FloatArray
     half_width_m: FloatArray
+    is_halted: BoolArray  # whether it stands for somebody
     first: IntArray  # [B + 1] CSR: robots by bin
     member: IntArray

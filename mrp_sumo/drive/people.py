@@ -45,7 +45,7 @@ def _people_of(
     return People(
         any=graph is not None,
         watches=watches,
-        halted=np.zeros(num_robots, np.bool_),
+        halted=robots.is_halted if robots else np.zeros(num_robots, np.bool_),
         since_s=of(0.0),
         free_since_s=of(np.inf),
         in_motion=np.zeros(num_robots, np.bool_),
