@@ -67,7 +67,7 @@ def walls_near(walls, x_m, y_m, cell_m, width, height, within_m):
     return count, near, away_m
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def distance_to_wall(x, y, x0, y0, x1, y1):
     """Of a point from a segment, m."""
     dx, dy = x1 - x0, y1 - y0
@@ -131,7 +131,7 @@ def march(start, free, away_m, cell_m, body_m, width, direction):
         direction[cell] = int(np.rint(np.arctan2(dy, dx) * (NUM_ANGLES / (2.0 * np.pi)))) % NUM_ANGLES
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def known(time, cell, step, width):
     """The time of arrival at a neighbour, inf beyond the edge."""
     other = cell + step

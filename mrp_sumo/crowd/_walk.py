@@ -33,7 +33,7 @@ BEFORE_ROBOT_M = 1.2  # and waits for a robot that is no farther
 WAITS_S, PATIENCE_S, AWAY_S = 1.5, 8.0, 12.0  # who has stood so long before a robot lets it pass; and goes back for a while
 
 
-@kernel
+@kernel(allocates=False)
 def walk(now, dt, count, walkers, ground, robots, ways):
     """Let the first `count` people walk for `dt` seconds from `now`, among robots where these will be then.
 
@@ -64,7 +64,7 @@ def walk(now, dt, count, walkers, ground, robots, ways):
     return num_there
 
 
-@kernel
+@kernel(allocates=False)
 def put_in_bins(x, y, count, ground, first, member):
     """Sort people or robots into bins; NaN: into none."""
     first[:] = 0
@@ -84,7 +84,7 @@ def put_in_bins(x, y, count, ground, first, member):
     first[len(first) - 1] = total
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def bin_of(x, y, ground):
     """The bin of a place; those beyond the edge count as at it."""
     column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
@@ -92,7 +92,7 @@ def bin_of(x, y, ground):
     return row * ground.columns + column
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def cell_of(x, y, ground):
     """The cell of a place, at the edge for those beyond."""
     column = min(max(int((x - ground.x_m) / 0.2), 0), ground.width - 1)
@@ -100,7 +100,7 @@ def cell_of(x, y, ground):
     return row * ground.width + column
 
 
-@kernel
+@kernel(allocates=False)
 def push(now, p, walkers, ground, robots, ways):
     """What drives a person, and what pushes it."""
     x, y, vx, vy = walkers.x_m[p], walkers.y_m[p], walkers.vx_mps[p], walkers.vy_mps[p]
@@ -126,7 +126,7 @@ def push(now, p, walkers, ground, robots, ways):
     walkers.ay_mps2[p] = (goes * ty - vy) / RELAX_S + ay + ry + wy
 
 
-@kernel
+@kernel(allocates=False)
 def push_of_people(p, x, y, ex, ey, walkers, ground):
     """The push of others, and how far ahead the next of them is."""
     ax, ay, gap = 0.0, 0.0, np.inf
@@ -164,7 +164,7 @@ def push_of_people(p, x, y, ex, ey, walkers, ground):
     return ax, ay, gap
 
 
-@kernel
+@kernel(allocates=False)
 def push_of_walls(x, y, ex, ey, ground, cell):
     """The push of the nearest wall, to the side only: a way through a door leads through it."""
     away, nx, ny = nearest_wall(x, y, ground, cell)
@@ -176,7 +176,7 @@ def push_of_walls(x, y, ex, ey, ground, cell):
     return fx - back * ex, fy - back * ey
 
 
-@kernel
+@kernel(allocates=False)
 def nearest_wall(x, y, ground, cell):
     """Distance of the nearest wall, inf where none is near, and the direction away from it."""
     best, nearest = np.inf, -1
@@ -196,7 +196,7 @@ def nearest_wall(x, y, ground, cell):
     return best, nx / size, ny / size
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def from_robot(x, y, robot, robots, reach_s):
     """Distance of a point from a robot's footprint, negative inside, and the direction away from it.
 
@@ -220,7 +220,7 @@ def from_robot(x, y, robot, robots, reach_s):
     return away, cos * mx - sin * my, sin * mx + cos * my
 
 
-@kernel
+@kernel(allocates=False)
 def push_of_robots(x, y, ex, ey, ground, robots):
     """The push of robots and of where they will soon be."""
     ax, ay = 0.0, 0.0
@@ -241,7 +241,7 @@ def push_of_robots(x, y, ex, ey, ground, robots):
     return ax, ay
 
 
-@kernel
+@kernel(allocates=False)
 def round_robots(x, y, ex, ey, is_stuck, ground, robots):
     """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
@@ -274,13 +274,13 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
     return tx, ty
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def is_before(x, y, i, robots):
     """Whether one is where a robot faces."""
     return np.cos(robots.yaw_rad[i]) * (x - robots.x_m[i]) + np.sin(robots.yaw_rad[i]) * (y - robots.y_m[i]) > 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def is_free_way(x, y, dx, dy, ground):
     """Whether the cells on the way to a point are free, but for the first ones: people are pushed to walls."""
     is_free = True
@@ -289,7 +289,7 @@ def is_free_way(x, y, dx, dy, ground):
     return is_free
 
 
-@kernel
+@kernel(allocates=False)
 def out_of_path(x, y, i, ground, robots):
     """The direction that leads out of a robot's path, (0, 0) for who is beside it."""
     cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
@@ -305,7 +305,7 @@ def out_of_path(x, y, i, ground, robots):
     return cos, sin
 
 
-@kernel
+@kernel(allocates=False)
 def move(h, p, walkers, ground, robots):
     """A step: no faster than a person walks, not into robots, not through walls."""
     x, y = walkers.x_m[p], walkers.y_m[p]
@@ -336,7 +336,7 @@ def move(h, p, walkers, ground, robots):
     walkers.x_m[p], walkers.y_m[p] = nx, ny
 
 
-@kernel
+@kernel(allocates=False)
 def leads_through_wall(x, y, nx, ny, ground):
     """Whether a step crosses a wall."""
     cell = cell_of(x, y, ground)
@@ -350,7 +350,7 @@ def leads_through_wall(x, y, nx, ny, ground):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def look_back(now, dt, p, walkers, ground, robots):
     """Whether a person stands, and before a robot; who has stood for long goes back a little."""
     x, y = walkers.x_m[p], walkers.y_m[p]

@@ -13,14 +13,14 @@ from mrp_sumo.search._kernel import kernel
 TIE_M = 1e-9  # so near the end of a field is outside
 
 
-@kernel
+@kernel(allocates=False)
 def book_lost(dt, people):
     """What the step that has ended cost robots because of people."""
     for r in range(len(people.lost_s)):
         people.lost_s[r] += dt * people.lost_share[r]
 
 
-@kernel
+@kernel(allocates=False)
 def heed(r, wanted, now, dt, kinematics, visits, motion, people):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
     halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
@@ -55,13 +55,13 @@ def heed(r, wanted, now, dt, kinematics, visits, motion, people):
     return v
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def reach(speed, decel, people):
     """S_L: how far the protective field reaches."""
     return speed * speed / (2.0 * decel) + speed * people.reaction_s + people.extra_m
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def speed_within(room, reaction_s, decel):
     """The speed from which a robot that reacts so late stops within so many metres."""
     if room <= 0.0:
@@ -72,7 +72,7 @@ def speed_within(room, reaction_s, decel):
     return np.sqrt(late * late + 2.0 * decel * room) - late
 
 
-@kernel
+@kernel(allocates=False)
 def room_ahead(r, most, visits, motion, people):
     """How far ahead of a robot's front the nearest person in its field is, inf where nobody is within `most`."""
     k = visits.next[visits.reached[r]]
@@ -106,7 +106,7 @@ def room_ahead(r, most, visits, motion, people):
     return best
 
 
-@kernel
+@kernel(allocates=False)
 def is_clear_around(r, visits, motion, people):
     """Whether nobody is where a robot that turns in place could touch them."""
     x, y = place_of(r, motion.s_m[r], visits.reached[r], visits.next, visits.at_m, visits.lane, visits.vertex, people)
@@ -121,19 +121,19 @@ def is_clear_around(r, visits, motion, people):
     return True
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def bin_row(y, people):
     """The row of bins of a place, at the edge for those beyond."""
     return min(max(int((y - people.low_y) / people.bin_m), 0), people.rows - 1)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def bin_column(x, people):
     """The column of bins of a place, at the edge for those beyond."""
     return min(max(int((x - people.low_x) / people.bin_m), 0), people.columns - 1)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def place_of(r, s, reached, following, at_m, lane, vertex, people):
     """Where a robot is that has driven so far."""
     k = following[reached]
@@ -147,7 +147,7 @@ def place_of(r, s, reached, following, at_m, lane, vertex, people):
     return people.head_x[on] - before * people.along_x[on], people.head_y[on] - before * people.along_y[on]
 
 
-@kernel
+@kernel(allocates=False)
 def see_robots(dt, driven_m, visits, motion, people):
     """Where people see robots that have driven `driven_m` [R]: where these are when the step is over, headings one step old."""
     following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex

@@ -1,0 +1,112 @@
+"""People walk as people do: through doors, round robots, past each other, and in crowds as fast as Weidmann found."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mrp_sumo.crowd import _floor, _walk
+from mrp_sumo.crowd.crowd import Crowd
+from mrp_sumo.crowd.floor import BODY_M, CELL_M, Floor
+from mrp_sumo.crowd.model import People
+
+WEIDMANN = {0.5: 1.298, 1.0: 1.058, 2.0: 0.606}  # m/s by people per m2: 1.34 (1 - exp(-1.913 (1 / rho - 1 / 5.4)))
+
+
+def floor_between(walls, width_m, height_m):
+    """A floor with its lower left corner at 0, 0, between walls."""
+    width, height = (round(size / CELL_M) for size in (width_m, height_m))
+    walls = np.array(walls, np.float64)
+    first, near, away_m = _floor.walls_near(walls, 0.0, 0.0, CELL_M, width, height, 1.2)
+    return Floor((0.0, 0.0), width, height, walls, first, near, away_m, away_m >= BODY_M)
+
+
+def room(width_m, height_m, *inner):
+    """The walls of a room, and more of them."""
+    w, h = width_m, height_m
+    return floor_between([(0, 0, w, 0), (w, 0, w, h), (w, h, 0, h), (0, h, 0, 0), *inner], w, h)
+
+
+def crowd_on(floor, places, starts, speed_mps=1.34, robots=()):
+    """People with a speed, each at a start on its way from the first of its places to the second; robots as (x, y, length, width)."""
+    cells = [floor.place_at(np.array(xy)) for xy in places]
+    half = np.array([(length / 2, width / 2) for _, _, length, width in robots]).reshape(-1, 2)
+    crowd = Crowd(People(floor, np.array(cells), count=len(starts)), *np.ascontiguousarray(half.T))
+    for r, (x, y, _, _) in enumerate(robots):
+        crowd.robots.x_m[r], crowd.robots.y_m[r], crowd.robots.yaw_rad[r], crowd.robots.along_mps[r] = x, y, 0.0, 0.0
+    for xy, trip in starts:
+        crowd._add(np.array(xy, np.float64), trip)
+    crowd.walkers.wish_mps[: crowd.count] = speed_mps
+    return crowd
+
+
+def paths(crowd, seconds, dt=0.1):
+    """[T, N, 2] where people are, until one has arrived."""
+    found = []
+    for k in range(round(seconds / dt)):
+        _walk.walk(k * dt, dt, crowd.count, crowd.walkers, crowd.ground, crowd.robots, crowd._ways)
+        found.append(np.stack([crowd.walkers.x_m[: crowd.count], crowd.walkers.y_m[: crowd.count]], 1))
+        if crowd.walkers.is_there[: crowd.count].any():
+            break
+    return np.array(found)
+
+
+@pytest.mark.kernel
+def test_person_alone_walks_at_its_own_speed_through_the_door_to_its_place():
+    floor = room(6, 4, (3, 0, 3, 1.5), (3, 2.5, 3, 4))
+    crowd = crowd_on(floor, [(1, 3.4), (5, 3.4)], [((1.0, 3.0), (0, 1))])
+    way = paths(crowd, 12)[:, 0]
+    assert crowd.walkers.is_there[0]
+    at_door = way[np.abs(way[:, 0] - 3.0).argmin()]
+    assert 1.5 + 0.15 <= at_door[1] <= 2.5 - 0.15
+    steps = np.hypot(*np.diff(way, axis=0).T) / 0.1
+    assert steps.max() <= 1.3 * 1.34 + 1e-9
+    assert np.median(steps) == pytest.approx(1.34, rel=0.1)
+
+
+@pytest.mark.kernel
+def test_people_who_meet_pass_each_other_and_a_robot_that_stands_in_their_way():
+    floor = room(10, 3)
+    crowd = crowd_on(floor, [(1, 1.5), (9, 1.5)], [((1.0, 1.5), (0, 1)), ((9.0, 1.5), (1, 0))], robots=[(4.0, 1.5, 0.6, 0.4)])
+    ways = paths(crowd, 15)
+    assert crowd.walkers.is_there.any()
+    apart = np.hypot(*(ways[:, 0] - ways[:, 1]).T)
+    assert apart.min() > 0.3
+    beyond = np.abs(ways - (4.0, 1.5)) - (0.3, 0.2)
+    assert np.hypot(*np.maximum(beyond, 0).transpose(2, 0, 1)).min() >= BODY_M
+
+
+def test_nobody_walks_through_a_wall_however_dense_the_crowd():
+    floor = room(4, 4, (2, 0, 2, 1.5), (2, 2.5, 2, 4))
+    starts = [((0.5 + 0.35 * (k % 4), 0.5 + 0.4 * (k // 4)), (0, 1)) for k in range(32)]
+    crowd = crowd_on(floor, [(1, 2), (3.4, 2)], starts)
+    ways = paths(crowd, 6)
+    before, after = ways[:-1].reshape(-1, 2), ways[1:].reshape(-1, 2)
+    over = (before[:, 0] < 2.0) != (after[:, 0] < 2.0)
+    assert over.any()
+    assert ((after[over, 1] > 1.5) & (after[over, 1] < 2.5)).all()
+    assert (ways > 0.1).all() and (ways < 3.9).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("density", WEIDMANN)
+def test_crowd_in_a_ring_is_as_fast_as_weidmann_found(density):
+    inner, outer, corners = 6.0, 9.0, 72
+    turn = np.arange(corners + 1) * 2 * np.pi / corners
+    rings = [np.column_stack([10 + r * np.cos(turn), 10 + r * np.sin(turn)]) for r in (inner, outer)]
+    floor = floor_between([(*a, *b) for ring in rings for a, b in pairwise(ring)], 20, 20)
+    rng = np.random.default_rng(0)
+    count = round(density * np.pi * (outer**2 - inner**2))
+    radius, at = np.sqrt(rng.uniform((inner + 0.3) ** 2, (outer - 0.3) ** 2, count)), rng.uniform(0, 2 * np.pi, count)
+    starts = [((10 + r * np.cos(a), 10 + r * np.sin(a)), (0, 0)) for r, a in zip(radius, at)]
+    crowd = crowd_on(floor, [(17.5, 10), (2.5, 10)], starts, 1.34 + 0.26 * np.clip(rng.normal(size=count), -2, 2))
+    x, y = floor.centre_of(np.arange(floor.width * floor.height)).T - 10
+    crowd._ways[:] = np.rint((np.arctan2(y, x) + np.pi / 2) * (_floor.NUM_ANGLES / (2 * np.pi))).astype(np.int64) % _floor.NUM_ANGLES
+    speeds, who = [], crowd.walkers
+    for k in range(400):
+        who.stuck_s[:] = 0.0  # nobody turns back
+        before = np.arctan2(who.y_m - 10, who.x_m - 10)
+        _walk.walk(k * 0.1, 0.1, count, who, crowd.ground, crowd.robots, crowd._ways)
+        turned = (np.arctan2(who.y_m - 10, who.x_m - 10) - before + np.pi) % (2 * np.pi) - np.pi
+        speeds.append((turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / 0.1)
+    assert np.mean(speeds[200:]) == pytest.approx(WEIDMANN[density], rel=0.2)
