@@ -31,7 +31,7 @@ from mrp_sumo.maps.load import load_map
 
 PLANNERS = ("astar", "prioritised", "cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta", "pibt", "lacam", "lns2", "pbs", "continuous", "ccbs")
 ROBOTS = (4, 8, 12, 20)
-REPAIRS = ({}, {"join_short_m": 0.45}, {"snap_m": 0.3, "join_short_m": 0.45})  # the first with which robots fit
+REPAIRS = ({}, {"join_short_m": 0.45}, {"join_short_m": 0.62})  # the first with which robots fit
 STEP_S = 0.1
 
 
@@ -109,7 +109,7 @@ def driven(file: Path, robots: int, seed: int, planner: str, options: argparse.N
     for repairs in REPAIRS:
         scenario = {
             "map": {"file": str(file), **repairs},
-            "discretisation": {"kind": "roadmap", "cell_m": 0.4, "clearance": "ignore"},
+            "discretisation": {"kind": "roadmap", "cell_m": 0.6 if options.mixed else 0.4},
             "robots": {"fleet": fleet, "draw": "anywhere"} if options.mixed else {"count": robots, "draw": "anywhere"},
             "assignment": {"mode": "random"},
             "planner": {"name": planner, "time_limit_s": options.time_limit},

@@ -36,6 +36,7 @@ class MapCache:
     def map(self, choice: "MapChoice", folder: Path, cell_m: float, robot_radius_m: float) -> "Map":
         """The map that a scenario in `folder` chooses, repaired as it asks for. Raises MapError."""
         from mrp_sumo.maps.catalogue import find_map
+        from mrp_sumo.maps.furniture import with_furniture
         from mrp_sumo.maps.load import load_map
         from mrp_sumo.maps.repair import repair
         from mrp_sumo.plugins.source import resolved
@@ -56,7 +57,7 @@ class MapCache:
                 beside=folder,
             )
             repaired, _ = repair(
-                map_,
+                with_furniture(map_, {each.model: (each.length_m, each.width_m) for each in choice.furniture}),
                 snap_m=choice.snap_m,
                 split_at_crossings=choice.split_crossings,
                 join_short_m=choice.join_short_m,

@@ -49,6 +49,14 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
 
+class FurnitureChoice(_Strict):
+    """The size of a model that stands in a building."""
+
+    model: str = Field(description="The `model_name` in the building file.")
+    length_m: OfRobot = Field(description="Along the model's x.")
+    width_m: OfRobot
+
+
 class MapChoice(_Strict):
     """Which part of which map."""
 
@@ -61,6 +69,9 @@ class MapChoice(_Strict):
     meters_per_pixel: Positive | None = Field(None, description="Scale of a building without measurements.")
     vehicle_type: str | None = Field(
         None, description="Only the lanes for this type of vehicle, where the map knows types; all by default."
+    )
+    furniture: tuple[FurnitureChoice, ...] = Field(
+        (), description="Sizes of models in a building file, which are walls then; by default models have no effect."
     )
     snap_m: Positive | None = Field(None, description="Repair: join lane ends that lie this close to a vertex or lane they are not on.")
     split_crossings: bool = Field(False, description="Repair: put a vertex where lanes cross without one.")

@@ -39,6 +39,16 @@ class Door:
     is_manual: bool = False  # only people open it
 
 
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A thing that stands on a level; what size it is, only its mesh says."""
+
+    name: str  # of the model, which things alike share
+    x_m: float  # in the frame of Open-RMF's nav graphs
+    y_m: float
+    yaw_rad: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Level:
     """A floor of the building."""
@@ -55,11 +65,13 @@ class Level:
     doors: tuple[Door, ...] = ()
     floors: tuple[tuple[int, ...], ...] = ()  # polygons of vertices
     holes: tuple[tuple[int, ...], ...] = ()
+    models: tuple[Model, ...] = ()
+    furniture_xy: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [F, 2, 2] m, sides of models whose size is known
 
     @cached_property
     def wall_xy(self) -> FloatArray:
-        """[W, 2, 2] m, the two ends of each wall."""
-        return self.xy[self.walls]
+        """[W + F, 2, 2] m, the two ends of each wall and of each side of furniture."""
+        return np.concatenate([self.xy[self.walls], self.furniture_xy])
 
     @cached_property
     def lane_vertices(self) -> IntArray:
@@ -130,5 +142,8 @@ class Building:
 
     def moved(self, shift_m: Mapping[str, tuple[float, float]]) -> "Building":
         """The building with levels laid elsewhere in the map's frame, each by its (x, y) in m."""
-        levels = {name: replace(level, xy=level.xy + shift_m.get(name, (0.0, 0.0))) for name, level in self.levels.items()}
+        by = {name: shift_m.get(name, (0.0, 0.0)) for name in self.levels}
+        levels = {
+            name: replace(level, xy=level.xy + by[name], furniture_xy=level.furniture_xy + by[name]) for name, level in self.levels.items()
+        }
         return replace(self, levels=levels)

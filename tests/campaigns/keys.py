@@ -71,6 +71,7 @@ NAMED: dict[str, list[Any]] = {
     "execution.disturbances.outages.lift": ["lift_1"],
     "execution.disturbances.outages.door": ["gate"],
     "execution.manual_doors": [["gate"]],
+    "map.furniture.model": ["Table"],
     "record.robots": [["robot_0"], []],
     "record.metrics": [[f"{METRIC}:top_speed_mps"]],
 }
@@ -200,7 +201,7 @@ def _lists() -> dict[str, tuple[type[BaseModel], bool]]:
     def below(model: type[BaseModel], above: str) -> Any:
         for name, field in model.model_fields.items():
             for part in _models_in(field.annotation):
-                listed = get_origin(field.annotation) is list
+                listed = get_origin(field.annotation) in (list, tuple)
                 if listed or field.annotation is not part:
                     yield f"{above}{name}", (part, listed)
                 yield from below(part, f"{above}{name}.")

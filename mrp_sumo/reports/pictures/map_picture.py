@@ -266,7 +266,8 @@ def _furniture_and_walls(level: Level) -> tuple[FloatArray, FloatArray]:
     closes = np.ones(num_islands, np.bool_)
     closes[island[np.bincount(end.ravel(), minlength=len(corners)) < 2]] = False
     fine = (closes & ((high - low).min(axis=1, initial=np.inf) < NARROW_M))[island[end[:, 0]]]
-    return level.wall_xy[fine], level.wall_xy[~fine]
+    walls = level.xy[level.walls]
+    return np.concatenate([walls[fine], level.furniture_xy]), walls[~fine]
 
 
 def _draw_door(ax: Axes, hinge: FloatArray, end: FloatArray, kind: str, points_per_m: float) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.errors import nearest
-from mrp_sumo.maps.building import Building, Lift
+from mrp_sumo.maps.building import Building, Lift, Model
 from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
 from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader, draft_of, told
 from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
@@ -66,7 +66,8 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
     world = {n: project(source, d.raw_xy, crs_name) if system == "wgs84" else placements[n].apply(d.raw_xy) for n, d in drafts.items()}
     on_lanes = [world[n][[lane.start, lane.end]] for n, d in drafts.items() for lane in d.lanes]
     origin = origin_of(np.concatenate(on_lanes) if on_lanes else np.zeros((0, 2)), offset)
-    levels = {n: d.level(world[n], origin) for n, d in drafts.items()}
+    models = {n: _models(source, d, placements[n], crs_name if system == "wgs84" else "") for n, d in drafts.items()}
+    levels = {n: d.level(world[n], origin, models[n]) for n, d in drafts.items()}
     lifts = _lifts(
         reader,
         document.get("lifts"),
@@ -94,6 +95,16 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
         findings=reader.notes.findings(),
         unused=_unused(document, given, system),
     )
+
+
+def _models(source: Text, draft: Draft, placement: Placement, crs_name: str) -> tuple[Model, ...]:
+    """Things in metres (model.py, generate): a level's turn is added to theirs."""
+    if not draft.models:
+        return ()
+    raw = np.array([[x, y] for _, x, y, _ in draft.models])
+    at = project(source, raw, crs_name) if crs_name else placement.apply(raw)
+    yaws = [yaw + placement.turn_rad for *_, yaw in draft.models]
+    return tuple(Model(model[0], x, y, yaw) for model, (x, y), yaw in zip(draft.models, at.tolist(), yaws))
 
 
 def _unused(document: Mapping[str, Any], levels: Mapping[Any, Any], system: str) -> tuple[str, ...]:

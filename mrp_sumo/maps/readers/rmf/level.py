@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.maps.building import Door, Lane, Level
+from mrp_sumo.maps.building import Door, Lane, Level, Model
 from mrp_sumo.maps.finding import Notes
 from mrp_sumo.maps.yaml_text import Text
 
@@ -34,9 +34,10 @@ class Draft:
     holes: tuple[tuple[int, ...], ...]
     measurements: tuple[tuple[int, int, float], ...]
     fiducials: tuple[tuple[float, float, str], ...]  # y up
+    models: tuple[tuple[str, float, float, float], ...]  # name, x, y up, yaw in radians
     is_mapping: bool
 
-    def level(self, world_xy: FloatArray, origin_m: tuple[float, float]) -> Level:
+    def level(self, world_xy: FloatArray, origin_m: tuple[float, float], models: tuple[Model, ...]) -> Level:
         return Level(
             name=self.name,
             elevation_m=self.elevation_m,
@@ -50,6 +51,7 @@ class Draft:
             doors=self.doors,
             floors=self.floors,
             holes=self.holes,
+            models=models,
         )
 
 
@@ -168,8 +170,19 @@ def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) 
         holes=polygons("holes"),
         measurements=tuple(_measurement(reader, *m) for m in edges("measurements", "measurement")),
         fiducials=_fiducials(reader, name, given.get("fiducials"), (*at, "fiducials"), up),
+        models=_models(given.get("models"), up),
         is_mapping=is_mapping,
     )
+
+
+def _models(given: Any, up: float) -> tuple[tuple[str, float, float, float], ...]:
+    """Models with a name and a place; others, which nothing here needs, are left out."""
+    found = []
+    for model in given if isinstance(given, list) else ():
+        place = [model.get(key, 0.0) for key in ("x", "y", "yaw")] if isinstance(model, Mapping) else []
+        if place and "model_name" in model and all(type(v) in (int, float) and abs(v) <= FARTHEST for v in place):
+            found.append((str(model["model_name"]), float(place[0]), up * float(place[1]), float(place[2])))
+    return tuple(found)
 
 
 def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: int, end: int, given: dict[str, Any]) -> Lane | None:
