@@ -29,6 +29,8 @@ from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of, fleet_of_types
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.crowd.floor import floor_of
+from mrp_sumo.crowd.model import People, joint_places
 from mrp_sumo.drive import replanning
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.drive.facilities import door_names, lift_names
@@ -45,6 +47,7 @@ from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.maps.grid import grid_graph, paper_grid
 from mrp_sumo.maps.lifts import with_rides
 from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.metrics.audit import audit
@@ -60,7 +63,9 @@ MIXED = 0.3  # of the runs on maps with room for boxes are driven by both types,
 SHARES = {"bundled": 0.25, "corpus": 0.25, "warehouse": 0.15, "roads": 0.1, "racks": 0.1, "tangle": 0.15}  # of the runs
 BUILDINGS = {"building": 1.0}  # the same, of whole buildings
 RIDING, MOST_RIDING = 4.0, 20  # times as long as other runs; robots
+PEOPLED = 0.4  # of the runs in buildings are among people
 CORPUS = Path(__file__).resolve().parents[3] / "shared" / "maps" / "corpus"
+TOUCHES = "num_person_touches"  # people come to touch a robot that stands
 NOISE = ("speed_spread", "speed_noise", "stops_per_s", "start_delay_s", "delay_probability", "latency_s", "message_loss", "localisation_m")
 
 World = tuple[str, str]  # family, and which of it
@@ -131,7 +136,7 @@ class Worlds:
         self._paths = {"bundled": bundled, "corpus": corpus, "building": whole}
         self._lasting_graph = cache(self._graph)
         self._building: dict[World, Building | None] = {}
-        self._shift: dict[World, Mapping[str, tuple[float, float]]] = {}
+        self._map: dict[World, Map] = {}
 
     def draw(self, rng: np.random.Generator, number: int) -> World:
         """A family, and one of its worlds."""
@@ -174,8 +179,16 @@ class Worlds:
         """The graph with the lifts and doors of a whole building, for robots up to a radius and planned steps."""
         if world[0] != "building":
             return graph
-        ridden = with_rides(graph, step_s, radius_m, self._building[world], self._shift[world])
+        ridden = with_rides(graph, step_s, radius_m, self._building[world], self._map[world].level_shift_m)
         return with_doors(ridden, self._building[world], radius_m)
+
+    def people(self, world: World, graph: PlanGraph, chance: np.random.Generator, seed: int) -> People | None:
+        """Who walks between the places of a whole building; None where there is no room."""
+        floor = floor_of(self._map[world], graph)
+        cells = [floor.place_at(xy) for xy in self._map[world].nav.xy[chance.permutation(self._map[world].nav.num_vertices)[:20]]]
+        place = np.unique([cell for cell in cells if cell >= 0]).astype(np.int64)
+        people = People(floor, place, count=int(chance.integers(1, 30)), seed=seed)
+        return people if len(place) > 1 and any(joint_places(people)) else None
 
     def _graph(self, world: World) -> PlanGraph:
         family, which = world
@@ -188,7 +201,7 @@ class Worlds:
             names = map_.nav.level_names
             if len(names) > 1 and family != "building":
                 map_ = load_map(path, graph="all", level=names[int(parts[1]) % len(names)])
-            nav, self._building[world], self._shift[world] = map_.nav, map_.building, map_.level_shift_m
+            nav, self._building[world], self._map[world] = map_.nav, map_.building, map_
             if family == "building":
                 nav, _ = join_short(nav, 0.45)
                 kind = "roadmap" if kind == "grid" else kind
@@ -313,6 +326,9 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
         give_way=give_way,
         engine=engine,
     )
+    if world[0] == "building" and chance.random() < PEOPLED:
+        settings = replace(settings, people=worlds.people(world, graph, chance, number))
+    row["people"] = settings.people.count if settings.people else 0
     types = " and ".join(sorted(set(fleet.type_name)))
     row |= {"kind": graph.kind, "robots": num, "robot": types, "engine": engine, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
     step_s = step_s or graph.cell_m / float(fleet.max_speed_mps.min()) + 1.0
@@ -356,7 +372,7 @@ def findings(run: Execution, plan: Plan, problem: Problem, settings: ExecutionSe
     fleet, level, policy = problem.fleet, problem.graph.level[problem.start], settings.policy
     level = level if run.level is None else np.zeros_like(level)  # they lie beside each other
     found = audit(run, fleet, level, walls if len(walls) else None)
-    wrong = [f"{found[key]} {key.removeprefix('num_')}" for key in found if key.startswith("num_") and found[key]]
+    wrong = [f"{found[key]} {key.removeprefix('num_')}" for key in found if key.startswith("num_") and key != TOUCHES and found[key]]
     wrong += [str(found["violations"][0])] if found["violations"] else []
     events = collections.Counter(event.kind for event in run.events)
     if abs(run.booked_s.sum(1) - run.sim_time_s).max() > 1e-6:
@@ -383,7 +399,7 @@ def findings(run: Execution, plan: Plan, problem: Problem, settings: ExecutionSe
         "sim_s": run.sim_time_s,
         "at_goal": int(np.isfinite(run.goal_s).sum()),
         "overlaps": found["num_overlaps"],
-        "other_faults": sum(v or 0 for k, v in found.items() if k.startswith("num_") and k != "num_overlaps"),
+        "other_faults": sum(v or 0 for k, v in found.items() if k.startswith("num_") and k not in ("num_overlaps", TOUCHES)),
         "clearance_m": found["min_clearance_m"],
         "deadlocks": events["deadlock"],
         "resolved": events["resolved"],
