@@ -32,7 +32,8 @@ LABEL_OFFSET = 0.4 * np.array([math.cos(0.7853), math.sin(0.7853)])  # where MRP
 
 @cache
 def typestore(generation: str) -> Any:
-    """Message types: those of ROS 2 Humble, rmf_fleet_msgs in a generation, and rmf_lift_msgs and rmf_door_msgs, which are the same in all.
+    """Message types: those of ROS 2 Humble, rmf_fleet_msgs in a generation, and rmf_lift_msgs, rmf_door_msgs and people_msgs, which are
+    the same in all.
 
     Raises
     ------
@@ -43,6 +44,7 @@ def typestore(generation: str) -> Any:
         raise MrpSumoError(f"unknown generation '{generation}' of rmf_fleet_msgs{nearest(generation, GENERATIONS)}")
     store, types = get_typestore(Stores.ROS2_HUMBLE), {}
     packages = [(generation, "rmf_fleet_msgs"), ("facilities", "rmf_lift_msgs"), ("facilities", "rmf_door_msgs")]
+    packages += [("people", "people_msgs")]
     for above, package in packages:
         folder = resources.files("mrp_sumo.bags") / "msgs" / above / package / "msg"
         for file in sorted(folder.iterdir(), key=lambda f: f.name):
@@ -204,7 +206,7 @@ class Messages:
         text: str = "",
         locked: bool = False,
     ) -> Any:
-        """A marker; kinds: 1 CUBE, 4 LINE_STRIP, 5 LINE_LIST, 8 POINTS, 9 TEXT_VIEW_FACING."""
+        """A marker; kinds: 1 CUBE, 4 LINE_STRIP, 5 LINE_LIST, 7 SPHERE_LIST, 8 POINTS, 9 TEXT_VIEW_FACING."""
         nothing = np.zeros(0, np.uint8)
         return self.make(
             "visualization_msgs/Marker",

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
+from mrp_sumo.bags import people
 from mrp_sumo.bags import streams as say
 from mrp_sumo.bags.facility_states import TOPICS, facility_states
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
@@ -122,7 +123,7 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
     end_ns = round(float(record.execution.t_s[-1]) * 1e9)
     fast_ns = _ticks(record, end_ns, round(options.period_s * 1e9))
     slow_ns, second_ns = (np.arange(0, end_ns + 1, every, dtype=np.int64) for every in (FLEET_STATES_NS, SECOND_NS))
-    makers = [  # (connection, times, stream of messages from samples)
+    makers: list[tuple[Connection, IntArray, Any]] = [  # times, and the stream of messages that is made of messages and samples
         (topic("/tf", "tf2_msgs/TFMessage", 100), fast_ns, say.transforms),
         (topic("/robot_cloud", "sensor_msgs/PointCloud2"), fast_ns, say.cloud),
         (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), slow_ns, say.fleet_states),
@@ -130,6 +131,9 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
     if options.poses:
         makers.append((topic("/robot_poses", "geometry_msgs/PoseArray"), fast_ns, say.poses))
     makers += [(topic(f"/{messages.robots[r]}/odom", "nav_msgs/Odometry"), fast_ns, partial(say.odometry, robot=r)) for r in chosen]
+    if record.execution.people is not None:
+        people_ns = np.arange(0, end_ns + 1, people.PERIOD_NS, dtype=np.int64)
+        makers += [(topic(*people.PEOPLE), people_ns, people.People), (topic(*people.MARKERS), people_ns, people.Markers)]
     log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
     states = list(task_states(messages, end_ns / 1e9))
     state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else log_topic

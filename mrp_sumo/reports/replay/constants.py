@@ -32,6 +32,7 @@ THEMES: Mapping[str, Mapping[str, str]] = {
         "blocked": "#dc2f45",
         "goal": "#15936f",
         "absent": "#9aa5b1",
+        "person": "#9d3f8f",
     },
     "dark": {
         "paper": "#0c1015",
@@ -53,6 +54,7 @@ THEMES: Mapping[str, Mapping[str, str]] = {
         "blocked": "#ff5468",
         "goal": "#2fc597",
         "absent": "#667380",
+        "person": "#e39bd6",
     },
 }
 STATE_COLOURS = ("moving", "waiting", "blocked", "goal", "absent")  # in a theme, by state

@@ -65,6 +65,10 @@ class App {
       button.dataset.state = state;
       return button;
     }));
+    if (motion.people) {
+      this.peopleCount = make("b");
+      $("legend").append(make("span", { className: "people", title: "People who are there now" }, make("span", { className: "dot" }), "people", this.peopleCount));
+    }
     $("speed").replaceChildren(...this.speeds.map((s) => make("option", { value: String(s), textContent: s === Infinity ? "fast" : `${s}×`, selected: s === this.view.speed })));
     $("track").setAttribute("aria-valuemax", motion.end.toFixed(1));
   }
@@ -150,7 +154,8 @@ class App {
     $("track").setAttribute("aria-valuetext", clockText(view.t));
     const count = [0, 0, 0, 0, 0];
     for (const state of motion.now) count[state]++;
-    for (const button of $("legend").children) button.count.textContent = count[button.dataset.state];
+    for (const button of $("legend").querySelectorAll("button")) button.count.textContent = count[button.dataset.state];
+    if (motion.people) this.peopleCount.textContent = motion.people.at.length / 2;
     this.panel.update(false);
   }
 
@@ -308,7 +313,7 @@ class App {
     for (const button of document.querySelectorAll("[data-toggle]")) button.setAttribute("aria-pressed", String(Boolean(view[button.dataset.toggle])));
     document.querySelector('[data-toggle="follow"]').disabled = view.selected < 0;
     document.querySelector('[data-toggle="ghosts"]').disabled = !this.motion.hasPlan || this.motion.isPlanOnly;
-    for (const button of $("legend").children) button.setAttribute("aria-pressed", String(view.only === Number(button.dataset.state)));
+    for (const button of $("legend").querySelectorAll("button")) button.setAttribute("aria-pressed", String(view.only === Number(button.dataset.state)));
   }
 
   isPhone() {

@@ -22,6 +22,7 @@ export class Motion {
     this.pose = new Float32Array(3 * this.numRobots); // x, y, yaw of everybody at the time last asked for
     this.now = new Uint8Array(this.numRobots); // and the states
     this.ghost = new Float32Array(3 * this.numRobots);
+    this.people = run.people && { ...run.people, x: c.people_x, y: c.people_y, since: c.people_since, count: c.people_count, at: [] };
     this.waits = run.live ? new Int16Array(this.numRobots * this.stride).fill(-1) : null; // robot waited for, or a reason (live.js)
     this.received = 0;
   }
@@ -80,6 +81,19 @@ export class Motion {
       pose[p + 1] = (y[i] + u * (y[j] - y[i])) * unit;
       const turn = ((yaw[j] - yaw[i] + 384) & 255) - 128;
       pose[p + 2] = (yaw[i] + u * turn) * (Math.PI / 128);
+    }
+  }
+
+  /* Fill `people.at` with x and y of everybody who is there. */
+  seekPeople(t) {
+    const { x, y, since, count, every, at } = this.people, { unit } = this;
+    const exact = Math.max(0, t / this.period / every), k = Math.floor(exact + 1e-6), u = Math.max(0, Math.min(1, exact - k));
+    at.length = 0;
+    for (let p = 0, begin = 0; p < since.length; begin += count[p++]) {
+      const i = begin + k - since[p];
+      if (k < since[p] || i >= begin + count[p]) continue;
+      const j = i + 1 < begin + count[p] ? i + 1 : i;
+      at.push((x[i] + u * (x[j] - x[i])) * unit, (y[i] + u * (y[j] - y[i])) * unit);
     }
   }
 

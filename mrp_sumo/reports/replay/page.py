@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
@@ -58,6 +59,7 @@ LIVE = 'import "replay/live.js"; '
 LIVE_SCRIPTS = (*SCRIPTS, "live.js")  # the one that asks the network
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
+MAX_SIGHTINGS = 2_000_000  # of people, likewise
 MAX_JUNCTIONS = 20_000
 STATION_KINDS = (  # option of RMF, what people call it; the first that applies
     ("is_charger", "charger"),
@@ -217,6 +219,8 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         "map": _map(record, about.outline, low, high),
     }
     head |= _add_motion(columns, execution, frame)
+    if execution.people is not None:
+        head["people"] = _add_people(columns, execution.people, frame, head["num_samples"], len(execution.t_s))
     head["tasks"] = None if execution.tasks is None else task_document(execution.tasks, execution.stops)
     used = _add_plan(columns, record, low, high, names_all=live_period_s is not None)
     index = used.pop("vertex_index")
@@ -253,6 +257,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Tasks": f"{metrics['tasks_done']} done, {metrics['tasks_open']} open" if metrics.get("tasks_done") is not None else None,
         "Throughput": f"{metrics['throughput_per_h']:.0f} an hour" if metrics.get("throughput_per_h") is not None else None,
         "Service time": _seconds(metrics.get("service_time_mean_s")),
+        "People": f"{metrics['num_people']}" if metrics.get("num_people") is not None else None,
         "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
         "Planned makespan": _seconds(metrics.get("makespan_s")),
         "Driven makespan": _seconds(metrics.get("driven_makespan_s")),
@@ -270,6 +275,11 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
         "Overlaps": metrics.get("num_overlaps"),
         "Wall contacts": metrics.get("num_wall_contacts"),
+        "Lost to people": _seconds(metrics.get("lost_to_people_s")),
+        "Protective stops": _per_hour(metrics.get("protective_stops_per_robot_h")),
+        "Least distance to a person": f"{metrics['min_person_distance_m']:.3f} m"
+        if metrics.get("min_person_distance_m") is not None
+        else None,
     }
     return About(
         name=record.name,
@@ -288,6 +298,10 @@ def _seconds(value: float | None) -> str | None:
     if value is None:
         return None
     return f"{value * 1000:.1f} ms" if 0 < abs(value) < 0.5 else f"{value:.1f} s"
+
+
+def _per_hour(value: float | None) -> str | None:
+    return None if value is None else f"{value:.1f} per robot and hour"
 
 
 def _lateness(value: float | None) -> str | None:
@@ -309,6 +323,21 @@ def _add_motion(columns: Columns, execution: Execution, frame: Frame) -> dict[st
     t_s = execution.t_s[kept]
     period_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1) if len(t_s) > 1 else 0.1
     return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": frame.unit_m}
+
+
+def _add_people(columns: Columns, log: PeopleLog, frame: Frame, num_kept: int, num_samples: int) -> dict[str, Any]:
+    """Where people are, person by person, at every so many of the samples that are kept."""
+    stride = math.ceil(num_samples / max(1, num_kept))
+    every = math.ceil(len(log.person) / stride / MAX_SIGHTINGS) or 1
+    sample = np.repeat(np.arange(num_samples), np.diff(log.first))
+    kept = np.flatnonzero(sample % (stride * every) == 0)
+    kept = kept[np.lexsort((sample[kept], log.person[kept]))]
+    _, begin, count = np.unique(log.person[kept], return_index=True, return_counts=True)
+    columns.add("people_x", frame.cells(log.x_m[kept].astype(np.float64), 0), "<u2", 2)
+    columns.add("people_y", frame.cells(log.y_m[kept].astype(np.float64), 1), "<u2", 2)
+    columns.add("people_since", sample[kept][begin] // (stride * every), "<u4", 1)
+    columns.add("people_count", count, "<u4", 1)
+    return {"every": every, "size_m": 2 * log.radius_m}
 
 
 def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatArray, *, names_all: bool) -> dict[str, Any]:

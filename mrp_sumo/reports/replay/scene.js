@@ -41,9 +41,10 @@ export class Scene {
     this.ties = new Strokes(this.uniforms);
     this.spots = new Robots(this.uniforms);
     this.ghosts = new Robots(this.uniforms);
+    this.people = new Robots(this.uniforms);
     this.robots = new Robots(this.uniforms);
     this.ground.addChild(this.floors);
-    this.stage.addChild(this.ground, this.lanes.mesh, this.walls.mesh, this.spots.mesh, this.trails.mesh, this.ties.mesh, this.ghosts.mesh, this.robots.mesh);
+    this.stage.addChild(this.ground, this.lanes.mesh, this.walls.mesh, this.spots.mesh, this.trails.mesh, this.ties.mesh, this.ghosts.mesh, this.people.mesh, this.robots.mesh);
     this.resize();
     this.fit();
   }
@@ -231,6 +232,7 @@ export class Scene {
     this.drawTrails(view);
     this.drawTies(view);
     this.drawGhosts(view);
+    if (m.people) this.drawPeople(view);
     this.drawRobots(view);
     this.renderer.render({ container: this.stage });
     this.drawLabels(view);
@@ -251,6 +253,19 @@ export class Scene {
       robots.add(pose[3 * robot], pose[3 * robot + 1], pose[3 * robot + 2], run.length[robot], run.width[robot], least, 2, 0, 1, packed(color));
     }
     robots.end();
+  }
+
+  /* Discs with a rim, which no robot has. */
+  drawPeople(view) {
+    const { motion: m, people, theme } = this, { at, size_m: size } = m.people;
+    m.seekPeople(view.t);
+    const rim = packed(theme.halo), color = packed(theme.person), least = Math.min(this.least, 7);
+    people.begin(at.length);
+    for (let i = 0; i < at.length; i += 2) {
+      people.add(at[i], at[i + 1], 0, size, size, least + 2.5, 3, 0, 1, rim);
+      people.add(at[i], at[i + 1], 0, 0.8 * size, 0.8 * size, least, 3, 0, 0.95, color);
+    }
+    people.end();
   }
 
   drawGhosts(view) {
