@@ -31,7 +31,7 @@ from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
 from mrp_sumo.drive.listeners import AtGoalReport, EventLog, GrantRecorder, Listener, Moment, ProgressReport, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.motion_plan import lanes_along
-from mrp_sumo.drive.people import Bystanders, PeopleRecorder
+from mrp_sumo.drive.people import Bystanders, PeopleInGui, PeopleRecorder
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
 from mrp_sumo.drive.reroute import Replan, first_of
@@ -108,7 +108,8 @@ def simulate(
     with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            also = [listener for listener in (facilities, people) if listener is not None]
+            shown = PeopleInGui(around.crowd) if gui and around.crowd is not None else None
+            also = [listener for listener in (facilities, people, shown) if listener is not None]
             drive.run(bodies, [log, recorder, witness, grants, *reports, *listeners, *also], recorder.settle)
         return _execution(drive, plan, log, recorder, witness, grants, facilities, people)
 

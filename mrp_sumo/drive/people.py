@@ -5,7 +5,7 @@ are drawn lane by lane, these are drawn here.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mrp_sumo.drive import _people
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Moment
 from mrp_sumo.drive.state import People
+from mrp_sumo.engines.sumo.engine import SumoEngine
 
 LANE_SPEEDS = 56  # purpose of the stream of chance
 
@@ -136,7 +137,7 @@ class Bystanders:
         duration_s = round(now_s - since_s, 9)
         self.stops.append((robot, since_s, duration_s, moved))
         text = "somebody in its protective field" if moved else "somebody in its protective field as it was to set out"
-        return Event(since_s, "protective_stop", robot, duration_s=duration_s, text=text)
+        return Event(since_s, "person", robot, duration_s=duration_s, text=text)
 
     def _draw_speeds(self, what: LaneSpeeds, ledger: Ledger) -> None:
         """Those of robots that have come to another lane of the map."""
@@ -208,6 +209,18 @@ class PeopleRecorder:
             side_m=fields.side_m if fields else 0.0,
             slowest_mps=fields.slowest_mps if fields else np.inf,
         )
+
+
+@dataclass(frozen=True)
+class PeopleInGui:
+    """Draws people in sumo-gui, see `Listener`."""
+
+    crowd: Crowd
+
+    def hear(self, moment: Moment) -> None:
+        """See Listener."""
+        who, n = self.crowd.walkers, self.crowd.count
+        cast(SumoEngine, moment.bodies).show_people(np.stack([who.x_m[:n], who.y_m[:n]], 1), BODY_M)
 
 
 KINDS = np.int32, np.float32, np.float32  # of person, x, y

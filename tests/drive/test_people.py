@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
-from worlds import CART, drive, graph_of, line
+from worlds import CART, drive, graph_of, line, problem_of
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.crowd import _walk
 from mrp_sumo.crowd.floor import floor_of
 from mrp_sumo.crowd.model import Fields, LaneSpeeds, People
 from mrp_sumo.drive import people as drive_people
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo import session
+from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.maps.map import Map
 from mrp_sumo.metrics.audit import audit
 
@@ -57,7 +61,7 @@ def test_person_in_the_aisle_stops_the_robot_at_the_distance_of_its_field_until_
     assert (speed[moves] ** 2 / 2 + 0.2 * speed[moves] + 0.45 <= ahead[moves] + 0.01 + 1e-6).all()
     again = run.t_s[(run.t_s > 30.0) & (speed > 1e-9)][0]
     assert again == pytest.approx(32.1)  # the field is free at 30.0 s, it may go on at 32.0 s, and has moved a step later
-    (stop,) = [event for event in run.events if event.kind == "protective_stop"]
+    (stop,) = [event for event in run.events if event.kind == "person"]
     assert stop.t_s + stop.duration_s == pytest.approx(32.0)
     found = audit(run, fleet_of(CART, 1))
     assert found["passed"] and found["min_person_distance_m"] == pytest.approx(stands, abs=1e-4)
@@ -100,7 +104,7 @@ def test_robots_behind_wait_and_the_rest_of_the_fleet_triggers_no_field(tmp_path
     script(lambda now_s: (6.5, 0.0) if now_s < 20.0 - 1e-9 else None)
     graph = line(12, 1.0)
     run = drive(tmp_path, graph, [range(2, 12), range(10)], robot=CART, engine="kinematic", people=corridor_of(graph))
-    assert {event.robot for event in run.events if event.kind == "protective_stop"} == {0}
+    assert {event.robot for event in run.events if event.kind == "person"} == {0}
     assert np.isfinite(run.goal_s).all() and (run.x_m[:, 0] - run.x_m[:, 1]).min() >= 1.0 - 1e-2
 
 
@@ -125,3 +129,23 @@ def test_speeds_drawn_for_lanes_are_kept_and_the_same_with_both_engines(tmp_path
     draws = np.random.default_rng([5, 56, 0])
     drawn = [draws.triangular(0.274, 0.508, 0.63) for _ in range(11)]
     assert {round(v, 6) for v in drawn[1:-1]} <= {round(v, 6) for v in speed.tolist()}
+
+
+def test_people_are_discs_in_the_gui_that_come_and_go(tmp_path, script, monkeypatch):
+    script(lambda now_s: (6.5, 1.0) if 1.0 <= now_s < 3.0 - 1e-9 else None)
+    monkeypatch.setattr(session, "_api", lambda gui, found=session._api: found(False))  # everything but the window
+    monkeypatch.setattr(session, "VIEW", ())
+    graph, seen = line(12, 1.0), {}
+    problem, plan = problem_of(graph, [range(12)], CART)
+
+    class Look:
+        def hear(self, moment):
+            api = moment.bodies._sumo._api
+            seen[round(moment.now_s, 1)] = [api.polygon.getShape(name) for name in api.polygon.getIDList() if name.startswith("person")]
+
+    settings = ExecutionSettings(people=corridor_of(graph), time_limit_s=4.0)
+    simulate(problem, plan, settings, build_network(graph, tmp_path / "world.net.xml"), gui=True, listeners=[Look()])
+    assert not seen[0.9] and not seen[3.5]
+    (disc,) = seen[2.0]
+    assert np.mean(disc[:12], axis=0) == pytest.approx((6.5, 1.0), abs=1e-2)
+    assert np.ptp(np.array(disc)[:, 0]) == pytest.approx(0.5, abs=1e-2)

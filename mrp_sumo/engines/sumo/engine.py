@@ -107,6 +107,10 @@ class SumoEngine:
             for robot in rested[visits.next[visits.reached[rested]] < 0].tolist():
                 self._sumo.take_out(robot)
 
+    def show_people(self, xy: FloatArray, radius_m: float) -> None:
+        """Draw people at these places [N, 2] until the next call, for sumo-gui."""
+        self._sumo.show_people(xy, radius_m)
+
     def _check_network(self, visits: Visits) -> None:
         """Refuse a network whose edges for the lanes of these visits are not those of the graph."""
         for lane in np.unique(visits.lane[visits.lane >= 0]).tolist():

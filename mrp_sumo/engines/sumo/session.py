@@ -28,6 +28,8 @@ VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times
 
 WITHOUT_SAFE_SPEED = 0b11110  # all of SUMO's checks of commanded speeds but that for others, stops and limits ahead
 
+DISC_CORNERS, PERSON_COLOUR, PERSON_LAYER = 12, (157, 63, 143, 255), 100  # above lanes
+
 _running = False
 
 
@@ -39,6 +41,7 @@ class Sumo:
         self._vehicle = api.vehicle
         self._name = [f"robot_{r}" for r in range(num_robots)]
         self._base = np.zeros(num_robots)
+        self._num_people = 0  # that are drawn
         self._turned: list[tuple[int, float]] = []  # robots that turned back since the last step, and what their odometers show
         self._plan_every_s = plan_every_s  # None: every step
         self._kind = [""] * num_robots
@@ -164,6 +167,20 @@ class Sumo:
         self._vehicle.moveTo(name, edge + "_0", along_m)
         self._take_command(name)
         self._base[robot] = self._vehicle.getDistance(name) - driven_m
+
+    def show_people(self, xy: FloatArray, radius_m: float) -> None:
+        """Draw people as discs at these places [N, 2], in place of those that were drawn before."""
+        shown = self._api.polygon
+        turn = np.arange(DISC_CORNERS) * (2 * np.pi / DISC_CORNERS)
+        discs = xy[:, None] + radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        for k, disc in enumerate(discs.tolist()):
+            if k < self._num_people:
+                shown.setShape(f"person_{k}", disc)
+            else:
+                shown.add(f"person_{k}", disc, PERSON_COLOUR, fill=True, layer=PERSON_LAYER)
+        for k in range(len(xy), self._num_people):
+            shown.remove(f"person_{k}")
+        self._num_people = len(xy)
 
     def _stop_at_end(self, name: str, edge: str) -> None:
         self._vehicle.setStop(name, edge, pos=self._api.lane.getLength(edge + "_0"), duration=1e7)
