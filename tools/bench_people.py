@@ -27,9 +27,8 @@ def main() -> None:
     options.add_argument("--json", action="store_true", help="a line of JSON per row")
     chosen = options.parse_args()
     if not chosen.json:
-        print(
-            f"{chosen.map}, {chosen.robots} robots, {chosen.engine}\n\n| people | fields | simulated | CPU | x real time | stops | contacts |"
-        )
+        print(f"{chosen.map}, {chosen.robots} robots, {chosen.engine}\n")
+        print("| people | fields | simulated | CPU | x real time | stops | contacts |")
         print("|---|---|---|---|---|---|---|")
     with MapCache() as maps:
         for count, fields in ((0, {}), (chosen.people, {}), (chosen.people, "off")):
