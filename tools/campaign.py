@@ -21,6 +21,7 @@ CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
     "kills": ("campaigns.kills:Kills", 300.0),
     "noise": ("campaigns.noise:Noise", 300.0),
     "buildings": ("campaigns.noise:Buildings", 300.0),
+    "engines": ("campaigns.engines:Engines", 600.0),
     "times": ("campaigns.times:Times", 300.0),
     "referee": ("campaigns.referee:Referee", 60.0),
     "referee_in_seconds": ("campaigns.referee_in_seconds:RefereeInSeconds", 60.0),

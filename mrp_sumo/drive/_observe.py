@@ -28,6 +28,7 @@ from mrp_sumo.drive._causes import (
 )
 from mrp_sumo.search._kernel import kernel
 
+TIE_M = 1e-9  # engines round otherwise: who has come this near to a place has passed it
 AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 
 
@@ -186,7 +187,7 @@ def release(s_m, visits, needs, grants):
             for e in range(first_need[k], first_need[k + 1]):
                 if freed[e]:
                     continue
-                if s_m[r] < left_at[e]:
+                if s_m[r] < left_at[e] - TIE_M:
                     all_freed = False
                     continue
                 q = resource[e]

@@ -14,7 +14,7 @@ from mrp_sumo.drive.state import Conditions, Kinematics, Rules, empty_log, empty
 from mrp_sumo.engines.protocol import Bodies, Engine
 from mrp_sumo.search._entry import entry_for
 
-A_CELL_LESS_M = 0.01  # robots stop a millimetre before a vertex: what they drive to the next is a cell all the same
+A_CELL_LESS_M = 0.0100003  # robots stop a millimetre before a vertex, and have advanced by a cell; uneven, so that no distance is equal
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
 WHY = {
     _causes.OTHER: "needs what {other} holds or is to pass first",

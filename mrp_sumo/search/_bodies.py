@@ -28,7 +28,9 @@ def lane_limits(dt, limit_mps, decel, next_visit, reached, at_m, lane, speed, s_
         [R] written.
     """
     for r in range(len(s_m)):
-        k = next_visit[reached[r]]
+        k = reached[r]
+        if lane[k] < 0 or s_m[r] >= at_m[k]:  # else it has arrived, but is still on the lane to there
+            k = next_visit[k]
         if k < 0:
             cap_mps[r] = np.inf
             continue

@@ -14,7 +14,7 @@ import json
 import re
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -283,6 +283,42 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     with, planning takes the time it takes.
     """
     replanning.EFFORT = 60_000_000 if again_with else 1_000_000  # many worlds have no room for a new plan
+    drawn = draw(number, worlds)
+    if isinstance(drawn, dict):
+        return drawn
+    row, problem, settings, network, why = drawn.row, drawn.problem, drawn.settings, drawn.network, ""
+    for name, method in drawn.methods:
+        if again_with not in ("", name):
+            continue
+        plan = method(problem, 60.0 if again_with else 2.0)
+        if plan is None:
+            continue
+        try:
+            run = simulate(problem, plan, settings, network())
+        except (PlanError, ExecutionError) as error:
+            why = plain(error)
+            continue
+        return row | {"planner": name, "ended": str(run.outcome), "why": ""} | findings(run, plan, problem, settings, drawn.walls)
+    return row | {"ended": "refused" if why else "no plan", "why": why}
+
+
+Method = tuple[str, Callable[[Problem, float], Plan | None]]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a run is, before it is planned."""
+
+    row: dict[str, Any]
+    problem: Problem
+    settings: ExecutionSettings
+    network: Callable[[], Path]
+    walls: np.ndarray
+    methods: list[Method]
+
+
+def draw(number: int, worlds: Worlds) -> Drawn | dict[str, Any]:
+    """What run `number` is; only how it ended, where there is nothing to plan."""
     rng = np.random.default_rng([number, 77])
     world = worlds.draw(rng, number)
     boxes = rng.random() < 0.6  # of those they fit on
@@ -333,23 +369,10 @@ def one(number: int, worlds: Worlds, again_with: str = "") -> dict[str, Any]:
     row |= {"kind": graph.kind, "robots": num, "robot": types, "engine": engine, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
     step_s = step_s or graph.cell_m / float(fleet.max_speed_mps.min()) + 1.0
     problem = Problem(graph, fleet, start, goal, np.arange(num), step_s, seed=number, drivable=needs_sound_plan(policy))
-    why = ""
-    for name, method in methods(rng):
-        if again_with not in ("", name):
-            continue
-        plan = method(problem, 60.0 if again_with else 2.0)
-        if plan is None:
-            continue
-        try:
-            run = simulate(problem, plan, settings, worlds.network(world, graph, robot))
-        except (PlanError, ExecutionError) as error:
-            why = plain(error)
-            continue
-        return row | {"planner": name, "ended": str(run.outcome), "why": ""} | findings(run, plan, problem, settings, walls)
-    return row | {"ended": "refused" if why else "no plan", "why": why}
+    return Drawn(row, problem, settings, lambda: worlds.network(world, graph, robot), walls, methods(rng))
 
 
-def methods(rng: np.random.Generator) -> list[tuple[str, Callable[[Problem, float], Plan | None]]]:
+def methods(rng: np.random.Generator) -> list[Method]:
     """Planners in the order in which they are tried; the next when there is no plan, or its order cannot be kept."""
 
     def of(name: str) -> Callable[[Problem, float], Plan | None]:

@@ -21,41 +21,46 @@ from mrp_sumo.engines.protocol import WHOLE_WAY
 from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, excerpt, lane_ends
 from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
 from mrp_sumo.errors import ExecutionError
+from mrp_sumo.search._bodies import lane_limits
 
 AHEAD = 6  # edges in a renewed route beyond the last visit that the robot has been granted
 REST_STEPS = 5  # a robot that has stood at the end of its way for so many is taken out
-PLAN_STEPS = 10  # at most, for which vehicles that others keep apart follow one look ahead
+PLAN_STEPS = 10  # at most, for which one look ahead of a vehicle holds
 
 
 class SumoEngine:
     """See `engines.protocol.Engine`. Made by `sumo_engine`."""
 
-    def __init__(self, graph: PlanGraph, fleet: Fleet, sumo: Sumo, only: IntArray | None = None, *, rests: bool = True) -> None:
-        """`rests`: take robots out that stand at the end of their ways."""
+    def __init__(
+        self, graph: PlanGraph, fleet: Fleet, sumo: Sumo, step_length_s: float, only: IntArray | None = None, *, rests: bool = True
+    ) -> None:
+        """Of a running SUMO that has loaded the lanes `only`, or all. `rests`: take robots out that stand at the end of their ways."""
         self.driven_m = np.zeros(fleet.num_robots)
         self.routed = np.zeros(fleet.num_robots, np.int64)
         self._graph, self._fleet, self._sumo, self._only, self._rests = graph, fleet, sumo, only, rests
+        self._has_limits, self._dt = bool(np.isfinite(graph.speed_mps).any()), step_length_s
+        self._wanted_mps, self._sent_mps, self._cap_mps, self._speed_mps = np.zeros((4, fleet.num_robots))
         self._edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]  # [L]
         self._rested = np.zeros(fleet.num_robots, np.int64)  # steps for which each robot has stood
 
     def place(self, visits: Visits) -> None:
         """Check the network, put robots on it, and let SUMO take the step in which they appear.
 
-        The controller keeps robots apart. SUMO, left to do it too, would brake for some whose way is clear, who are late then; it has
-        to where lanes have limits, since it brakes for these in the same check.
+        The controller keeps robots apart, and the engine keeps the limits of lanes. SUMO checks both at once; left to do it too, it would
+        brake for robots whose way is clear.
         """
         self._check_network(visits)
         self._raise_limits(float(self._fleet.max_speed_mps.max()))
         self._visits = visits
         self._insert_all(visits, type_of(self._fleet))
-        self._sumo.begin(free=_is_free(self._graph))
+        self._sumo.begin()
 
     def command(self, robots: Sequence[int], speed_mps: FloatArray) -> None:
         """See Engine."""
-        set_speed, names, out = self._sumo.set_speed, self._sumo.names, self._sumo.out
-        for r in robots:
-            if r not in out:  # who is out stands
-                set_speed(names[r], speed_mps[r])
+        if self._has_limits:
+            self._wanted_mps[robots] = speed_mps[robots]  # sent with the limits of the step
+        else:
+            self._send(robots, speed_mps)
 
     def lengthen(self, robots: Sequence[int], visits: Visits) -> None:
         """See Engine."""
@@ -87,8 +92,13 @@ class SumoEngine:
 
     def step(self, moving: BoolArray) -> list[str]:
         """See Engine."""
+        if self._has_limits:
+            self._keep_limits()
+            before_m = self.driven_m.copy()
         self._sumo.step()
         self._sumo.read_driven(self.driven_m, moving)
+        if self._has_limits:
+            np.divide(self.driven_m - before_m, self._dt, out=self._speed_mps)
         if self._rests:
             self._rest(moving)
         return [f"SUMO reports a {kind} of {one} and {two}" for one, two, kind in self._sumo.collisions()]
@@ -96,6 +106,21 @@ class SumoEngine:
     def positions(self) -> FloatArray:
         """See Engine."""
         return self._sumo.positions()
+
+    def _send(self, robots: Sequence[int], speed_mps: FloatArray) -> None:
+        set_speed, names, out = self._sumo.set_speed, self._sumo.names, self._sumo.out
+        for r in robots:
+            if r not in out:  # who is out stands
+                set_speed(names[r], speed_mps[r])
+
+    def _keep_limits(self) -> None:
+        """Send speeds no higher than the lanes that robots are on, and those ahead, allow in the next step."""
+        visits, limits = self._visits, self._graph.speed_mps
+        of_visits = (visits.next, visits.reached, visits.at_m, visits.lane)
+        lane_limits(self._dt, limits, self._fleet.decel_mps2, *of_visits, self._speed_mps, self.driven_m, self._cap_mps)
+        speed_mps = np.minimum(self._wanted_mps, self._cap_mps)
+        self._send(np.flatnonzero(speed_mps != self._sent_mps).tolist(), speed_mps)
+        self._sent_mps = speed_mps
 
     def _rest(self, moving: BoolArray) -> None:
         """Take out who has come to the end of its way."""
@@ -121,11 +146,10 @@ class SumoEngine:
                 )
 
     def _raise_limits(self, speed_mps: float) -> None:
-        """The network's stand-in for no limit must not cap fast robots."""
-        if speed_mps > NO_LIMIT_MPS:
-            unlimited = np.flatnonzero(~np.isfinite(self._graph.speed_mps))
-            for lane in (unlimited if self._only is None else np.intersect1d(unlimited, self._only)).tolist():
-                self._sumo.raise_limit(self._edge[lane], speed_mps)
+        """The network's limits, and its stand-in for none, must not cap what robots are commanded."""
+        low = np.flatnonzero(np.where(np.isfinite(self._graph.speed_mps), self._graph.speed_mps, NO_LIMIT_MPS) < speed_mps)
+        for lane in (low if self._only is None else np.intersect1d(low, self._only)).tolist():
+            self._sumo.raise_limit(self._edge[lane], speed_mps)
 
     def _insert_all(self, visits: Visits, kinds: Sequence[int]) -> None:
         """Put every robot on its first vertex: at the end of the incoming edge most in line with its first move."""
@@ -200,15 +224,10 @@ def sumo_engine(
     if ways is not None and not gui:
         lanes, onward = _driven_on(graph, *ways)
         shorten = partial(excerpt, graph=graph, lanes=lanes, onward=onward)
-    steps = _plan_steps(graph, fleet, step_length_s) if _is_free(graph) else 1
+    steps = _plan_steps(graph, fleet, step_length_s)
     plan_every_s = round(steps * step_length_s, 9) if steps > 1 else None
     with running_sumo(network, fleet, step_length_s, seed, gui, shorten=shorten, plan_every_s=plan_every_s) as sumo:
-        yield SumoEngine(graph, fleet, sumo, lanes, rests=not gui)
-
-
-def _is_free(graph: PlanGraph) -> bool:
-    """Whether robots do as they are commanded, whatever is ahead. SUMO has to look out where lanes have limits."""
-    return not np.isfinite(graph.speed_mps).any()
+        yield SumoEngine(graph, fleet, sumo, step_length_s, lanes, rests=not gui)
 
 
 def _plan_steps(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> int:

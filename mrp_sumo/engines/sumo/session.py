@@ -47,7 +47,6 @@ class Sumo:
         self._kind = [""] * num_robots
         self.out: dict[int, tuple[str, float, tuple[float, float]]] = {}  # robots that are out: edge, place on it, position
         self._num_back = 0  # how often robots were put back
-        self._free = False
         self.set_speed = api.vehicle.setSpeed  # by name: called more often than anything else
 
     @property
@@ -81,13 +80,12 @@ class Sumo:
         if stops:
             self._stop_at_end(name, edges[-1])
 
-    def begin(self, *, free: bool) -> None:
-        """The step in which all robots appear; `free` leaves it to who commands them that they keep apart."""
+    def begin(self) -> None:
+        """The step in which all robots appear. That they keep apart is left to who commands them."""
         self._api.simulationStep()
         found = self._vehicle.getIDCount()
         if found != len(self._name):
             raise ExecutionError(f"SUMO inserted {found} of {len(self._name)} robots")
-        self._free = free
         for name in self._name:
             self._take_command(name)
         self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))
@@ -150,8 +148,7 @@ class Sumo:
 
     def _take_command(self, name: str) -> None:
         self._vehicle.setSpeed(name, 0.0)
-        if self._free:
-            self._vehicle.setSpeedMode(name, WITHOUT_SAFE_SPEED)
+        self._vehicle.setSpeedMode(name, WITHOUT_SAFE_SPEED)
 
     def _plan_now(self, name: str) -> None:
         """Look ahead in the next step, where another edge may follow now."""
