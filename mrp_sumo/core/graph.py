@@ -329,17 +329,45 @@ def plan_graph(
 def with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
     """The same vertices with these lanes [L] only."""
     lanes = np.flatnonzero(open_)
-    nav = nav_graph(
-        name=graph.name,
-        xy=graph.xy,
+    return relaid(
+        graph,
         lanes=np.stack([graph.tail[lanes], graph.head[lanes]], 1),
-        level_names=graph.level_names,
-        level=graph.level,
-        vertex_name=graph.vertex_name,
-        vertex_options=graph.vertex_options,
         length_m=graph.length_m[lanes],
         speed_mps=graph.speed_mps[lanes],
         lane_options=[graph.lane_options[lane] for lane in lanes.tolist()],
+    )
+
+
+def relaid(
+    graph: PlanGraph,
+    *,
+    lanes: Any,
+    length_m: Any,
+    speed_mps: Any,
+    lane_options: Sequence[Options],
+    xy: Any = None,
+    level: Any = None,
+    vertex_options: Sequence[Options] | None = None,
+) -> PlanGraph:
+    """The graph with other lanes, as for `nav_graph`.
+
+    Parameters
+    ----------
+    xy, level, vertex_options
+        Of its vertices, in their order, and of new ones after them, which have no names; its own by default.
+    """
+    num_new = 0 if xy is None else len(xy) - graph.num_vertices
+    nav = nav_graph(
+        name=graph.name,
+        xy=graph.xy if xy is None else xy,
+        lanes=lanes,
+        level_names=graph.level_names,
+        level=graph.level if level is None else level,
+        vertex_name=graph.vertex_name + ("",) * num_new,
+        vertex_options=graph.vertex_options if vertex_options is None else vertex_options,
+        length_m=length_m,
+        speed_mps=speed_mps,
+        lane_options=lane_options,
         source=graph.source,
     )
     return plan_graph(
@@ -347,8 +375,8 @@ def with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
         kind=graph.kind,
         cell_m=graph.cell_m,
         vertex_of_station=graph.vertex_of_station,
-        nav_lane=graph.nav_lane,
-        offset_m=graph.offset_m,
+        nav_lane=np.append(graph.nav_lane, np.full(num_new, -1)),
+        offset_m=np.append(graph.offset_m, np.zeros(num_new)),
         frame=graph.frame,
     )
 

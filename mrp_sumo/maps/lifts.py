@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrp_sumo.core.graph import Options, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.graph import Options, PlanGraph, relaid
 from mrp_sumo.core.motion import run_time_s
 from mrp_sumo.maps.building import Building, Lift
 
@@ -103,28 +103,15 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
     for k, (a, b) in enumerate(pairs):
         if name := inside.get(a) or inside.get(b) or around.get(a) or around.get(b):
             lane_options[k] = {**lane_options[k], "cabin": name}
-    num_new = len(xy) - graph.num_vertices
-    nav = nav_graph(
-        name=graph.name,
-        xy=xy,
+    return relaid(
+        graph,
         lanes=pairs,
-        level_names=graph.level_names,
-        level=level,
-        vertex_name=graph.vertex_name + ("",) * num_new,
-        vertex_options=vertex_options,
         length_m=length_m,
         speed_mps=speed_mps,
         lane_options=lane_options,
-        source=graph.source,
-    )
-    return plan_graph(
-        nav,
-        kind=graph.kind,
-        cell_m=graph.cell_m,
-        vertex_of_station=graph.vertex_of_station,
-        nav_lane=np.append(graph.nav_lane, np.full(num_new, -1)),
-        offset_m=np.append(graph.offset_m, np.zeros(num_new)),
-        frame=graph.frame,
+        xy=xy,
+        level=level,
+        vertex_options=vertex_options,
     )
 
 

@@ -14,6 +14,8 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.doors import opening_s, with_doors
 
+pytestmark = pytest.mark.kernel
+
 OPENS_S, FAR = 5.0, 12
 
 

@@ -12,6 +12,8 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.metrics.audit import audit
 
+pytestmark = pytest.mark.kernel
+
 STEP_S, RIDE_S = 3.0, 10.0
 UP = [3, 10, 11, 12, 4]  # through the shaft
 DOWN = UP[::-1]
