@@ -132,7 +132,7 @@ def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watc
     print(f"{live.address} (Ctrl+C ends)", flush=True)
     webbrowser.open(live.address)
     try:
-        result = run_scenario(file, out, progress=live.stage, gui=options.gui, watches=[*watches, live.watch])
+        result = run_scenario(file, out, progress=live.stage, gui=options.gui, watches=[*watches, live.watch], steer=live.steer)
     except BaseException:
         live.close()
         raise

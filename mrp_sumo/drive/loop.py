@@ -20,11 +20,13 @@ from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
+from mrp_sumo.core.task import Task
 from mrp_sumo.drive.arrivals import with_goals_within
 from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
+from mrp_sumo.drive.disturbances import Breakdown, Closure
 from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
@@ -45,6 +47,8 @@ from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import PlanError, PlugInError
 
+Asked = Callable[[float], Sequence[Breakdown | Closure | Task]]  # what is to come up at a time
+
 
 def simulate(
     problem: Problem,
@@ -57,6 +61,7 @@ def simulate(
     stopped: Callable[[], bool] | None = None,
     listeners: Sequence[Listener] = (),
     engine: AbstractContextManager[Engine] | None = None,
+    asked: Asked | None = None,
 ) -> Execution:
     """Drive a plan.
 
@@ -78,6 +83,8 @@ def simulate(
         Hear every moment, beside those that record.
     engine
         Moves the bodies instead of that of the settings.
+    asked
+        Called before each step with the time in s, for what comes up that nobody knew of.
 
     Raises
     ------
@@ -97,7 +104,7 @@ def simulate(
     # a plan in steps lets robots be early, one with the times of real motion does not
     controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
     recovery = Recovery(ledger, world, settings)
-    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped, around)
+    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped, around, asked)
     drive.set_out()
     reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, witness, grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
@@ -136,6 +143,7 @@ class Drive:
     first: Plan
     stopped: Callable[[], bool] | None  # by the user
     people: Bystanders
+    asked: Asked | None = None  # by whoever watches
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
@@ -182,6 +190,11 @@ class Drive:
         self.people.begin(dt, self.ledger, bodies.driven_m)
         wall, cpu, step = time.perf_counter(), time.process_time(), 0
         while True:
+            for wish in self.asked(self.now_s) if self.asked else ():
+                if isinstance(wish, Task):
+                    self.tasks.add(wish)
+                else:
+                    self.world.add(wish)
             self.events += self.world.update(self.now_s, state.grants)
             self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0)
             if self.people.any:

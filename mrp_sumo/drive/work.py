@@ -18,7 +18,7 @@ from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request, with_stops_before
-from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.core.task import CHARGE, NOBODY, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.errors import PlugInError
@@ -81,7 +81,9 @@ class Work:
         self._robot: list[int] = []
         self._times: dict[str, list[float]] = {"released_s": [], "assigned_s": [], "opened_s": [], "done_s": []}
         self._waiting: list[int] = []  # tasks that nobody has, by urgency
-        self._sources = [_Source(source.tasks(), source.num_open) for source in sources]
+        listed = bool(sources) and isinstance(sources[0], TaskList)
+        self._sources = [_Source(source.tasks(), source.num_open) for source in (sources if listed else (TaskList(()), *sources))]
+        self._listed = self._sources[0]  # in which tasks may be put that are added while robots drive
         self._again_s = 0.0
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one, found once
         self._piece: dict[int, IntArray] = {}  # [V] strong components of the graphs of types
@@ -214,6 +216,10 @@ class Work:
     def failed(self, now_s: float) -> None:
         """There was no answer to a request: it is made again in a while."""
         self._again_s = now_s + TRY_AGAIN_S
+
+    def add(self, task: Task) -> None:
+        """Have a task that nobody knew of, among those that are listed with times of their own."""
+        self._listed.add(task)
 
     def log(self) -> TaskLog:
         """What has become of the tasks."""
@@ -485,6 +491,12 @@ class _Source:
         self._known.add(number)
         self.next = next(self._tasks, None)
         return task
+
+    def add(self, task: Task) -> None:
+        """Add one to a finite source without an open number, by its time."""
+        rest = [] if self.next is None else [self.next, *self._tasks]
+        self._tasks = iter(sorted([*rest, task], key=lambda each: each.release_s))
+        self.next = next(self._tasks)
 
     def done(self, number: int) -> None:
         self._known.discard(number)

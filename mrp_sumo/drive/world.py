@@ -12,7 +12,7 @@ import numpy as np
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.drive import _facilities
-from mrp_sumo.drive.disturbances import Closure, Disturbances, Obstacle
+from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.people import nobody
 from mrp_sumo.drive.state import Conditions, Facilities, Grants, People
@@ -121,6 +121,14 @@ class World:
             events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
         self._visitors.update(now)
         return events + self._update_closures(now, grants)
+
+    def add(self, what: Breakdown | Closure) -> None:
+        """Have a disturbance that nobody knew of."""
+        self._is_calm = False
+        if isinstance(what, Breakdown):
+            self._pending.append(what)
+        else:
+            self._barriers.append(Barrier(what.begin_s, what.begin_s + what.duration_s, self._lanes_of(what), np.zeros(0, np.int64)))
 
     def strand(self, robot: int, now: float) -> Event:
         """A robot's battery is empty: it stands still for good."""

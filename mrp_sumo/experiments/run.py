@@ -10,10 +10,12 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from threading import current_thread, main_thread
-from typing import Any
+from typing import Any, Protocol
 
 from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import Status
+from mrp_sumo.core.task import Task
+from mrp_sumo.drive.disturbances import Breakdown, Closure
 from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
@@ -35,8 +37,27 @@ PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)
 Watch = Callable[[SetUp, Solution], Listener]  # somebody who wants to hear how a run is driven
 
 
+class Steering(Protocol):
+    """Somebody who steps in while robots drive."""
+
+    def take(self, now_s: float) -> Sequence[Breakdown | Closure | Task]:
+        """What comes up now."""
+
+    def recorded(self, file: ScenarioFile) -> ScenarioFile:
+        """The scenario with all that came up."""
+
+
+Steer = Callable[[SetUp], Steering]
+
+
 def run_scenario(
-    file: ScenarioFile, out: Path, *, progress: StageReport | None = None, gui: bool = False, watches: Sequence[Watch] = ()
+    file: ScenarioFile,
+    out: Path,
+    *,
+    progress: StageReport | None = None,
+    gui: bool = False,
+    watches: Sequence[Watch] = (),
+    steer: Steer | None = None,
 ) -> RunResult:
     """Run a scenario and write its run folder.
 
@@ -52,6 +73,8 @@ def run_scenario(
         Drive in sumo-gui, for people to look at.
     watches
         Asked for a listener each when robots are about to set out. These change nothing of the run.
+    steer
+        Asked when robots are about to set out for who steps in; what is done becomes a part of the run's scenario.
 
     Raises
     ------
@@ -60,7 +83,7 @@ def run_scenario(
     """
     check_replaceable(out)
     with MapCache() as maps:
-        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True, watches=watches)
+        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True, watches=watches, steer=steer)
         (progress or silent)("writing the run folder", 0.0, 0.0)
         result.write(out, maps)
     return result
@@ -95,6 +118,7 @@ def carry_out(
     gui: bool = False,
     keeps_interrupted: bool = False,
     watches: Sequence[Watch] = (),
+    steer: Steer | None = None,
 ) -> RunResult:
     """Run a scenario and measure it; writes nothing.
 
@@ -114,6 +138,8 @@ def carry_out(
         Whether Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`.
     watches
         Asked for a listener each when robots are about to set out.
+    steer
+        As for `run_scenario`.
 
     Raises
     ------
@@ -132,6 +158,7 @@ def carry_out(
         gui=gui,
         keeps_interrupted=keeps_interrupted,
         watches=watches,
+        steer=steer,
     )
 
 
@@ -145,6 +172,7 @@ def finish(
     gui: bool = False,
     keeps_interrupted: bool = False,
     watches: Sequence[Watch] = (),
+    steer: Steer | None = None,
     engine: AbstractContextManager[Engine] | None = None,
 ) -> RunResult:
     """Drive what was planned, if there is a plan, and measure it.
@@ -153,7 +181,7 @@ def finish(
     ----------
     setup, solution
         Of one problem; the setup says how to drive.
-    maps, execute, progress, gui, keeps_interrupted, watches
+    maps, execute, progress, gui, keeps_interrupted, watches, steer
         As for `carry_out`.
     engine
         As for `simulate`.
@@ -172,14 +200,17 @@ def finish(
         setup = with_time_limit(setup, solution.result.plan)
         report("building the SUMO network", 0.0, 0.0)
         network = maps.network(solution.problem.graph, setup.map.building if gui else None)
+        steering = steer(setup) if steer else None
         try:
-            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watches, engine)
+            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watches, steering, engine)
             note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
             broken = DISPATCHER_FAILED if isinstance(error, DispatcherError) else POLICY_FAILED
             if isinstance(error, PlanningOverrun):
                 broken = str(Status.PLANNER_FAILED)
+        if steering:
+            setup = replace(setup, file=steering.recorded(setup.file))
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
     walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None
@@ -228,6 +259,7 @@ def _execute(
     gui: bool,
     keeps_interrupted: bool,
     watches: Sequence[Watch],
+    steering: Steering | None,
     engine: AbstractContextManager[Engine] | None,
 ) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says."""
@@ -254,6 +286,7 @@ def _execute(
                 stopped=stopped,
                 listeners=listeners,
                 engine=engine,
+                asked=steering.take if steering else None,
             )
         return replace(run, policy=name) if settings is setup.settings else run
 

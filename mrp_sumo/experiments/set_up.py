@@ -17,6 +17,7 @@ from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of, fleet_of, fleet_
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem, graphs_of_kinds
+from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.drive.facilities import door_names, lift_names
@@ -411,11 +412,11 @@ def _without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph
 
 def _with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:
     """The settings with the stretches that are closed, which only the map can tell."""
-    closures = _closures(file, nav, graph)
+    closures = closures_of(file, nav, graph)
     return replace(settings, disturbances=replace(settings.disturbances, closures=closures)) if closures else settings
 
 
-def _closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Closure, ...]:
+def closures_of(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Closure, ...]:
     """Every lane of the stretches that are closed."""
     found = []
     for i, choice in enumerate(file.scenario.execution.disturbances.closures):
@@ -715,6 +716,8 @@ def _as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], nam
     faults, found = [], []
     for i, name in enumerate(names):
         vertex = nav.vertex_of_name.get(name)
+        if vertex is None and (number := name.removeprefix("v")).isdecimal() and int(number) < nav.num_vertices:
+            vertex = int(number) if nav.label(int(number)) == name else None  # of one without a name
         if vertex is None:
             known = [n for n in nav.vertex_name if n]
             faults.append(f"{file.at(*key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
@@ -729,6 +732,35 @@ def _with_tasks(
     settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, problem: Problem, models: Sequence[RobotType]
 ) -> ExecutionSettings:
     """The settings with the tasks of the scenario, on the vertices of the plan graph, and with what robots do between tasks."""
+    choice = file.scenario.tasks
+    assert choice is not None
+    without = next((model.name for model in models if model.battery is None), None)
+    if choice.charging is not None and without is not None:
+        raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
+    start = choice.charging.start_level if choice.charging else (100.0, 100.0)
+    site = _site_of_tasks(file, nav, problem)
+    return replace(
+        settings,
+        tasks=task_sources(file, nav, problem),
+        charging=charging_of(choice, site),
+        parking=parking_of(choice, site),
+        batteries=batteries_of(models),
+        start_level=(start[0] / 100, start[1] / 100),
+    )
+
+
+def task_sources(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:
+    """The streams of tasks of a scenario, on the vertices of the plan graph. Raises ScenarioError."""
+    assert file.scenario.tasks is not None
+    site = _site_of_tasks(file, nav, problem)
+    sources = sources_of(file.scenario.tasks, site, file.scenario.seed, problem.step_s, problem.num_robots)
+    if wrong := unreachable(sources, problem):
+        raise ScenarioError(f"{file.at('tasks')}: {wrong}")
+    return sources
+
+
+def _site_of_tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> Site:
+    """What is known of the map to who reads tasks."""
 
     def vertex_of(name: str) -> int | None:
         vertex = nav.vertex_of_name.get(name)
@@ -740,24 +772,7 @@ def _with_tasks(
             raise ScenarioError(f"{file.at('tasks', 'file')}: .tasks count the cells of a MovingAI map, but the map is '{path.name}'")
         return read_map(path)
 
-    choice = file.scenario.tasks
-    assert choice is not None
-    without = next((model.name for model in models if model.battery is None), None)
-    if choice.charging is not None and without is not None:
-        raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
-    start = choice.charging.start_level if choice.charging else (100.0, 100.0)
-    site = Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, problem.fleet.type_name)
-    sources = sources_of(choice, site, file.scenario.seed, problem.step_s, problem.num_robots)
-    if wrong := unreachable(sources, problem):
-        raise ScenarioError(f"{file.at('tasks')}: {wrong}")
-    return replace(
-        settings,
-        tasks=sources,
-        charging=charging_of(choice, site),
-        parking=parking_of(choice, site),
-        batteries=batteries_of(models),
-        start_level=(start[0] / 100, start[1] / 100),
-    )
+    return Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, problem.fleet.type_name)
 
 
 def _require_reachable(file: ScenarioFile, problem: Problem) -> None:

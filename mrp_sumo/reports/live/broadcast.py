@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from threading import Condition
 from typing import Any
 
@@ -28,6 +28,7 @@ class Broadcast:
         self._steps = 0  # samples that may still pass while paused
         self._speed: float | None = 1.0  # simulated seconds a second, None: as fast as it goes
         self._due = 0.0  # wall time of the next sample
+        self.intervene: Callable[[dict[str, Any]], str] | None = None  # with the run itself; returns why not
 
     # what the run says
 
@@ -75,6 +76,8 @@ class Broadcast:
 
     def control(self, order: dict[str, Any]) -> str:
         """Do what a viewer asks for. Returns why not, '' if it was done."""
+        if isinstance(order, dict) and order.get("do") in ("break", "close", "add") and self.intervene:
+            return "the run is over" if self._over else self.intervene(order)
         with self._changed:
             match order:
                 case {"do": "play"}:

@@ -11,8 +11,10 @@ from mrp_sumo.core.execution import Event
 from mrp_sumo.drive._causes import DISTURBED, LETTING_PASS, PLANNED
 from mrp_sumo.drive.ledger import planned_arrivals
 from mrp_sumo.drive.listeners import Listener, Moment
+from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.run import Steering
 from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.io.outline import outline_of
@@ -20,7 +22,7 @@ from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
 from mrp_sumo.reports.pictures.view import extent, subtitle_of
-from mrp_sumo.reports.replay.page import MAX_POSES, About, Frame, about_run, replay_page, task_document
+from mrp_sumo.reports.replay.page import MAX_POSES, About, Frame, about_run, drawn_lanes, replay_page, task_document
 
 SAMPLE = np.dtype([("x", "<u2"), ("y", "<u2"), ("yaw", "<u1"), ("state", "<u1"), ("waits", "<i2")])  # of a robot
 REASONS = {PLANNED: -2, DISTURBED: -3, LETTING_PASS: -4}  # for waiting without a robot to wait for, as `waits`; live.js knows them
@@ -49,6 +51,21 @@ class LiveView:
         told = Telling(self.broadcast, setup, solution)
         self.server.page = told.page.encode()
         return told
+
+    def steer(self, setup: SetUp) -> Steering:
+        """Who steps in as viewers ask for it."""
+        wishes, lanes = Interventions(setup), drawn_lanes(setup.map.nav)
+
+        def ask(order: dict[str, Any]) -> str:
+            if order.get("do") == "close":  # the page knows lanes by the order in which it draws them
+                if type(number := order.get("lane")) is not int or not 0 <= number < len(lanes):
+                    return "expected the number of a lane"
+                nav, lane = setup.map.nav, int(lanes[number])
+                order = {**order, "between": [nav.label(int(nav.tail[lane])), nav.label(int(nav.head[lane]))]}
+            return wishes.ask(order)
+
+        self.broadcast.intervene = ask
+        return wishes
 
     def finish(self, result: RunResult) -> None:
         """Say what the run came to, and let viewers go."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError, sentence
@@ -149,6 +149,11 @@ def write_page(page: str, out: Path) -> Path:
     except OSError as error:
         raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
     return out
+
+
+def drawn_lanes(nav: NavGraph) -> IntArray:
+    """Lanes as the page draws them, one of two opposite ones, without rides."""
+    return np.flatnonzero(((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head]))
 
 
 def page_of(run: AnyRun) -> str:
@@ -423,7 +428,7 @@ def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: Floa
     if is_grid_map(record):
         parts["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
     else:
-        once = np.flatnonzero(((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head]))  # without rides
+        once = drawn_lanes(nav)
         ends = np.column_stack((nav.xy[nav.tail[once]] - low, nav.xy[nav.head[once]] - low, nav.reverse[once] < 0))
         parts["lanes"] = _flat(ends)
         kind = [next((name for option, name in STATION_KINDS if options.get(option)), "") for options in nav.vertex_options]

@@ -1,0 +1,118 @@
+"""What somebody who watches a run does to it: breaks a robot, closes a lane, adds a task.
+
+Everything becomes a key of the run's scenario, with the simulated time at which it was done, so that the run can be made again from its
+folder. The thread that drives takes what those that serve have asked for.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from queue import SimpleQueue
+from typing import Any
+
+from pydantic import BaseModel
+
+from mrp_sumo.core.stream import TaskList
+from mrp_sumo.core.task import Task
+from mrp_sumo.drive.disturbances import Breakdown, Closure
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.set_up import SetUp, closures_of, task_sources
+from mrp_sumo.io.scenario import BreakdownChoice, ClosureChoice, ScenarioFile
+from mrp_sumo.io.tasks import TaskChoice
+
+Wish = Breakdown | Closure | Task
+NEVER_S = 1e9  # where a task that is only checked is released
+
+
+@dataclass
+class Interventions:
+    """Those of one run."""
+
+    setup: SetUp
+    _asked: "SimpleQueue[Callable[[float], tuple[BaseModel, tuple[Wish, ...]]]]" = field(default_factory=SimpleQueue)
+    _done: list[BaseModel] = field(default_factory=list)
+
+    def ask(self, order: Mapping[str, Any]) -> str:
+        """Have something done at the next step. Returns why not, '' where it will be.
+
+        Parameters
+        ----------
+        order
+            `do`: `break` with `robot`, a number; `close` with `between`, the names of two vertices; `add` with `stops`, names of stations.
+            The first two also take `duration_s`, null: for good.
+        """
+        try:
+            match order:
+                case {"do": "break", "robot": int() as robot, **more} if 0 <= robot < self.setup.problem.num_robots:
+                    self._ask(lambda now_s: self._broken(robot, now_s, _lasts(more)))
+                case {"do": "close", "between": [str() as a, str() as b], **more}:
+                    self._ask(lambda now_s: self._closed((a, b), now_s, _lasts(more)))
+                case {"do": "add", "stops": [str(), *_] as stops} if len(stops) <= 100 and all(isinstance(stop, str) for stop in stops):
+                    self._ask(lambda now_s: self._added(tuple(stops), now_s))
+                case _:
+                    return "expected break with a robot, close with two vertices, or add with stops"
+        except (MrpSumoError, ValueError) as error:
+            return str(error)
+        return ""
+
+    def take(self, now_s: float) -> list[Wish]:
+        """What is to be done now."""
+        found: list[Wish] = []
+        while not self._asked.empty():
+            choice, wishes = self._asked.get()(now_s)
+            self._done.append(choice)
+            found += wishes
+        return found
+
+    def recorded(self, file: ScenarioFile) -> ScenarioFile:
+        """The scenario with all that was done."""
+        for choice in self._done:
+            file = _with(file, choice)
+        return file
+
+    def _ask(self, made: Callable[[float], tuple[BaseModel, tuple[Wish, ...]]]) -> None:
+        made(NEVER_S)  # what is wrong with it is said to who asks
+        self._asked.put(made)
+
+    def _broken(self, robot: int, now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Wish, ...]]:
+        return BreakdownChoice(robot=robot, begin_s=now_s, duration_s=lasts_s), (Breakdown(robot, now_s, lasts_s or math.inf),)
+
+    def _closed(self, between: tuple[str, str], now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Wish, ...]]:
+        choice = ClosureChoice(between=between, begin_s=now_s, duration_s=lasts_s)
+        execution = self.setup.scenario.execution
+        alone = execution.model_copy(update={"disturbances": execution.disturbances.model_copy(update={"closures": [choice]})})
+        file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"execution": alone}))
+        return choice, closures_of(file, self.setup.map.nav, self.setup.problem.graph)
+
+    def _added(self, stops: tuple[str, ...], now_s: float) -> tuple[BaseModel, tuple[Wish, ...]]:
+        tasks = self.setup.scenario.tasks
+        if tasks is None or tasks.open is not None:
+            raise MrpSumoError("this run has goals instead of tasks" if tasks is None else "tasks of this run have no times of their own")
+        number = len(tasks.list) + len([choice for choice in self._done if isinstance(choice, TaskChoice)])
+        choice = TaskChoice(name=f"asked_{number}", stops=list(stops), release_s=now_s)
+        alone = tasks.model_copy(update={"list": (choice,), "file": None, "streams": ()})
+        file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"tasks": alone}))
+        (source,) = task_sources(file, self.setup.map.nav, self.setup.problem)
+        assert isinstance(source, TaskList)
+        return choice, source.listed
+
+
+def _lasts(more: Mapping[str, Any]) -> float | None:
+    found = more.get("duration_s")
+    if found is not None and (type(found) not in (int, float) or not 0 < found < math.inf):
+        raise ValueError("duration_s: expected seconds above 0, or null for good")
+    return found
+
+
+def _with(file: ScenarioFile, choice: BaseModel) -> ScenarioFile:
+    """A scenario with one key more."""
+    scenario = file.scenario
+    if isinstance(choice, TaskChoice):
+        assert scenario.tasks is not None
+        tasks = scenario.tasks.model_copy(update={"list": (*scenario.tasks.list, choice)})
+        return replace(file, scenario=scenario.model_copy(update={"tasks": tasks}))
+    what = scenario.execution.disturbances
+    key = "breakdowns" if isinstance(choice, BreakdownChoice) else "closures"
+    what = what.model_copy(update={key: [*getattr(what, key), choice]})
+    execution = scenario.execution.model_copy(update={"disturbances": what})
+    return replace(file, scenario=scenario.model_copy(update={"execution": execution}))
