@@ -1,6 +1,7 @@
 /* A run under way: takes what the server says, and has it pause, step, and go at a speed. */
 import { NEVER } from "./constants.js";
 import { bytesOfBase64 } from "./data.js";
+import { make } from "./elements.js";
 
 const LIVE_SPEEDS = [0.25, 0.5, 1, 2, 4, 10, 32, 100, Infinity];
 const REDRAW_MS = 400;
@@ -67,6 +68,51 @@ class Live {
   async order(what) {
     if (this.over) return;
     await fetch("control", { method: "POST", body: JSON.stringify(what) }).catch(() => {});
+  }
+
+  /* What can be done where somebody has clicked: a robot breaks down, a lane is closed, a robot is sent to a station. */
+  offer([px, py], robot, slack) {
+    document.getElementById("ask")?.remove();
+    if (this.over) return;
+    const { run } = this.app, parts = [];
+    const asks = (title, ...choices) => parts.push(make("b", { textContent: title }), ...choices.map(([textContent, what]) => make("button", { textContent, onclick: () => this.ask(what) })));
+    if (robot >= 0) {
+      asks(`${run.robots[robot]} breaks down`, ["for 30 s", { do: "break", robot, duration_s: 30 }], ["for good", { do: "break", robot, duration_s: null }]);
+    } else {
+      const { station, lane } = this.nearest(px, py, slack);
+      if (station && run.tasks) asks(`A task at ${station.name}`, ["add", { do: "add", stops: [station.name] }]);
+      if (lane >= 0) asks("This lane", ["close for 1 min", { do: "close", lane, duration_s: 60 }], ["close for good", { do: "close", lane, duration_s: null }]);
+    }
+    if (!parts.length) return;
+    const box = make("div", { id: "ask", className: "ask", role: "group", "aria-label": "What to do here", onkeydown: (e) => e.key === "Escape" && box.remove() }, ...parts);
+    document.getElementById("stage").append(box);
+    box.style.left = `${Math.max(4, Math.min(px + 12, box.parentElement.clientWidth - box.offsetWidth - 4))}px`;
+    box.style.top = `${Math.max(4, Math.min(py + 12, box.parentElement.clientHeight - box.offsetHeight - 4))}px`;
+  }
+
+  /* The named station and the lane (-1: none) that lie within so many pixels of a place on the screen. */
+  nearest(px, py, slack) {
+    const { scene } = this.app, { stations = [], lanes = [] } = scene.map;
+    let station = null, lane = -1, best = slack + 4;
+    for (const one of stations) {
+      const [x, y] = scene.toScreen(one.x, one.y), d = Math.hypot(x - px, y - py);
+      if (one.name && d < best) (best = d), (station = one);
+    }
+    best = slack;
+    for (let i = 0; i < lanes.length; i += 5) {
+      const [ax, ay] = scene.toScreen(lanes[i], lanes[i + 1]), [bx, by] = scene.toScreen(lanes[i + 2], lanes[i + 3]);
+      const long = (bx - ax) ** 2 + (by - ay) ** 2, share = long ? Math.max(0, Math.min(1, ((px - ax) * (bx - ax) + (py - ay) * (by - ay)) / long)) : 0;
+      const d = Math.hypot(px - ax - share * (bx - ax), py - ay - share * (by - ay));
+      if (d < best) (best = d), (lane = i / 5);
+    }
+    return { station, lane };
+  }
+
+  async ask(what) {
+    const box = document.getElementById("ask");
+    const answer = await fetch("control", { method: "POST", body: JSON.stringify(what) }).catch(() => null);
+    if (answer?.ok) box?.remove();
+    else box?.replaceChildren(make("b", { textContent: answer ? await answer.text() : "the run does not answer" }));
   }
 
   /* The time to show, a moment behind the newest sample so that robots glide rather than jump. */

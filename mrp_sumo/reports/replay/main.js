@@ -475,7 +475,10 @@ class App {
     const up = (e) => {
       if (!down.delete(e.pointerId)) return;
       floor.classList.remove("dragging");
-      if (e.type === "pointerup" && down.size === 0 && moved < 5) this.select(scene.pick(...at(e), e.pointerType === "touch" ? 22 : 10));
+      if (e.type !== "pointerup" || down.size || moved >= 5) return;
+      const robot = scene.pick(...at(e), e.pointerType === "touch" ? 22 : 10);
+      this.select(robot);
+      this.live?.offer(at(e), robot, e.pointerType === "touch" ? 16 : 9);
     };
     floor.addEventListener("pointerup", up);
     floor.addEventListener("pointercancel", up);
