@@ -17,7 +17,7 @@ from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of, fleet_of, fleet_
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem, graphs_of_kinds
-from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.drive.facilities import door_names, lift_names
@@ -756,7 +756,8 @@ def task_sources(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[T
     sources = sources_of(file.scenario.tasks, site, file.scenario.seed, problem.step_s, problem.num_robots)
     if wrong := unreachable(sources, problem):
         raise ScenarioError(f"{file.at('tasks')}: {wrong}")
-    return sources
+    only_file = file.scenario.tasks.file is not None and not file.scenario.tasks.list and file.scenario.tasks.open is None
+    return (TaskList(()), *sources) if only_file else sources  # what is added while robots drive is listed, before those of the file
 
 
 def _site_of_tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> Site:

@@ -223,7 +223,7 @@ def sources_of(choice: TasksChoice, site: Site, seed: int, step_s: float, num_ro
     names = _Names(choice, site)
     found: list[TaskSource] = []
     listed = [(("tasks", "list", i), task) for i, task in enumerate(choice.list)]
-    if listed or choice.file is not None:  # where tasks may be added while robots drive, too
+    if listed:
         found.append(_listed([_task(names, place, task, n) for n, (place, task) in enumerate(listed)]))
     if choice.file is not None:
         found.append(_file(names, site, site.folder / choice.file, num_robots))
