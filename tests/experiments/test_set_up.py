@@ -7,11 +7,13 @@ import pytest
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.drive.disturbances import Closure
+from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.io.scenario import read_scenario
 from mrp_sumo.maps.clearance import narrow
+from mrp_sumo.planning.costs import costs_of
 
 BUILDING = "map: office\ndiscretisation: {kind: roadmap, cell_m: 0.5}\nrobots: {count: 2}\n"
 
@@ -235,3 +237,47 @@ def test_what_a_fleet_cannot_be_is_one_line(tmp_path, groups, says):
     with pytest.raises(ScenarioError, match=says) as error:
         mixed(tmp_path, groups)
     assert len(error.value.lines) == 1
+
+
+def lifts_left(tmp_path, *out):
+    """The lifts that planners know of in the hospital, and whether a robot of the ground floor can come to a ward on the third."""
+    path = tmp_path / "scenario.yaml"
+    outages = ", ".join(f"{{lift: {name}}}" for name in out)
+    path.write_text(
+        "map: hospital_levels\ndiscretisation: {kind: roadmap, cell_m: 1.2}\nrobots: {starts: [L1_kitchen], goals: [L3_ward_31]}\n"
+        f"execution: {{disturbances: {{outages: [{outages}]}}}}\n"
+    )
+    with MapCache() as maps:
+        setup = set_up(read_scenario(path), maps)
+    return lift_names(setup.problem.graph), bool(np.isfinite(costs_of(setup.problem, "path")).all())
+
+
+def test_a_lift_out_of_service_for_good_leaves_the_other_one_or_no_way(tmp_path):
+    assert lifts_left(tmp_path) == (["lift_east", "lift_west"], True)
+    assert lifts_left(tmp_path, "lift_west") == (["lift_east"], True)
+    assert lifts_left(tmp_path, "lift_west", "lift_east") == ([], False)
+
+
+def test_doors_that_are_locked_for_good_or_that_nobody_opens_are_no_way(tmp_path):
+    automatic, outage = "doors: automatic", "disturbances: {outages: [{door: boardroom_door}]}"
+    known = door_names(problem_of(tmp_path, [automatic]).problem.graph)
+    for keys in ([automatic, outage], [automatic, "manual_doors: [boardroom_door]"]):
+        setup = problem_of(tmp_path, keys)
+        assert door_names(setup.problem.graph) == [name for name in known if name != "boardroom_door"]
+        assert any("boardroom_door" in note for note in setup.notes)
+    people = "disturbances: {door_passages_per_h: 30}"
+    assert door_names(problem_of(tmp_path, [automatic, "manual_doors: [boardroom_door]", people]).problem.graph) == known
+
+
+@pytest.mark.parametrize(
+    ("execution", "line"),
+    [
+        ("disturbances: {outages: [{door: boardroom_door}]}", r"outages\[0\].door: doors stand open, expected execution.doors: automatic"),
+        ("manual_doors: [boardroom_door]", r"manual_doors\[0\]: doors stand open"),
+        ("disturbances: {fires: [{begin_s: 3}]}", r"disturbances.fires: no lift joins levels of 'office'"),
+        ("disturbances: {outages: [{begin_s: 3}]}", r"outages\[0\]: give lift or door"),
+    ],
+)
+def test_what_a_building_lacks_is_refused_in_one_line(tmp_path, execution, line):
+    with pytest.raises(MrpSumoError, match=line):
+        problem_of(tmp_path, [execution])
