@@ -5,10 +5,12 @@ from itertools import count
 
 from planners.conflict_based._frame import Forest, Paths
 from planners.conflict_based._incumbent import Incumbent
-from planners.conflict_based._tree import Node, Tree
+from planners.conflict_based._tree import Node, OutOfReach, Tree
 
 LABELS = 2  # of the incumbent for each unit of the tree's work
-ROOTS = 3  # the incumbent's first turn comes when the tree has done this many times the work of its root
+ROOTS = 8  # the incumbent's first turn comes when the tree has done this many times the work of its root
+PATIENCE = 1  # an incumbent that would do is the answer when the tree has done so many times the work that both did until then
+TURNS = 1.1  # until then both do so many times their work, by turns
 
 
 class ExplicitEstimation:
@@ -22,7 +24,8 @@ class ExplicitEstimation:
         self._forest, self._tree, self._w, self._bypass = forest, tree, w, bypass
         self._bound = LowerBound(tree)
         self._incumbent = Incumbent(forest.problem, tree.instance.distance, forest.limits.deadline) if incumbent else None
-        self._turn = 0  # work of the tree at which the incumbent's turn comes
+        self._turn = 0.0  # work of the tree at which the incumbent's turn comes
+        self._until = 0  # work of the tree at which the incumbent is the answer; 0 as long as it would not do
         self._number = count()
         self._cleanup: list[tuple[int, int, int, Node]] = []  # (f, conflicts, serial, node)
         self._open: list[tuple[float, int, int, Node]] = []  # (f^, conflicts, serial, node)
@@ -38,19 +41,56 @@ class ExplicitEstimation:
             if root := self._forest.plant(self._w):
                 self._insert(root)
             self._turn = max(ROOTS * tree.work, incumbent.entry if incumbent else 0)
-        tree.check_clock()
+        is_over = self._is_over()
+        if not is_over:
+            tree.check_clock()
         if incumbent and tree.work >= self._turn:
-            self._turn = 2 * tree.work
-            incumbent.work(LABELS * tree.work, self._w * self.lower)
+            self._take_turn(incumbent)
         node = self._take_best()
-        if incumbent and incumbent.cost is not None and incumbent.cost <= self._w * self.lower + 1e-9:
+        if (
+            incumbent
+            and incumbent.cost is not None
+            and self._would_do(incumbent)
+            and (is_over or node is None or incumbent.cost <= node.cost)
+        ):
             self.from_incumbent = True
             return incumbent.paths()
         return node
 
+    def _take_turn(self, incumbent: Incumbent) -> None:
+        """Let the incumbent work: until it would do, then on its cost, too."""
+        work = self._tree.work
+        if not self._until:
+            self._turn = 2 * work
+            incumbent.work(LABELS * work, self._w * self.lower)
+        if self._would_do(incumbent):
+            self._until = self._until or PATIENCE * (work + incumbent.labels // LABELS)
+            self._turn = TURNS * work
+            incumbent.work(int(TURNS * incumbent.labels), 0.0)
+
+    def _would_do(self, incumbent: Incumbent) -> bool:
+        """Whether the incumbent's plan is an answer."""
+        return incumbent.cost is not None and incumbent.cost <= self._w * self.lower + 1e-9
+
+    def _is_over(self) -> bool:
+        """Whether there is an incumbent that would do, and the tree has had its time."""
+        if not (self._until and self._incumbent and self._would_do(self._incumbent)):
+            return False
+        try:
+            self._tree.check_clock()
+        except OutOfReach:
+            return True
+        return self._tree.work >= self._until
+
     def expand(self, node: Node) -> None:
         """See `Order`."""
-        children = self._tree.children(node, self._w, self.lower, bypass=self._bypass)
+        try:
+            children = self._tree.children(node, self._w, self.lower, bypass=self._bypass)
+        except OutOfReach:
+            if self._incumbent and self._would_do(self._incumbent):
+                self._until = self._until or 1
+                return
+            raise
         self._learn(node, children)
         for child in children:
             self._insert(child)

@@ -6,9 +6,10 @@ how many conflicts it ends (section 4); bypass, prioritised conflicts and symmet
 heuristic, which needs shortest paths, serves the lower bound in a tree of its own: when nothing is cheap enough
 to be chosen, a step of optimal CBS alternates with the paper's expansion of the node of least bound.
 
-An addition to the paper, `incumbent`: when the tree has not answered within a few times the work of its root, a
-plan is looked for by MAPF-LNS2 and large neighbourhood search too, in turns of counted work. A plan that costs at most
-w times the tree's lower bound is an answer, wherever it comes from.
+An addition to the paper, `incumbent`: when the tree has not answered within several times the work of its root, a
+plan is looked for by MAPF-LNS2 too, in turns of counted work. Once it costs at most w times the tree's lower bound, the
+tree has as much work again for an answer of its own, while large neighbourhood search betters the plan; it is the answer
+when that time is over, or as soon as it costs no more than the node that the tree would expand.
 """
 
 from dataclasses import dataclass
