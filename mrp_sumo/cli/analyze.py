@@ -171,7 +171,7 @@ def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[st
                 places |= {str(name): (_point(at["start"]), _point(at["goal"])) for name, at in value.items()}
             elif key == "startsAndGoals" and isinstance(value, list):  # MRP-Bench's
                 places |= {str(at["assignedAgent"]): (_point(at["start_wcos"]), _point(at["goal_wcos"])) for at in value}
-        except (TypeError, ValueError, KeyError) as error:
+        except (TypeError, ValueError, KeyError, OverflowError) as error:
             raise MrpSumoError(f"{path}: {key}: {type(error).__name__}: {error}") from None
     if config is not None and not places:
         raise MrpSumoError(f"{path}: no starts and goals (keys 'robots' or MRP-Bench's 'startsAndGoals')")
