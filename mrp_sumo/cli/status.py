@@ -6,14 +6,21 @@ Exit code 0 when every run has a result, 1 when some are missing, 2 for bad inpu
 import argparse
 import json
 import sys
+import time
 from collections import Counter
 from pathlib import Path
+
+from mrp_sumo.errors import MrpSumoError
+
+EVERY_S = 1.0  # looks at the folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo status`."""
     parser.add_argument("folder", metavar="DIR", help="folder of a batch")
     parser.add_argument("--json", action="store_true", help="print a line of JSON")
+    parser.add_argument("--live", action="store_true", help="show it in a browser, as runs end, until Ctrl+C")
+    parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -22,6 +29,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.results import read_plan, records_in
 
     folder = Path(options.folder)
+    if options.port is not None and not options.live:
+        raise MrpSumoError("--port is for --live")
+    if options.live:
+        _watch(folder, options.port or 0)
     plan = read_plan(folder)
     keys = set(plan["keys"])
     statuses: Counter[str] = Counter()
@@ -48,3 +59,22 @@ def run(options: argparse.Namespace) -> int:
     if quarantined:
         print(f"  {quarantined} result files in quarantine")
     return 0 if done == len(keys) else 1
+
+
+def _watch(folder: Path, port: int) -> None:
+    """Show the batch in a browser until Ctrl+C."""
+    import webbrowser
+
+    from mrp_sumo.reports.live.batch import BatchView
+
+    view = BatchView(folder, port)
+    print(f"{view.server.address} (Ctrl+C ends)", flush=True)
+    webbrowser.open(view.server.address)
+    try:
+        while True:
+            view.look(lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
+            time.sleep(EVERY_S)
+    except KeyboardInterrupt:
+        print()
+    finally:
+        view.close()

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import pandas as pd
@@ -18,6 +19,7 @@ from mrp_sumo.cli.main import main
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.io.results import MACHINE_COLUMNS
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
+from mrp_sumo.reports.live.batch import BatchView
 
 SUITES = sorted((Path(__file__).parents[2] / "scenarios/suites").glob("*.yaml"))
 SUITE = """
@@ -192,6 +194,31 @@ def test_keeping_none_of_the_worst_is_said_and_fails(tmp_path, capsys):
     assert main(["batch", str(suite), "--out", str(out), "--workers", "1", "--keep-worst", "1"]) == 1
     errors = capsys.readouterr().err.splitlines()
     assert errors == ["mrp-sumo: no run was driven, so there is none to keep", f"mrp-sumo: none of the worst runs are kept in {out}/kept"]
+
+
+def test_page_of_a_batch_fills_as_runs_end(study, tmp_path):
+    records = sorted((study / "out" / "runs").rglob("*.json"))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "plan.json").write_bytes((study / "out" / "plan.json").read_bytes())
+    view, odd = BatchView(tmp_path / "out"), []
+    for record in (None, *records):
+        if record:
+            place = tmp_path / "out" / record.relative_to(study / "out")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(record.read_bytes())
+        view.look(odd.append)
+        view.look(odd.append)  # nothing new
+    (tmp_path / "out" / "runs" / "zz").mkdir()
+    (tmp_path / "out" / "runs" / "zz" / "zz.json").write_text("{}")
+    view.look(odd.append)
+    with urllib.request.urlopen(view.server.address, timeout=10) as page:
+        assert b"<h1>study</h1>" in page.read()
+    view.broadcast.end()
+    said = [json.loads(text.split("data: ")[1]) for text, _ in view.broadcast.stream() if text.startswith("event: runs")]
+    view.close()
+    assert [len(one["runs"]) for one in said] == [0] + [1] * 6 and [one["state"] for one in said] == ["not under way"] * 6 + ["complete"]
+    assert sorted(run[0] for one in said for run in one["runs"]) == list(range(6))
+    assert {run[3] for one in said for run in one["runs"]} == {"astar", "cbs"} and len(odd) == 1 and "not a whole record" in odd[0]
 
 
 def test_status_leaves_files_of_strangers_alone(study, capsys):
