@@ -13,12 +13,13 @@ from mrp_sumo.core.execution import Event, Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.files.reading import read_text
+from mrp_sumo.files.reading import json_value, read_text
 
 if TYPE_CHECKING:
     import pandas
 
 SCHEMA_VERSION = 1
+LATEST_S = 4e8  # no event is later: bags begin in 2023, and count seconds from 1970 in 31 bits
 
 
 def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any]:
@@ -69,11 +70,13 @@ def read_events(path: Path) -> list[dict[str, Any]]:
     events = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
         try:
-            event = json.loads(line)
+            event = json_value(line)
         except (ValueError, RecursionError) as error:
             raise MrpSumoError(f"{path}:{number}: not JSON: {error}") from None
         if not isinstance(event, dict):
             raise MrpSumoError(f"{path}:{number}: found {line[:40]!r}, expected an object")
+        if isinstance(event.get("t_s"), int | float) and not 0 <= event["t_s"] <= LATEST_S:
+            raise MrpSumoError(f"{path}:{number}: t_s is {event['t_s']}, expected a time from 0 to {LATEST_S:g} s")
         if event.pop("for_good", False):
             event["duration_s"] = math.inf
         events.append(event)

@@ -98,6 +98,7 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
             "robot 'robot_0' is not in both",
         ),
         ("events.jsonl", '{"t_s": 1}\nnonsense\n', "events", r"events\.jsonl:2: not JSON"),
+        ("events.jsonl", '{"t_s": 99999999999999999999}\n', "events", r"events\.jsonl:1: t_s is 99999999999999999999, expected a time"),
         ("events.jsonl", "[1]\n", "execution", r"events\.jsonl:1: found '\[1\]', expected an object"),
         ("trajectory.parquet", "nonsense", "samples", r"trajectory\.parquet: not a readable Parquet file"),
         ("trajectory.parquet", None, "record", r"trajectory\.parquet: lost, the run wrote it"),
