@@ -31,7 +31,7 @@ def main() -> None:
         print("| people | fields | simulated | CPU | x real time | stops | contacts |")
         print("|---|---|---|---|---|---|---|")
     with MapCache() as maps:
-        for count, fields in ((0, {}), (chosen.people, {}), (chosen.people, "off")):
+        for count, fields in ((0, {}), (chosen.people, {}), (chosen.people, {"active": False})):
             document = {
                 "map": chosen.map,
                 "robots": {"count": chosen.robots, "draw": "anywhere"},

@@ -22,7 +22,7 @@ CELL_M = 0.2
 WALLS_WITHIN_M = 1.2  # walls farther away matter to nobody
 BODY_M = 0.25  # radius of people
 CORRIDOR_M = 2.0  # width of the way along a lane where no walls are known
-SNAP_M = 1.0  # from a vertex at which people may be instead, where it is too close to a wall
+SNAP_M, BEFORE_LIFT_M = 1.0, 2.5  # from a vertex at which people may be instead, where it is too close to a wall, or in a lift
 MOST_CELLS = 40_000_000
 
 
@@ -72,21 +72,19 @@ class Floor:
         place: FloatArray = np.array(self.corner_m) + (np.stack([cell % self.width, cell // self.width], axis=-1) + 0.5) * CELL_M
         return place
 
-    def place_at(self, xy: FloatArray) -> int:
-        """The free cell nearest to a point [2], with no wall in between; -1 where there is none within a metre."""
-        reach = int(SNAP_M / CELL_M) + 1
+    def place_at(self, xy: FloatArray, within_m: float = SNAP_M) -> int:
+        """The free cell nearest to a point [2], with no wall in between; -1 where there is none so near."""
+        reach = int(within_m / CELL_M) + 1
         column, row = np.floor((xy - np.array(self.corner_m)) / CELL_M).astype(np.int64).tolist()
         rows = np.arange(max(row - reach, 0), min(row + reach + 1, self.height))
         columns = np.arange(max(column - reach, 0), min(column + reach + 1, self.width))
         cells = (rows[:, None] * self.width + columns).ravel()
         cells = cells[self.free[cells]] if len(cells) else cells
         away_m = np.hypot(*(self.centre_of(cells) - xy).T)
-        here = int(self.cell_of(xy[None])[0])
-        walls = self.walls[np.unique(self.near[self.first[here] : self.first[here + 1]])] if here >= 0 else self.walls[:0]
         for k in np.argsort(away_m, kind="stable").tolist():
-            if away_m[k] > SNAP_M:
+            if away_m[k] > within_m:
                 break
-            if not _crosses(xy, self.centre_of(cells[k : k + 1])[0], walls):
+            if not _crosses(xy, self.centre_of(cells[k]), self.walls):
                 return int(cells[k])
         return -1
 

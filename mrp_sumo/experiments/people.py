@@ -7,7 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.stream import HOUR_S, Arrivals
-from mrp_sumo.crowd.floor import Floor, floor_of
+from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
 from mrp_sumo.crowd.model import Fields, Flow, Group, LaneSpeeds, People, joint_places
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
@@ -41,7 +41,7 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
         count=choice.count or 0,
         flows=tuple(flow for flow in flows if flow.arrivals.rate_per_h > 0 and max(flow.arrivals.profile, default=1.0) > 0),
         groups=tuple(Group(group.share, group.speed_mps, group.spread_mps) for group in choice.groups) or (Group(1.0),),
-        fields=None if choice.fields == "off" else Fields(**choice.fields.model_dump()),
+        fields=Fields(**choice.fields.model_dump(exclude={"active"})) if choice.fields.active else None,
         seed=seed,
     )
     reachable = joint_places(people)
@@ -74,7 +74,7 @@ class _Places:
     def at(self, vertex: int) -> int:
         """The place at a vertex; -1 where there is no room."""
         if vertex not in self._of_vertex:
-            cell = self.floor.place_at(self.nav.xy[vertex])
+            cell = self.floor.place_at(self.nav.xy[vertex], BEFORE_LIFT_M if self.nav.vertex_options[vertex].get("lift") else SNAP_M)
             if cell < 0:
                 return -1
             self._of_vertex[vertex] = len(self.cells)
@@ -101,11 +101,9 @@ def _drawn(file: ScenarioFile, choice: PeopleChoice, places: _Places, seed: int)
 
 
 def _flow(file: ScenarioFile, key: Place, choice: PeopleChoice, flow: FlowChoice, places: _Places, drawn: list[int]) -> Flow:
-    def ends(field: str, names: str | list[str] | None) -> tuple[int, ...]:
+    def ends(field: str, names: list[str] | None) -> tuple[int, ...]:
         if names is None:
             return tuple(drawn)
-        if isinstance(names, str):
-            return (places.named((*key, field), names),)
         return tuple(places.named((*key, field, i), name) for i, name in enumerate(names))
 
     arrivals = _arrivals(flow.rate_per_h, choice.profile if flow.profile is None else flow.profile, choice.clock_h)

@@ -1,8 +1,8 @@
 """The `people:` of a scenario: who walks among the robots, and what robots do about it. `people: 20` is short for `count`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 Count = Annotated[int, Field(ge=1, le=5000)]
 Rate = Annotated[float, Field(ge=0, le=1e6)]
@@ -18,10 +18,15 @@ class _Strict(BaseModel):
 class FlowChoice(_Strict):
     """People who go from one place to another."""
 
-    origin: str | list[str] | None = Field(None, description="Name of a vertex, or names, one of which is drawn each time; any by default.")
-    destination: str | list[str] | None = Field(None, description="The same.")
+    origin: list[str] | None = Field(None, description="Name of a vertex, or names, one of which is drawn each time; any by default.")
+    destination: list[str] | None = Field(None, description="The same.")
     rate_per_h: Rate = Field(description="How many set out in an hour on average, at random times (Poisson).")
     profile: list[Factor] | None = Field(None, description="As people.profile, for this flow.")
+
+    @field_validator("origin", "destination", mode="before", json_schema_input_type=str | list[str] | None)
+    @classmethod
+    def _one_or_several(cls, found: Any) -> Any:
+        return [found] if isinstance(found, str) else found
 
 
 class GroupChoice(_Strict):
@@ -36,6 +41,7 @@ class GroupChoice(_Strict):
 class FieldsChoice(_Strict):
     """The warning and protective fields of robots."""
 
+    active: bool = Field(True, description="Whether robots have them; else they take no notice of people.")
     scanner_s: OfField = Field(0.1, description="Until the scanner has seen somebody.")
     control_s: OfField = Field(0.1, description="And the brakes take hold.")
     tolerance_m: OfField = Field(0.1, description="TZ, of the scanner's distances.")
@@ -65,7 +71,7 @@ class PeopleChoice(_Strict):
     clock_h: Annotated[float, Field(ge=0, lt=24)] = Field(8.0, description="The hour of the day at which the run begins.")
     groups: list[GroupChoice] = Field([], description="Who walks how fast; by default 1.34 m/s, standard deviation 0.26 m/s.")
     corridor_m: Annotated[float, Field(gt=0.5, le=100)] = Field(2.0, description="Width of the way along lanes, on maps without walls.")
-    fields: FieldsChoice | Literal["off"] = Field(FieldsChoice(), description="What robots do about people; 'off': nothing.")
+    fields: FieldsChoice = Field(FieldsChoice(), description="What robots do about people.")
     lane_speeds: tuple[Walking, Walking, Walking] = Field(
         (0.274, 0.508, 0.63), description="Least, usual and greatest speed of model lane_speeds, m/s."
     )

@@ -1,0 +1,71 @@
+"""People of a scenario: who walks where, and what is refused in one line."""
+
+import pytest
+
+from mrp_sumo.crowd.model import Fields, LaneSpeeds
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.set_up import set_up
+from mrp_sumo.io.scenario import scenario_of
+
+
+def people(tmp_path, said, **more):
+    document = {"map": "office", "robots": 2, "people": said, **more}
+    with MapCache() as maps:
+        return set_up(scenario_of(document, tmp_path, "people"), maps).settings.people
+
+
+def test_a_number_is_enough(tmp_path):
+    found = people(tmp_path, 20)
+    assert found.count == 20 and found.fields == Fields() and len(found.place) > 5
+    assert found.floor.free[found.place].all() and (found.floor.away_m[found.place] >= 0.25).all()
+
+
+def test_flows_go_between_named_places_at_the_rates_of_the_hour(tmp_path):
+    flows = [{"origin": "lobby", "destination": ["pantry", "office_1"], "rate_per_h": 60, "profile": [0, 1]}]
+    found = people(tmp_path, {"flows": flows, "clock_h": 11, "groups": [{"name": "staff", "speed_mps": 1.5}]})
+    (flow,) = found.flows
+    assert len(flow.origins) == 1 and len(flow.destinations) == 2 and found.groups[0].speed_mps == 1.5
+    assert flow.arrivals.clock_s == 11 * 3600 and flow.arrivals.profile == (0, 1)
+
+
+def test_lane_speeds_need_no_free_space(tmp_path):
+    assert people(tmp_path, {"model": "lane_speeds"}) == LaneSpeeds(0.274, 0.508, 0.63, 0)
+
+
+@pytest.mark.parametrize(
+    ("said", "line"),
+    [
+        ({}, r"people: give count, rate_per_h or flows$"),
+        ({"count": 3, "rate_per_h": 2}, r"people: count and rate_per_h exclude each other$"),
+        (-1, r"people(\.count)?: found -1, expected .*1"),
+        ({"rate_per_h": -5}, r"people\.rate_per_h: found -5, expected .*0"),
+        ({"count": 3, "places": ["loby"]}, r"people\.places\[0\]: 'loby' is not a vertex of 'office' \(did you mean 'lobby'\?\)$"),
+        ({"flows": [{"origin": "lobby", "rate_per_h": 1, "to": "x"}]}, r"people\.flows\[0\]\.to: unknown key"),
+        (
+            {"flows": [{"destination": "pantri", "rate_per_h": 1}]},
+            r"people\.flows\[0\]\.destination\[0\]: 'pantri' is not a vertex.*pantry",
+        ),
+        ({"count": 3, "places": ["lobby"]}, r"people: nobody can walk anywhere on 'office'"),
+        ({"count": 3, "fields": {"slowest_mps": 0}}, r"people\.fields"),
+        ({"model": "lane_speeds", "count": 3}, r"people: count and model: lane_speeds exclude each other: nobody walks$"),
+        ({"count": 3, "corridor_m": 0.1}, r"people\.corridor_m: found 0\.1"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, said, line):
+    with pytest.raises(ScenarioError, match=line) as refused:
+        people(tmp_path, said)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_graph_without_walls_has_corridors_and_one_that_is_too_narrow_is_refused(tmp_path):
+    nav = tmp_path / "line.yaml"
+    nav.write_text(
+        "building_name: line\nlevels:\n  L1:\n    lanes: [[0, 1, {}], [1, 0, {}]]\n    vertices: [[0, 0, {name: a}], [8, 0, {name: b}]]\n"
+    )
+    more = {"map": "line.yaml", "discretisation": "roadmap", "robots": {"starts": ["a"], "goals": ["b"]}}
+    found = people(tmp_path, 3, **more)
+    y = found.floor.centre_of(found.floor.free.nonzero()[0])[:, 1]
+    assert y.max() <= 0.75 and y.min() >= -0.75 and y.max() > 0.5
+    with pytest.raises(ScenarioError, match=r"people: 'line' has no room for people: nowhere are 0\.5 m free between walls$"):
+        people(tmp_path, {"count": 3, "corridor_m": 0.55}, **more)

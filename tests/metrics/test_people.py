@@ -1,0 +1,96 @@
+"""The audit finds robots that are faster than their fields allow, and tells whose doing a contact is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import CART, record_of_four
+
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.people import PeopleLog
+from mrp_sumo.io.people_table import read_people, write_people
+from mrp_sumo.io.trajectory import Levels
+from mrp_sumo.metrics.audit import audit
+
+FIELDS = {"radius_m": 0.25, "extra_m": 0.45, "reaction_s": 0.2, "side_m": 0.1, "slowest_mps": 0.1}
+
+
+def sightings(x, y):
+    """One person who is at x, y [T]; NaN: not there."""
+    there = np.isfinite(x)
+    none = np.zeros(0)
+    return PeopleLog(
+        first=np.concatenate([[0], np.cumsum(there)]),
+        person=np.zeros(there.sum(), np.int32),
+        x_m=x[there].astype(np.float32),
+        y_m=y[there].astype(np.float32),
+        level=np.zeros(1, np.int64),
+        waited_s=np.array([1.5]),
+        lost_s=np.array([0.25]),
+        stop_robot=none.astype(np.int64),
+        stop_s=none,
+        stop_duration_s=none,
+        stop_in_motion=none.astype(np.bool_),
+        **FIELDS,
+    )
+
+
+def audited(robot_x, person_x, person_y):
+    """What is found of a cart that drives along x with samples each 0.1 s, and a person."""
+    run, x = record_of_four().execution, np.asarray(robot_x, np.float64)[:, None]
+    still, t = np.zeros_like(x), np.arange(len(x)) * 0.1
+    speed = np.diff(x, axis=0, prepend=x[:1]) / 0.1
+    log = sightings(np.broadcast_to(person_x, len(x)).astype(float), np.broadcast_to(person_y, len(x)).astype(float))
+    return audit(replace(run, t_s=t, x_m=x, y_m=still, yaw_rad=still, speed_mps=speed, people=log), fleet_of(CART, 1))
+
+
+def braking(from_mps, to_m):
+    """Positions of a cart that drives on at a speed and brakes at 1 m/s2, to stand at a place."""
+    speeds = np.concatenate([np.full(20, from_mps), np.arange(from_mps, 0, -0.1), np.zeros(20)])
+    x = np.concatenate([[0.0], np.cumsum(speeds * 0.1)])
+    return x - x[-1] + to_m
+
+
+def test_robot_that_drives_into_somebody_who_stands_in_its_way_is_a_failure():
+    found = audited(np.arange(60) * 0.1, 3.0, 0.0)
+    assert found["num_person_contacts"] == 1 and not found["passed"]
+    (contact,) = found["person_contacts"]
+    assert contact["kind"] == "too_fast" and contact["t_s"] == pytest.approx((3.0 - 0.25 - 0.3) / 1.0, abs=0.11)
+    assert found["num_field_violations"] > 5 and found["min_person_distance_m"] == 0.0
+
+
+def test_robot_that_is_too_fast_near_somebody_is_a_failure_without_a_contact():
+    x = braking(1.0, 3.0 - 0.25 - 0.3 - 0.1)  # it stands 0.1 m before the person
+    found = audited(x, 3.0, 0.0)
+    assert found["num_person_contacts"] == 0 and found["num_field_violations"] > 0 and not found["passed"]
+    assert audited(x, 3.0, 0.0)["min_person_distance_m"] == pytest.approx(0.1, abs=1e-5)
+
+
+def test_robot_that_brakes_from_when_somebody_steps_before_it_is_none():
+    x = braking(1.0, 3.0)
+    k = int(np.flatnonzero(np.diff(x, prepend=x[0] - 0.1) < 0.099)[0]) - 1  # the sample after which it brakes
+    person_y = np.where(np.arange(len(x)) >= k, 0.0, 3.0)
+    found = audited(x, x[k] + 0.3 + 0.25 + 0.8, person_y)
+    assert found["num_field_violations"] == found["num_person_contacts"] == 0
+
+
+def test_person_who_walks_into_a_robot_that_stands_has_done_it():
+    found = audited(np.zeros(40), 2.0 - 0.1 * np.arange(40), 0.0)
+    assert found["passed"] and found["num_person_touches"] == 1 and found["num_person_contacts"] == 0
+    assert found["person_contacts"][0]["kind"] == "standing"
+
+
+def test_nothing_is_said_of_people_where_there_are_none():
+    found = audit(record_of_four().execution, fleet_of(CART, 4))
+    assert found["num_person_contacts"] is None and found["min_person_distance_m"] is None
+
+
+def test_people_are_read_as_they_were_written(tmp_path):
+    t_s, levels = np.arange(30) * 0.1, Levels(("L1", "L2"), np.array([[0.0, 0.0], [50.0, 0.0]]))
+    x = np.where(np.arange(30) < 20, 1.0 + 0.1 * np.arange(30), np.nan)
+    log = sightings(x, np.full(30, 2.0))
+    for shifts in (None, levels):
+        write_people(tmp_path / "people.parquet", log, t_s, shifts)
+        again = read_people(tmp_path / "people.parquet", np.rint(t_s * 1e9).astype(np.int64), shifts)
+        for name in ("first", "person", "x_m", "y_m", "level", "waited_s", "lost_s", "stop_s", *FIELDS):
+            assert np.array_equal(getattr(again, name), getattr(log, name)), name
