@@ -257,6 +257,8 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
             dx, dy = robots.x_m[i] - x, robots.y_m[i] - y
             ahead, left = dx * ex + dy * ey, dy * ex - dx * ey
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
+            if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_before(x, y, i, robots) and np.hypot(dx, dy) < YIELD_M:
+                tx, ty = out_of_path(x, y, i, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
             side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
@@ -357,6 +359,7 @@ def look_back(now, dt, p, walkers, ground, robots):
     if np.hypot(walkers.vx_mps[p], walkers.vy_mps[p]) >= SLOW * walkers.wish_mps[p]:
         walkers.stuck_s[p] = max(walkers.stuck_s[p] - dt, 0.0)
         return
+    is_away = now < walkers.away_until_s[p]
     nearest = np.inf
     column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
     row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
@@ -368,7 +371,7 @@ def look_back(now, dt, p, walkers, ground, robots):
             nearest = min(nearest, away)
     if nearest <= BEFORE_ROBOT_M:
         walkers.waited_s[p] += dt
-    walkers.stuck_s[p] += dt
+    walkers.stuck_s[p] = 0.0 if is_away else walkers.stuck_s[p] + dt
     if walkers.stuck_s[p] >= PATIENCE_S:
         walkers.stuck_s[p] = 0.0
         walkers.away_until_s[p] = now + AWAY_S
