@@ -43,7 +43,7 @@ class Interventions:
         """
         try:
             match order:
-                case {"do": "break", "robot": int() as robot, **more} if 0 <= robot < self.setup.problem.num_robots:
+                case {"do": "break", "robot": int() as robot, **more} if type(robot) is int and 0 <= robot < self.setup.problem.num_robots:
                     self._ask(lambda now_s: self._broken(robot, now_s, _lasts(more)))
                 case {"do": "close", "between": [str() as a, str() as b], **more}:
                     self._ask(lambda now_s: self._closed((a, b), now_s, _lasts(more)))

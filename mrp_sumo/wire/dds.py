@@ -31,7 +31,7 @@ PEERS = f'<Peers><Peer address="{LOOPBACK}"/></Peers>'  # without multicast, par
 class DdsView:
     """Publishes the runs of one command. To be used with `with`."""
 
-    def __init__(self, domain: int = 0, address: str = LOOPBACK, generation: str = "jazzy") -> None:
+    def __init__(self, domain: int = 0, address: str = LOOPBACK) -> None:
         """Join a domain.
 
         Parameters
@@ -40,13 +40,11 @@ class DdsView:
             Its number, as `ROS_DOMAIN_ID` says it.
         address
             Of the network interface.
-        generation
-            Of rmf_fleet_msgs, as for bags.
 
         Raises
         ------
         MrpSumoError
-            Without the extra `dds`, and when there is no such domain, interface or generation.
+            Without the extra `dds`, and when there is no such domain or interface.
         """
         try:
             import cyclonedds.domain
@@ -59,7 +57,7 @@ class DdsView:
         _check_interface(address)
         local = address == LOOPBACK
         config = CONFIG.format(address=address, multicast="false" if local else "spdp", peers=PEERS if local else "")
-        self._dds, self._generation = cyclonedds, generation
+        self._dds = cyclonedds
         try:
             self._domain = cyclonedds.domain.Domain(domain, config)
             self._participant = cyclonedds.domain.DomainParticipant(domain)
@@ -77,8 +75,8 @@ class DdsView:
         del self._participant, self._domain
 
     def watch(self, setup: SetUp, solution: Solution) -> Listener:
-        """The listener of a run that is about to be driven."""
-        return Publishing(self, LiveMessages(record_at_outset(setup, solution), self._generation))
+        """The listener of a run that is about to be driven; rmf_fleet_msgs are of the generation that the scenario records."""
+        return Publishing(self, LiveMessages(record_at_outset(setup, solution), setup.scenario.record.rmf_messages))
 
     def publish(self, topic: str, typename: str, message: bytes, store: Any) -> None:
         """Publish a serialised message of a type `package/Type` that a type store of rosbags has."""

@@ -78,6 +78,7 @@ def test_tasks_that_were_added_are_done_again(tmp_path, monkeypatch):
     ("order", "why"),
     [
         ({"do": "break", "robot": 2}, "expected break with a robot"),
+        ({"do": "break", "robot": True}, "expected break with a robot"),
         ({"do": "break", "robot": 0, "duration_s": -1}, "duration_s: expected seconds above 0"),
         ({"do": "close", "between": ["a", "x"]}, "'x' is not a vertex of 'lanes'"),
         ({"do": "add", "stops": ["x"]}, "'x' is no station, group or vertex"),
