@@ -26,9 +26,9 @@ from mrp_sumo.drive._causes import (
     WAITED,
     YIELDING,
 )
+from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.search._kernel import kernel
 
-TIE_M = 1e-9  # engines round otherwise: who has come this near to a place has passed it
 AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 
 

@@ -5,6 +5,8 @@ import numpy as np
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._motion import approach_speed
 
+TIE_M = 1e-9  # engines round otherwise: who has come this near to a place has passed it
+
 
 @kernel
 def lane_limits(dt, limit_mps, decel, next_visit, reached, at_m, lane, speed, s_m, cap_mps):
@@ -29,7 +31,7 @@ def lane_limits(dt, limit_mps, decel, next_visit, reached, at_m, lane, speed, s_
     """
     for r in range(len(s_m)):
         k = reached[r]
-        if lane[k] < 0 or s_m[r] >= at_m[k]:  # else it has arrived, but is still on the lane to there
+        if lane[k] < 0 or s_m[r] >= at_m[k] - TIE_M:  # else it has arrived, but is still on the lane to there
             k = next_visit[k]
         if k < 0:
             cap_mps[r] = np.inf
