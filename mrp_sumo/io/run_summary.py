@@ -68,6 +68,14 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             _given("clearance", _metres(m["min_clearance_m"])),
             _count(m["num_overlaps"], "overlaps"),
         )
+        if m["num_people"] is not None:
+            yield (
+                "people",
+                f"{m['num_people']}, {m['protective_stops_per_robot_h']:.1f} protective stops per robot-hour",
+                f"{seconds(m['lost_to_people_s'])} lost",
+                f"nearest {_metres(m['min_person_distance_m'])}",
+                count(m["num_person_contacts"], "contact"),
+            )
         yield "blocked time", seconds(m["blocked_s"]), _given("MRP-Bench's count", seconds(m["time_blocked_total_s"]))
         yield "lateness", _given("mean", _lateness(m["lateness_mean_s"])), _given("maximum", _lateness(m["lateness_max_s"]))
         yield "real-time factor", _count(m["real_time_factor"]), _count(m["robot_seconds_per_cpu_second"], "robot-seconds a CPU-second")
