@@ -29,7 +29,11 @@ class Group:
 
 @dataclass(frozen=True)
 class Fields:
-    """The warning and protective fields of robots, see `reach_m`."""
+    """The warning and protective fields of robots.
+
+    At speed v the protective field reaches S_L = S_A + TZ + Z_R + Z_F + Z_B with S_A = v^2 / (2 d) + v (t_control + t_scanner), where d is
+    the deceleration of the robot's type.
+    """
 
     scanner_s: float = 0.1  # until the scanner has seen somebody
     control_s: float = 0.1  # and the brakes take hold
@@ -45,10 +49,6 @@ class Fields:
     def extra_m(self) -> float:
         """TZ + Z_R + Z_F + Z_B."""
         return self.tolerance_m + self.reflection_m + self.ground_m + self.braking_m
-
-    def reach_m(self, speed_mps: float, decel_mps2: float) -> float:
-        """S_L = S_A + TZ + Z_R + Z_F + Z_B with S_A = v^2 / (2 d) + v (t_control + t_scanner): how far the protective field reaches."""
-        return speed_mps**2 / (2 * decel_mps2) + speed_mps * (self.control_s + self.scanner_s) + self.extra_m
 
 
 @dataclass(frozen=True, eq=False)
