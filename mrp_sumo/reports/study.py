@@ -189,9 +189,7 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
     if not until:
         only_maps = "num_vertices" in frame and "plan_success" not in frame
         until = "map" if only_maps else "execution" if "sim_time_s" in frame and frame["sim_time_s"].notna().any() else "plan"
-    for column in NUMBERS:
-        if column not in frame:
-            frame[column] = np.nan
+    frame = frame.reindex(columns=[*frame.columns, *(column for column in NUMBERS if column not in frame)])  # at once, as pandas wants it
     for column in FLAGS:
         given = frame[column] if column in frame else pd.Series(pd.NA, index=frame.index)
         frame[column] = given.astype("boolean")
