@@ -82,8 +82,11 @@ def _of_instance(options: argparse.Namespace) -> "ScenarioFile":
     from mrp_sumo.io.scenario import scenario_of
 
     if options.scen is not None:
-        instance = read_instance(options.map, options.scen, options.robots)
-        problem = instance.problem
+        problem = read_instance(options.map, options.scen, options.robots).problem
+        if options.robots is None and options.plan is not None and not is_json(text := text_of(options.plan)):
+            num_planned = len(read_places(text, None, options.plan.name))
+            if num_planned < problem.num_robots:  # files of starts and goals are for up to so many
+                problem = read_instance(options.map, options.scen, num_planned).problem
     elif options.plan is None or is_json(text := text_of(options.plan)):
         raise PlanError("--map: no starts and goals, expected --scen, or --plan with paths of cells")
     else:

@@ -246,7 +246,9 @@ def test_a_plan_file_is_driven_in_the_coordinates_of_its_map(tmp_path):
     code, result = run(tmp_path / "run", *on_map, "--plan", str(tmp_path / "plan.txt"))
     assert (code, result["status"], result["scenario"]["planner"]["name"]) == (0, "completed", "plan_file")
     assert result["metrics"]["soc_steps"] == 6
-    (tmp_path / "hall.scen").write_text("version 1\n0\thall.map\t6\t4\t1\t1\t4\t1\t3\n0\thall.map\t6\t4\t4\t2\t1\t2\t3\n")
+    (tmp_path / "hall.scen").write_text(
+        "version 1\n0\thall.map\t6\t4\t1\t1\t4\t1\t3\n0\thall.map\t6\t4\t4\t2\t1\t2\t3\n0\thall.map\t6\t4\t2\t1\t3\t2\t2\n"
+    )
     code, shifted = run(tmp_path / "shifted", *on_map, "--scen", str(tmp_path / "hall.scen"), "--plan", str(tmp_path / "cropped.txt"))
     assert (code, shifted["metrics"]["driven_makespan_s"]) == (0, result["metrics"]["driven_makespan_s"])
     assert "+1 columns and +1 rows" in shifted["note"]
