@@ -12,13 +12,18 @@ class _Strict(BaseModel):
     model_config = ConfigDict(strict=True)
 
 
-class _Robots(_Strict):
+class _Group(_Strict):
     count: int | None = None
     starts: list[str] | None = None
+    goals: list[str] | None = None
+
+
+class _Robots(_Group):
+    fleet: list[_Group] | None = None
 
     @model_validator(mode="after")
     def _counted(self) -> "_Robots":
-        if self.count is None and self.starts is None:
+        if any(group.count is None and group.starts is None and group.goals is None for group in self.fleet or [self]):
             raise ValueError("neither count nor starts")
         return self
 

@@ -4,13 +4,14 @@ A trial is a run of the study: so many robots, one seed. Trials of one seed meet
 size of the fleet: common random numbers. Refuses questions that the scenario cannot answer.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.scenario import RobotGroup, ScenarioFile
 from mrp_sumo.io.tasks import StreamChoice
 
 Values = dict[Place, tuple[str, Any]]  # of a scenario, with the option that sets each
@@ -92,7 +93,7 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
     """What a trial has otherwise than the scenario, as for `io.scenario.changed`; `changed` is what its change says, the tasks included."""
     changed = dict(changed)
     values: Values = {
-        ("robots", "count"): ("--robots", trial.robots),
+        **_robots(question.file.scenario.robots.fleet, trial.robots),
         ("seed",): ("--seed", question.first_seed + trial.seed),
         ("execution", "engine"): ("--engine", question.engine),
         ("record", "bag"): ("capacity", False),
@@ -115,6 +116,24 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
         ("execution", "time_limit_s"): ("capacity", question.effort.horizon_s),
         **changed,
     }
+
+
+def _robots(fleet: Sequence[RobotGroup] | None, count: int) -> Values:
+    """So many robots; of a fleet of several types in the shares of its groups (largest remainders), one of each where there are enough."""
+    if fleet is None:
+        return {("robots", "count"): ("--robots", count)}
+    size = [group.size for group in fleet]
+    spare = max(count - len(fleet), 0)
+    share = [spare * n / sum(size) for n in size]
+    number = [int(part) + (k < count) for k, part in enumerate(share)]
+    for k in sorted(range(len(fleet)), key=lambda k: int(share[k]) - share[k])[: count - sum(number)]:
+        number[k] += 1
+    groups = [{"type": _type_of(group), "count": n} for group, n in zip(fleet, number) if n]
+    return {("robots", "fleet"): ("--robots", groups)}
+
+
+def _type_of(group: RobotGroup) -> Any:
+    return group.type if isinstance(group.type, str) else group.type.model_dump()
 
 
 def own_demand_per_h(streams: tuple[StreamChoice, ...]) -> float | None:

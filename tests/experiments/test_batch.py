@@ -19,6 +19,7 @@ from mrp_sumo import load_results
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.experiments.batch import FINISH, GO_ON, open_batch, run_batch
+from mrp_sumo.experiments.suite import read_suite
 from mrp_sumo.io.results import MACHINE_COLUMNS, drop_tables, read_record, record_path, records_in, write_record
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
@@ -184,6 +185,13 @@ def test_record_with_right_checksum_and_wrong_content_is_put_aside_and_made_agai
     assert watcher.begun == (3, 2)
     assert "moved to quarantine, the run is made again" in watcher.lines[0]
     assert told_by(tmp_path / "out") == whole
+
+
+def test_records_of_mixed_fleets_are_kept(tmp_path):
+    fleet = "[{type: turtlebot3, count: 2}, {type: amr_600, starts: [lobby]}]"
+    (tmp_path / "study.yaml").write_text(f"base: {{map: office, robots: {fleet}}}\ngrid_search: {{seed: 0..1}}\n")
+    make(read_suite(tmp_path / "study.yaml"), tmp_path / "out")
+    assert load_results(tmp_path / "out")["num_robots"].tolist() == [3, 3]
 
 
 def test_nested_too_deep_is_no_record(tmp_path):
