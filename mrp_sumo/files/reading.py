@@ -9,6 +9,7 @@ import os
 import re
 import stat
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,15 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] 
         raise error(f"{shortened(path)}:{line}: not a text file in UTF-8") from None
 
 
-def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = None) -> Any:
+def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = None, *, largest: float | None = None) -> Any:
     """The value of a JSON text; as `json.loads`, but half of a character of two halves is refused: nobody could write it to a file.
+
+    Parameters
+    ----------
+    text, parse_constant
+        As `json.loads`.
+    largest
+        Numbers farther from 0 are refused, and `Infinity` and `NaN`; None for any.
 
     Raises
     ------
@@ -82,9 +90,22 @@ def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = 
     RecursionError
         For what is nested too deep.
     """
-    value = json.loads(text, parse_constant=parse_constant)
+    if largest is None:
+        value = json.loads(text, parse_constant=parse_constant)
+    else:
+        bounds = {
+            kind: partial(_bounded, make, largest) for kind, make in (("parse_float", float), ("parse_int", int), ("parse_constant", float))
+        }
+        value = json.loads(text, **bounds)
     if (_HALF if isinstance(text, str) else _HALF_BYTES).search(text):  # type: ignore[call-overload]
         json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError is a ValueError
+    return value
+
+
+def _bounded(make: Callable[[str], float], largest: float, text: str) -> float:
+    value = make(text)
+    if not abs(value) <= largest:
+        raise ValueError(f"the number {text[:20]}")
     return value
 
 

@@ -194,8 +194,8 @@ def test_what_is_changed_is_found(logs, name):
 
 
 def test_lines_that_are_no_messages_are_found():
-    assert [fault.text for fault in check(["{", "[]", '{"t_s": 0, "topic": "a/b", "payload": {}}'])] == [
-        "not JSON",
+    assert [fault.text for fault in check(["{", '{"t_s": 1e200}', "[]", '{"t_s": 0, "topic": "a/b", "payload": {}}'])] == [
+        *2 * ["not JSON with numbers up to 1e+15"],
         "expected an object with t_s, topic and payload",
         "expected a topic INTERFACE/vN/MANUFACTURER/SERIAL/KIND",
     ]
