@@ -9,6 +9,8 @@ import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 
+CELL_M = 0.2  # side of a cell
+BODY_M = 0.25  # radius of people
 NUM_ANGLES = 240  # directions of 1.5 degrees
 THERE, NO_WAY = 254, 255  # beside them
 NEAR_PLACE_M = 0.8  # on the way to a place, one is there
@@ -68,12 +70,19 @@ def walls_near(walls, x_m, y_m, cell_m, width, height, within_m):
 
 
 @kernel(inline="always", allocates=False)
-def distance_to_wall(x, y, x0, y0, x1, y1):
-    """Of a point from a segment, m."""
+def from_wall(x, y, x0, y0, x1, y1):
+    """The way from a segment to a point, m."""
     dx, dy = x1 - x0, y1 - y0
     long = dx * dx + dy * dy
     share = min(max(((x - x0) * dx + (y - y0) * dy) / long, 0.0), 1.0) if long > 0.0 else 0.0
-    return np.hypot(x - x0 - share * dx, y - y0 - share * dy)
+    return x - x0 - share * dx, y - y0 - share * dy
+
+
+@kernel(inline="always", allocates=False)
+def distance_to_wall(x, y, x0, y0, x1, y1):
+    """Of a point from a segment, m."""
+    dx, dy = from_wall(x, y, x0, y0, x1, y1)
+    return np.hypot(dx, dy)
 
 
 @kernel

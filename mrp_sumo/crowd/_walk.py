@@ -9,7 +9,7 @@ through a wall by walking. Neighbours come from bins, so that the work grows wit
 
 import numpy as np
 
-from mrp_sumo.crowd._floor import NO_WAY, NUM_ANGLES, THERE, distance_to_wall
+from mrp_sumo.crowd._floor import BODY_M, CELL_M, NO_WAY, NUM_ANGLES, THERE, distance_to_wall, from_wall
 from mrp_sumo.search._kernel import kernel
 
 STEP_S = 0.04  # at most
@@ -20,7 +20,6 @@ SIGHT, BEHIND = np.cos(np.radians(100.0)), 0.5  # people see so far to the side;
 FASTEST = 1.3  # of the speed that one likes
 MOST_MPS2 = 10.0  # of one other's push
 BIN_M = 2.5  # others farther away do not matter
-BODY_M = 0.25  # radius
 LANE_M, BODY_LENGTH_M, HEADWAY_S = 0.27, 0.3, 0.75  # who is ahead this far to the side; its depth; the time that it stays ahead
 KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
@@ -85,19 +84,28 @@ def put_in_bins(x, y, count, ground, first, member):
 
 
 @kernel(inline="always", allocates=False)
+def within(distance, size, count):
+    """Which of so many parts of a size lies that far from the first one's edge; the first or last for what is beyond."""
+    return min(max(int(distance / size), 0), count - 1)
+
+
+@kernel(inline="always", allocates=False)
 def bin_of(x, y, ground):
     """The bin of a place; those beyond the edge count as at it."""
-    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
-    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
-    return row * ground.columns + column
+    return within(y - ground.y_m, BIN_M, ground.rows) * ground.columns + within(x - ground.x_m, BIN_M, ground.columns)
+
+
+@kernel(inline="always", allocates=False)
+def bins_around(x, y, ground):
+    """Rows and columns of the bins where neighbours are: from one up to, without, the other."""
+    row, column = within(y - ground.y_m, BIN_M, ground.rows), within(x - ground.x_m, BIN_M, ground.columns)
+    return max(row - 1, 0), min(row + 2, ground.rows), max(column - 1, 0), min(column + 2, ground.columns)
 
 
 @kernel(inline="always", allocates=False)
 def cell_of(x, y, ground):
     """The cell of a place, at the edge for those beyond."""
-    column = min(max(int((x - ground.x_m) / 0.2), 0), ground.width - 1)
-    row = min(max(int((y - ground.y_m) / 0.2), 0), ground.height - 1)
-    return row * ground.width + column
+    return within(y - ground.y_m, CELL_M, ground.height) * ground.width + within(x - ground.x_m, CELL_M, ground.width)
 
 
 @kernel(allocates=False)
@@ -130,12 +138,9 @@ def push(now, p, walkers, ground, robots, ways):
 def push_of_people(p, x, y, ex, ey, walkers, ground):
     """The push of others, and how far ahead the next of them is."""
     ax, ay, gap = 0.0, 0.0, np.inf
-    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
-    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
-    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
-        begin = walkers.first[r * ground.columns + max(column - 1, 0)]
-        end = walkers.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
-        for k in range(begin, end):
+    row0, row1, column0, column1 = bins_around(x, y, ground)
+    for row in range(row0, row1):
+        for k in range(walkers.first[row * ground.columns + column0], walkers.first[row * ground.columns + column1]):
             q = walkers.member[k]
             dx, dy = x - walkers.x_m[q], y - walkers.y_m[q]
             away = np.hypot(dx, dy)
@@ -187,11 +192,7 @@ def nearest_wall(x, y, ground, cell):
             best, nearest = away, w
     if nearest < 0:
         return best, 0.0, 0.0
-    x0, y0 = ground.walls[nearest, 0], ground.walls[nearest, 1]
-    dx, dy = ground.walls[nearest, 2] - x0, ground.walls[nearest, 3] - y0
-    long = dx * dx + dy * dy
-    share = min(max(((x - x0) * dx + (y - y0) * dy) / long, 0.0), 1.0) if long > 0.0 else 0.0
-    nx, ny = x - x0 - share * dx, y - y0 - share * dy
+    nx, ny = from_wall(x, y, ground.walls[nearest, 0], ground.walls[nearest, 1], ground.walls[nearest, 2], ground.walls[nearest, 3])
     size = max(np.hypot(nx, ny), 1e-9)
     return best, nx / size, ny / size
 
@@ -224,12 +225,9 @@ def from_robot(x, y, robot, robots, reach_s):
 def push_of_robots(x, y, ex, ey, ground, robots):
     """The push of robots and of where they will soon be."""
     ax, ay = 0.0, 0.0
-    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
-    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
-    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
-        begin = robots.first[r * ground.columns + max(column - 1, 0)]
-        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
-        for k in range(begin, end):
+    row0, row1, column0, column1 = bins_around(x, y, ground)
+    for row in range(row0, row1):
+        for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
             away, nx, ny = from_robot(x, y, robots.member[k], robots, ROBOT_AHEAD_S)
             if away > BIN_M:
                 continue
@@ -247,12 +245,9 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
     """
     tx, ty, nearest = ex, ey, ROUND_M
-    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
-    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
-    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
-        begin = robots.first[r * ground.columns + max(column - 1, 0)]
-        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
-        for k in range(begin, end):
+    row0, row1, column0, column1 = bins_around(x, y, ground)
+    for row in range(row0, row1):
+        for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
             i = robots.member[k]
             dx, dy = robots.x_m[i] - x, robots.y_m[i] - y
             ahead, left = dx * ex + dy * ey, dy * ex - dx * ey
@@ -316,12 +311,9 @@ def move(h, p, walkers, ground, robots):
     if speed > most:
         vx, vy = vx * most / speed, vy * most / speed
     nx, ny = x + h * vx, y + h * vy
-    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
-    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
-    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
-        begin = robots.first[r * ground.columns + max(column - 1, 0)]
-        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
-        for k in range(begin, end):
+    row0, row1, column0, column1 = bins_around(x, y, ground)
+    for row in range(row0, row1):
+        for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
             away, ox, oy = from_robot(nx, ny, robots.member[k], robots, 0.0)
             short = BODY_M + CLEAR_M - away
             if short > 0.0:
@@ -361,12 +353,9 @@ def look_back(now, dt, p, walkers, ground, robots):
         return
     is_away = now < walkers.away_until_s[p]
     nearest = np.inf
-    column = min(max(int((x - ground.x_m) / BIN_M), 0), ground.columns - 1)
-    row = min(max(int((y - ground.y_m) / BIN_M), 0), ground.rows - 1)
-    for r in range(max(row - 1, 0), min(row + 2, ground.rows)):
-        begin = robots.first[r * ground.columns + max(column - 1, 0)]
-        end = robots.first[r * ground.columns + min(column + 1, ground.columns - 1) + 1]
-        for k in range(begin, end):
+    row0, row1, column0, column1 = bins_around(x, y, ground)
+    for row in range(row0, row1):
+        for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
             away, _, _ = from_robot(x, y, robots.member[k], robots, 0.0)
             nearest = min(nearest, away)
     if nearest <= BEFORE_ROBOT_M:

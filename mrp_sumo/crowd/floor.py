@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.crowd import _floor
+from mrp_sumo.crowd._floor import BODY_M, CELL_M
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.clearance import segment_distances, standing_walls
 from mrp_sumo.maps.map import Map
 
-CELL_M = 0.2
 WALLS_WITHIN_M = 1.2  # walls farther away matter to nobody
-BODY_M = 0.25  # radius of people
 CORRIDOR_M = 2.0  # width of the way along a lane where no walls are known
 SNAP_M, BEFORE_LIFT_M = 1.0, 2.5  # from a vertex at which people may be instead, where it is too close to a wall, or in a lift
 MOST_CELLS = 40_000_000
