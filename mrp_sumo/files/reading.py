@@ -73,15 +73,15 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] 
         raise error(f"{shortened(path)}:{line}: not a text file in UTF-8") from None
 
 
-def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = None, *, largest: float | None = None) -> Any:
+def json_value(text: str | bytes, *, finite: bool = False, largest: float | None = None) -> Any:
     """The value of a JSON text; as `json.loads`, but half of a character of two halves is refused: nobody could write it to a file.
 
     Parameters
     ----------
-    text, parse_constant
-        As `json.loads`.
+    finite
+        Refuse `Infinity` and `NaN`, which are no JSON.
     largest
-        Numbers farther from 0 are refused, and `Infinity` and `NaN`; None for any.
+        Refuse these, and numbers farther from 0; None for none.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = 
         For what is nested too deep.
     """
     if largest is None:
-        value = json.loads(text, parse_constant=parse_constant)
+        value = json.loads(text, parse_constant=_no_number if finite else None)
     else:
         bounds = {
             kind: partial(_bounded, make, largest) for kind, make in (("parse_float", float), ("parse_int", int), ("parse_constant", float))
@@ -100,6 +100,10 @@ def json_value(text: str | bytes, parse_constant: Callable[[str], Any] | None = 
     if (_HALF if isinstance(text, str) else _HALF_BYTES).search(text):  # type: ignore[call-overload]
         json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError is a ValueError
     return value
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(text)
 
 
 def _bounded(make: Callable[[str], float], largest: float, text: str) -> float:

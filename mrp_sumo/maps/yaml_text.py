@@ -90,7 +90,7 @@ def parse_json(text: str) -> Any:
     if text.lstrip()[:1] != "{" or _deepest(text) > MAX_DEPTH:
         return None
     try:
-        document = json_value(text, _no_number)
+        document = json_value(text, finite=True)
     except (ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
@@ -102,10 +102,6 @@ def _deepest(text: str) -> int:
     data = data[(data == ord("[")) | (data == ord("{")) | (data == ord("]")) | (data == ord("}"))]
     opens = (data == ord("[")) | (data == ord("{"))
     return int(np.cumsum(np.where(opens, 1, -1)).max(initial=0))
-
-
-def _no_number(name: str) -> Any:
-    raise ValueError(name)
 
 
 def line_of(text: str, keys: tuple[str | int, ...]) -> int:
