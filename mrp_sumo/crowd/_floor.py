@@ -9,8 +9,6 @@ import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 
-CELL_M = 0.2  # side of a cell
-BODY_M = 0.25  # radius of people
 NUM_ANGLES = 240  # directions of 1.5 degrees
 THERE, NO_WAY = 254, 255  # beside them
 NEAR_PLACE_M = 0.8  # on the way to a place, one is there

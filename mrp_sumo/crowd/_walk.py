@@ -9,7 +9,8 @@ through a wall by walking. Neighbours come from bins, so that the work grows wit
 
 import numpy as np
 
-from mrp_sumo.crowd._floor import BODY_M, CELL_M, NO_WAY, NUM_ANGLES, THERE, distance_to_wall, from_wall
+from mrp_sumo.crowd._floor import NO_WAY, NUM_ANGLES, THERE, distance_to_wall, from_wall
+from mrp_sumo.crowd.state import BODY_M, CELL_M
 from mrp_sumo.search._kernel import kernel
 
 STEP_S = 0.04  # at most

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.crowd import _floor, _walk
-from mrp_sumo.crowd.floor import BODY_M, CELL_M
 from mrp_sumo.crowd.model import People, joint_places
-from mrp_sumo.crowd.state import Ground, Machines, Walkers
+from mrp_sumo.crowd.state import BODY_M, CELL_M, Ground, Machines, Walkers
 
 ARRIVALS, TRIPS, SPEEDS, PLACES = range(51, 55)  # purposes of the streams of chance
 MOST_PEOPLE = 5000  # at a time; others wait outside

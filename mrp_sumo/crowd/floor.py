@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.crowd import _floor
-from mrp_sumo.crowd._floor import BODY_M, CELL_M
+from mrp_sumo.crowd.state import BODY_M, CELL_M
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.clearance import segment_distances, standing_walls

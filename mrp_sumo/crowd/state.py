@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
+CELL_M = 0.2  # side of a cell
+BODY_M = 0.25  # radius of people
+
 
 class Ground(NamedTuple):
     """A floor, see `crowd.floor.Floor`, and the bins that neighbours are looked for in."""

@@ -7,8 +7,9 @@ import pytest
 
 from mrp_sumo.crowd import _floor, _walk
 from mrp_sumo.crowd.crowd import Crowd
-from mrp_sumo.crowd.floor import BODY_M, CELL_M, Floor
+from mrp_sumo.crowd.floor import Floor
 from mrp_sumo.crowd.model import People
+from mrp_sumo.crowd.state import BODY_M, CELL_M
 
 WEIDMANN = {0.5: 1.298, 1.0: 1.058, 2.0: 0.606}  # m/s by people per m2: 1.34 (1 - exp(-1.913 (1 / rho - 1 / 5.4)))
 
