@@ -145,21 +145,25 @@ def standings_in(folder: Path, report: Callable[[str], None], *, quarantine: boo
         yield begin[1].decode(), begin[2].decode(), int(begin[3])
 
 
-def _bodies(folder: Path, spoiled: Callable[[Path, str], None]) -> Iterator[bytes]:
-    """The records of a folder as JSON, their checksums checked. Paths are strings here: there may be 100,000."""
+def record_files(folder: Path) -> Iterator[tuple[str, str]]:
+    """Path and name of every record of a folder. These are strings: there may be 100,000."""
     if not (folder / "runs").is_dir():
         return
     for shard in sorted(entry.path for entry in os.scandir(folder / "runs") if entry.is_dir()):
         for name in sorted(entry.name for entry in os.scandir(shard) if entry.is_file()):
-            if name.startswith(".") or not name.endswith(".json"):  # one being written, or left by a killed process; a stranger's
-                continue
-            path = f"{shard}/{name}"
-            try:
-                body = _read_body(path, name)
-            except BatchError as error:
-                spoiled(Path(path), str(error))
-                continue
-            yield body
+            if not name.startswith(".") and name.endswith(".json"):  # one being written, or left by a killed process; a stranger's
+                yield f"{shard}/{name}", name
+
+
+def _bodies(folder: Path, spoiled: Callable[[Path, str], None]) -> Iterator[bytes]:
+    """The records of a folder as JSON, their checksums checked."""
+    for path, name in record_files(folder):
+        try:
+            body = _read_body(path, name)
+        except BatchError as error:
+            spoiled(Path(path), str(error))
+            continue
+        yield body
 
 
 def _read_body(path: str, name: str) -> bytes:

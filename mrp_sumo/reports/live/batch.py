@@ -1,7 +1,6 @@
 """A batch under way as a page that fills: how many runs are done, how they ended, which are still to come."""
 
 import html
-import os
 from collections.abc import Callable
 from datetime import datetime
 from importlib import resources
@@ -10,7 +9,7 @@ from typing import Any
 
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.batch import is_under_way
-from mrp_sumo.io.results import read_plan, read_record
+from mrp_sumo.io.results import read_plan, read_record, record_files
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
 
@@ -44,9 +43,10 @@ class BatchView:
     def look(self, report: Callable[[str], None]) -> None:
         """Say what is new; `report` is called with a line for each file that cannot be used."""
         runs: list[list[Any]] = []
-        for path in self._new_files():
+        for path in [path for path, _ in record_files(self.folder) if path not in self._seen]:
+            self._seen.add(path)
             try:
-                record = read_record(path)
+                record = read_record(Path(path))
             except BatchError as error:
                 report(f"{error}; left out")
                 continue
@@ -66,17 +66,6 @@ class BatchView:
         self.broadcast.say_last("end", None)
         self.broadcast.end()
         self.server.close()
-
-    def _new_files(self) -> list[Path]:
-        found: list[Path] = []
-        for shard in sorted(self.folder.glob("runs/*")):
-            if not shard.is_dir():
-                continue
-            for entry in os.scandir(shard):
-                if entry.name.endswith(".json") and not entry.name.startswith(".") and entry.path not in self._seen and entry.is_file():
-                    self._seen.add(entry.path)
-                    found.append(Path(entry.path))
-        return found
 
     def _left_s(self) -> float | None:
         """How long what is missing takes at the rate of late; None where that is not known."""
