@@ -78,6 +78,11 @@ def sentence(error: OSError) -> str:
     return _SENTENCES.get(error.errno, (error.strerror or str(error)).lower())
 
 
+def first_line(error: Exception) -> str:
+    """What a library's error says, in a line: its kind where it says nothing."""
+    return next(iter(str(error).splitlines()), type(error).__name__)
+
+
 def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
     """The end of a message about an unknown name: the likeliest meant, else what is known.
 

@@ -14,7 +14,7 @@ import yaml
 
 from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json, require_regular
 from mrp_sumo.maps.yaml_text import parse
 from mrp_sumo.maps.yaml_text import read_text as read_map_text
@@ -101,8 +101,7 @@ def read_walls(folder: Path) -> "Costmap | None":
             raise MrpSumoError(f"origin {x_m:g}, {y_m:g} m and resolution {resolution_m:g} m are no place and size of cells")
         return Costmap((x_m, y_m), resolution_m, frozen(occupied))
     except Exception as error:  # Pillow's decoders raise anything on damaged files
-        why = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise MrpSumoError(f"{path}: no map of walls: {why}") from None
+        raise MrpSumoError(f"{path}: no map of walls: {first_line(error)}") from None
 
 
 def _graph_document(graph: NavGraph) -> dict[str, Any]:

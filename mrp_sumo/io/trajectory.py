@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import require_regular
 from mrp_sumo.io.arrow import numbers, texts
 
@@ -164,7 +164,7 @@ def read_trajectory(path: Path) -> Trajectory:
     try:
         table = pq.read_table(path)
     except (pa.ArrowInvalid, OSError) as error:
-        raise MrpSumoError(f"{path}: not a readable Parquet file: {str(error).splitlines()[0]}") from None
+        raise MrpSumoError(f"{path}: not a readable Parquet file: {first_line(error)}") from None
     about = json.loads((table.schema.metadata or {}).get(b"mrp_sumo", b"null"))
     if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:
         found = about.get("schema_version") if isinstance(about, dict) else "no trajectory"

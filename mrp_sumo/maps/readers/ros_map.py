@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
-from mrp_sumo.errors import MapError, sentence
+from mrp_sumo.errors import MapError, first_line, sentence
 from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.map import Map
@@ -118,12 +118,10 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     except MapError:
         raise
     except OSError as error:
-        why = sentence(error) if error.errno is not None else str(error).splitlines()[0]  # Pillow's own have no number
+        why = sentence(error) if error.errno is not None else first_line(error)  # Pillow's own have no number
         raise source.fault(f"image '{name}' cannot be read: {why}", "image") from None
     except Exception as error:  # Pillow's decoders raise anything on damaged files
-        raise source.fault(
-            f"image '{name}' cannot be read: {str(error).splitlines()[0] if str(error) else type(error).__name__}", "image"
-        ) from None
+        raise source.fault(f"image '{name}' cannot be read: {first_line(error)}", "image") from None
     shade = pixels[..., 0] if with_alpha else pixels
     occupied = shade / 255 if document.get("negate") in (1, True) else (255 - shade) / 255
     clear = occupied < free_below

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.errors import first_line
 from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader
 from mrp_sumo.maps.yaml_text import Text
 
@@ -125,7 +126,7 @@ def project(source: Text, degrees: FloatArray, crs_name: str) -> FloatArray:
         project = Transformer.from_crs("EPSG:4326", crs_name, always_xy=True)
         xy = np.stack(project.transform(degrees[:, 0], degrees[:, 1]), axis=1)
     except ProjError as error:
-        raise source.fault(f"generate_crs '{crs_name}' is not usable: {str(error).splitlines()[0]}", "parameters", "generate_crs") from None
+        raise source.fault(f"generate_crs '{crs_name}' is not usable: {first_line(error)}", "parameters", "generate_crs") from None
     if not np.isfinite(xy).all():
         raise source.fault(
             f"vertex {np.flatnonzero(~np.isfinite(xy).all(1))[0]} is outside the area of generate_crs '{crs_name}'", "parameters"
