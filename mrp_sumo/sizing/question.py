@@ -128,12 +128,8 @@ def _robots(fleet: Sequence[RobotGroup] | None, count: int) -> Values:
     number = [int(part) + (k < count) for k, part in enumerate(share)]
     for k in sorted(range(len(fleet)), key=lambda k: int(share[k]) - share[k])[: count - sum(number)]:
         number[k] += 1
-    groups = [{"type": _type_of(group), "count": n} for group, n in zip(fleet, number) if n]
+    groups = [{"type": group.model_dump()["type"], "count": n} for group, n in zip(fleet, number) if n]
     return {("robots", "fleet"): ("--robots", groups)}
-
-
-def _type_of(group: RobotGroup) -> Any:
-    return group.type if isinstance(group.type, str) else group.type.model_dump()
 
 
 def own_demand_per_h(streams: tuple[StreamChoice, ...]) -> float | None:
