@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from mrp_sumo.core.task import Task
 from mrp_sumo.errors import ExecutionError
 
 
@@ -59,6 +60,9 @@ class Fire:
 
     begin_s: float
     duration_s: float = np.inf
+
+
+Intervention = Breakdown | Closure | Task  # by somebody who watches
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
-from mrp_sumo.drive.disturbances import Breakdown, Closure
+from mrp_sumo.drive.disturbances import Intervention
 from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
@@ -47,7 +47,7 @@ from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import PlanError, PlugInError
 
-Asked = Callable[[float], Sequence[Breakdown | Closure | Task]]  # what is to come up at a time
+Asked = Callable[[float], Sequence[Intervention]]  # what is to come up at a time
 
 
 def simulate(

@@ -13,14 +13,12 @@ from typing import Any
 from pydantic import BaseModel
 
 from mrp_sumo.core.stream import TaskList
-from mrp_sumo.core.task import Task
-from mrp_sumo.drive.disturbances import Breakdown, Closure
+from mrp_sumo.drive.disturbances import Breakdown, Intervention
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.set_up import SetUp, closures_of, task_sources
 from mrp_sumo.io.scenario import BreakdownChoice, ClosureChoice, ScenarioFile
 from mrp_sumo.io.tasks import TaskChoice
 
-Wish = Breakdown | Closure | Task
 NEVER_S = 1e9  # where a task that is only checked is released
 
 
@@ -29,7 +27,7 @@ class Interventions:
     """Those of one run."""
 
     setup: SetUp
-    _asked: "SimpleQueue[Callable[[float], tuple[BaseModel, tuple[Wish, ...]]]]" = field(default_factory=SimpleQueue)
+    _asked: "SimpleQueue[Callable[[float], tuple[BaseModel, tuple[Intervention, ...]]]]" = field(default_factory=SimpleQueue)
     _done: list[BaseModel] = field(default_factory=list)
 
     def ask(self, order: Mapping[str, Any]) -> str:
@@ -55,9 +53,9 @@ class Interventions:
             return str(error)
         return ""
 
-    def take(self, now_s: float) -> list[Wish]:
+    def take(self, now_s: float) -> list[Intervention]:
         """What is to be done now."""
-        found: list[Wish] = []
+        found: list[Intervention] = []
         while not self._asked.empty():
             choice, wishes = self._asked.get()(now_s)
             self._done.append(choice)
@@ -70,21 +68,21 @@ class Interventions:
             file = _with(file, choice)
         return file
 
-    def _ask(self, made: Callable[[float], tuple[BaseModel, tuple[Wish, ...]]]) -> None:
+    def _ask(self, made: Callable[[float], tuple[BaseModel, tuple[Intervention, ...]]]) -> None:
         made(NEVER_S)  # what is wrong with it is said to who asks
         self._asked.put(made)
 
-    def _broken(self, robot: int, now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Wish, ...]]:
+    def _broken(self, robot: int, now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Intervention, ...]]:
         return BreakdownChoice(robot=robot, begin_s=now_s, duration_s=lasts_s), (Breakdown(robot, now_s, lasts_s or math.inf),)
 
-    def _closed(self, between: tuple[str, str], now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Wish, ...]]:
+    def _closed(self, between: tuple[str, str], now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Intervention, ...]]:
         choice = ClosureChoice(between=between, begin_s=now_s, duration_s=lasts_s)
         execution = self.setup.scenario.execution
         alone = execution.model_copy(update={"disturbances": execution.disturbances.model_copy(update={"closures": [choice]})})
         file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"execution": alone}))
         return choice, closures_of(file, self.setup.map.nav, self.setup.problem.graph)
 
-    def _added(self, stops: tuple[str, ...], now_s: float) -> tuple[BaseModel, tuple[Wish, ...]]:
+    def _added(self, stops: tuple[str, ...], now_s: float) -> tuple[BaseModel, tuple[Intervention, ...]]:
         tasks = self.setup.scenario.tasks
         if tasks is None or tasks.open is not None:
             raise MrpSumoError("this run has goals instead of tasks" if tasks is None else "tasks of this run have no times of their own")

@@ -14,8 +14,7 @@ from typing import Any, Protocol
 
 from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import Status
-from mrp_sumo.core.task import Task
-from mrp_sumo.drive.disturbances import Breakdown, Closure
+from mrp_sumo.drive.disturbances import Intervention
 from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
@@ -40,7 +39,7 @@ Watch = Callable[[SetUp, Solution], Listener]  # somebody who wants to hear how 
 class Steering(Protocol):
     """Somebody who steps in while robots drive."""
 
-    def take(self, now_s: float) -> Sequence[Breakdown | Closure | Task]:
+    def take(self, now_s: float) -> Sequence[Intervention]:
         """What comes up now."""
 
     def recorded(self, file: ScenarioFile) -> ScenarioFile:
