@@ -35,8 +35,8 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import set_up, with_time_limit
 from mrp_sumo.experiments.solve import solve
+from mrp_sumo.experiments.staging.set_up import set_up, with_time_limit
 from mrp_sumo.io.scenario import scenario_of
 from mrp_sumo.metrics.audit import audit
 

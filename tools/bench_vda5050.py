@@ -26,7 +26,7 @@ import numpy as np
 
 from mrp_sumo.drive import warm
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import set_up
+from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.messages import Dialect, Sender, node, serials_of
 from mrp_sumo.io.scenario import scenario_of
 from mrp_sumo.wire.fleet import GraphSite, Reporting, VirtualFleet

@@ -87,8 +87,8 @@ def _planned(options: argparse.Namespace) -> dict[str, Any]:
 
 def _scenario(options: argparse.Namespace) -> "Planned":
     from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.experiments.set_up import set_up
     from mrp_sumo.experiments.solve import solve
+    from mrp_sumo.experiments.staging.set_up import set_up
     from mrp_sumo.formats.peers import cells_of
 
     file = scenario_choice.chosen_scenario(options)

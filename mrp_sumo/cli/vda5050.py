@@ -19,7 +19,7 @@ from mrp_sumo.cli import scenario_choice
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.experiments.set_up import SetUp
+    from mrp_sumo.experiments.staging.set_up import SetUp
     from mrp_sumo.formats.vda.messages import Dialect
     from mrp_sumo.wire.fleet import Fault
     from mrp_sumo.wire.link import Link
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.experiments.set_up import set_up
+    from mrp_sumo.experiments.staging.set_up import set_up
     from mrp_sumo.formats.vda.messages import SERIAL, Dialect
     from mrp_sumo.wire.mqtt import Connections
 

@@ -12,8 +12,8 @@ from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
 from mrp_sumo.door.maps import Site, shared_maps, site_of
 from mrp_sumo.door.scenario import Scenario, dotted, required
 from mrp_sumo.errors import PlanError
-from mrp_sumo.experiments.set_up import SetUp, planned_as, set_up
 from mrp_sumo.experiments.solve import Solution, solve
+from mrp_sumo.experiments.staging.set_up import SetUp, planned_as, set_up
 from mrp_sumo.formats.peers import goals_reached
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario import changed

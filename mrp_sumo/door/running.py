@@ -16,8 +16,8 @@ from mrp_sumo.door.scenario import Scenario, required
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.run import carry_out, finish
-from mrp_sumo.experiments.set_up import driven_as
 from mrp_sumo.experiments.solve import Solution, StageReport, retimed
+from mrp_sumo.experiments.staging.set_up import driven_as
 from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.record import RunRecord

@@ -30,14 +30,16 @@ _FLOORS = (
     "crowd",
     "drive",
     "metrics",
+    "experiments/staging",
 )
 _FILES = (
     "io/people.py",
     "io/scenario.py",
-    "experiments/people.py",
+    "io/task_requests.py",
+    "io/tasks.py",
+    "experiments/map_cache.py",
     "experiments/run.py",
     "experiments/solve.py",
-    "experiments/set_up.py",
     "experiments/worker.py",
     "sizing/observe.py",
 )

@@ -15,7 +15,9 @@ from pydantic import BaseModel
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.drive.disturbances import Breakdown, Intervention
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.set_up import SetUp, closures_of, task_sources
+from mrp_sumo.experiments.staging.lanes import closures_of
+from mrp_sumo.experiments.staging.set_up import SetUp
+from mrp_sumo.experiments.staging.tasks import task_sources
 from mrp_sumo.io.scenario import BreakdownChoice, ClosureChoice, ScenarioFile
 from mrp_sumo.io.tasks import TaskChoice
 

@@ -5,8 +5,8 @@ import numpy as np
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.experiments.result import levels_of
-from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.record import RunRecord, record_of
 
 

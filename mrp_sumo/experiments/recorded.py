@@ -20,8 +20,9 @@ from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.set_up import SetUp, choices
 from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.experiments.staging.choices import choices
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.formats.vda.messages import STANDING_MPS, serials_of
 from mrp_sumo.formats.vda.recorded import Log, Recorded, read_log
 from mrp_sumo.io.run_folder import plain

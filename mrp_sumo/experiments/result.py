@@ -12,8 +12,8 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import result_document, write_run
 from mrp_sumo.maps.levels import shifts_of

@@ -23,8 +23,8 @@ from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.set_up import SetUp, set_up, with_time_limit
-from mrp_sumo.experiments.solve import Solution, StageReport, located, silent, solve
+from mrp_sumo.experiments.solve import Solution, StageReport, silent, solve
+from mrp_sumo.experiments.staging.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.run_folder import check_replaceable, plain
 from mrp_sumo.io.scenario import ScenarioFile
 from mrp_sumo.maps.clearance import standing_walls
@@ -268,7 +268,7 @@ def _execute(
     warm.prepare()
     plan, verdict, settings = solution.result.plan, solution.verdict, setup.settings
     name = setup.scenario.execution.policy.name
-    with located(setup.file, "execution", "policy"):
+    with setup.file.located("execution", "policy"):
         policy = policy_of(settings.policy, settings.policy_parameters)
     assert plan is not None and verdict is not None
 

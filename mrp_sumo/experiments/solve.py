@@ -1,8 +1,7 @@
 """Assignment, planning and the referee's verdict: what a scenario comes to before anything is driven."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +10,9 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import Plan, PlanResult, Status, as_planned_in_steps, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.policy import policy_of
-from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError, PlugInError, ScenarioError
+from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError, PlugInError
 from mrp_sumo.experiments.kernels import compiling
-from mrp_sumo.experiments.set_up import SetUp
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.summary import Summary, count, seconds, summary
 from mrp_sumo.planning.answers import answer_of, as_supported
 from mrp_sumo.planning.costs import costs_of
@@ -158,11 +156,11 @@ def _solve(setup: SetUp, execute: bool, report: StageReport) -> Solution:
         with compiling(report, execute=execute):
             distance.prepare()
             clashes_of(problem)  # what the map's zones come to is known before planning begins, as its graph is
-            with located(setup.file, "planner", "parameters"):
+            with setup.file.located("planner", "parameters"):
                 setup.planner.prepare()
         assigns = setup.planner.assigns
         if isinstance(setup.assigner, Outside) and scenario.assignment.mode == "optimal" and not assigns:
-            with located(setup.file, "assignment", "parameters"):
+            with setup.file.located("assignment", "parameters"):
                 setup.assigner.prepare()
     except PlugInError as error:
         return Solution(setup, problem, failed(error), None, 0.0)
@@ -249,12 +247,3 @@ def _assignment(setup: SetUp) -> IntArray:
         case _:
             cost = costs_of(problem, choice.cost)
             return setup.assigner.assign(cost, setup.scenario.planner.time_limit_s)
-
-
-@contextmanager
-def located(file: ScenarioFile, *place: str) -> Iterator[None]:
-    """Say where the scenario is wrong, of which only a plug-in itself can tell."""
-    try:
-        yield
-    except ScenarioError as error:
-        raise ScenarioError(*(f"{file.at(*place)}: {line}" for line in error.lines)) from None

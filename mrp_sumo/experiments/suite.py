@@ -385,7 +385,7 @@ class _Inputs:
         return self._of_scenario[rest]
 
     def _read(self, scenario: Scenario) -> tuple[str, str]:
-        from mrp_sumo.experiments.set_up import choices, named_files
+        from mrp_sumo.experiments.staging.choices import choices, named_files
         from mrp_sumo.maps.load import files_of
 
         whole = ScenarioFile(scenario, self._document, self._places)

@@ -90,7 +90,7 @@ def machine() -> dict[str, str]:
 
 def _map_facts(file: Any, maps: MapCache) -> dict[str, Any]:
     """What the paper's Table I counts."""
-    from mrp_sumo.experiments.set_up import choices
+    from mrp_sumo.experiments.staging.choices import choices
     from mrp_sumo.maps.facts import facts
 
     scenario = file.scenario

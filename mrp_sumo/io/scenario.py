@@ -9,6 +9,7 @@ import difflib
 import os
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -27,7 +28,7 @@ from pydantic import (
 
 from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.fleet import RobotType
-from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.columns import MAIN_KEYS, put
@@ -575,6 +576,16 @@ class ScenarioFile:
                 return option
         inside = dict.fromkeys(option for set_place, option in self.options.items() if set_place[: len(place)] == place)
         return ", ".join(inside) or self.document.at(place)
+
+    @contextmanager
+    def located(self, *place: str | int) -> Iterator[None]:
+        """Refusals within the block name file, line and key of a place: what is made of its value finds the fault, and knows no file."""
+        try:
+            yield
+        except PlugInError:  # names its own file and line
+            raise
+        except MrpSumoError as error:
+            raise type(error)(*(f"{self.at(*place)}: {line}" for line in str(error).splitlines())) from None
 
     @property
     def folder(self) -> Path:

@@ -14,7 +14,7 @@ from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError
 from mrp_sumo.experiments.batch import GO_ON, Lookup, Watcher, run_batch
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import SetUp, set_up
+from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
 from mrp_sumo.io.scenario import ScenarioFile, changed
 from mrp_sumo.sizing.answer import Answer, answer_of

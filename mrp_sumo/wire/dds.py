@@ -16,8 +16,8 @@ from mrp_sumo.bags.live import DEPTH, LiveMessages
 from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.outset import record_at_outset
-from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.experiments.staging.set_up import SetUp
 
 LOOPBACK = "127.0.0.1"
 LARGEST_DOMAIN = 232  # whose ports exist

@@ -33,7 +33,8 @@ from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.set_up import SetUp, robot_types
+from mrp_sumo.experiments.staging.choices import robot_types
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.formats.vda.abilities import ABILITIES, FAULTS, LIMITS
 from mrp_sumo.formats.vda.inbox import receive
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of

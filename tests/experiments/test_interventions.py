@@ -11,7 +11,7 @@ from mrp_sumo.cli.main import main
 from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import run_scenario
-from mrp_sumo.experiments.set_up import set_up
+from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario import read_scenario
 from mrp_sumo.reports.live.watch import LiveView
 

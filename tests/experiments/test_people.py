@@ -5,7 +5,7 @@ import pytest
 from mrp_sumo.crowd.model import Fields, LaneSpeeds
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import set_up
+from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario import scenario_of
 
 

@@ -10,7 +10,7 @@ from mrp_sumo.drive.disturbances import Closure
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import set_up
+from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario import read_scenario
 from mrp_sumo.maps.clearance import narrow
 from mrp_sumo.planning.costs import costs_of
@@ -63,7 +63,7 @@ def test_a_mutex_group_has_its_vertices_and_the_steps_between_them(tmp_path):
 def test_robot_types_of_the_documentation_are_there(tmp_path, name):
     path = tmp_path / "scenario.yaml"
     path.write_text(f"map: office\ndiscretisation: {{kind: roadmap, cell_m: 5}}\nrobots: {{count: 2, type: {name}}}\n")
-    from mrp_sumo.experiments.set_up import choices
+    from mrp_sumo.experiments.staging.choices import choices
 
     assert choices(read_scenario(path))[0][0].name == name
 

@@ -10,8 +10,8 @@ from wire.worlds import SCENARIO, TYPE, Coupled, carts, scenario
 from mrp_sumo.errors import ExecutionError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import finish
-from mrp_sumo.experiments.set_up import set_up
 from mrp_sumo.experiments.solve import solve
+from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.check import check
 from mrp_sumo.formats.vda.messages import line_of
 from mrp_sumo.wire.link import Received

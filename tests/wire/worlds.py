@@ -9,7 +9,7 @@ import yaml
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.set_up import set_up
+from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.messages import Dialect, Sender, action, node
 from mrp_sumo.io.scenario import read_scenario
 from mrp_sumo.wire.fleet import Reporting, VirtualFleet

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.places import BETWEEN, places_of
 from mrp_sumo.experiments.replications import t_mean
-from mrp_sumo.experiments.set_up import SetUp
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.experiments.statistics import wilson
 from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, key

@@ -15,8 +15,8 @@ from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.run import Steering
-from mrp_sumo.experiments.set_up import SetUp
 from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING
 from mrp_sumo.reports.live.broadcast import Broadcast

@@ -1,0 +1,1 @@
+"""From a scenario to a set-up: everything that a run needs before it is planned."""

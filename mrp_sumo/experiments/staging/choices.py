@@ -1,0 +1,202 @@
+"""What a scenario chooses by name, apart from its map: robots, planner, assigner, policy and the settings of its execution.
+
+Refuses names that are not there, wrong parameters, and programs that are not trusted.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
+from mrp_sumo.drive.disturbances import Breakdown, Disturbances, Fire, Obstacle, Outage
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.settings import ExecutionSettings, Planning
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.io.documents import Place
+from mrp_sumo.io.scenario import (
+    BreakdownChoice,
+    DisturbanceChoice,
+    FireChoice,
+    ObstacleChoice,
+    OutageChoice,
+    RobotShape,
+    Scenario,
+    ScenarioFile,
+    require_trust,
+    robot_type,
+)
+from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.metrics.own import own_metric
+from mrp_sumo.planning.protocol import Assigner, Planner
+from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.plugins.registry import find
+from mrp_sumo.plugins.source import resolved
+
+TIMES_MAKESPAN, LEAST_TIME_LIMIT_S = 1.5, 300.0  # of an execution without a stated limit
+TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
+
+
+def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[RobotType, ...], Planner, Assigner, ExecutionSettings]:
+    """What a scenario chooses by name, apart from its map: the robots' types first; refused where that are programs which are not trusted.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, naming file and key.
+    """
+    scenario = file.scenario
+    if run_programs:
+        require_trust(file)
+    for i, name in enumerate(scenario.record.metrics):
+        read = own_metric if run_programs else partial(find, "metrics")
+        with file.located("record", "metrics", i):
+            read(name, file.folder)
+    parameters = scenario.planner.parameters
+    if path := _plan_path(scenario, file.folder):
+        parameters = {**parameters, "path": str(path)}
+    return (
+        robot_types(file),
+        _planner(file, parameters),
+        _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
+        settings_of(file),
+    )
+
+
+def named_files(scenario: Scenario, folder: Path) -> list[Path]:
+    """Files beside the map that a scenario names and that decide about its run: of robots, a plan, tasks.
+
+    Parameters
+    ----------
+    folder
+        Where relative paths begin.
+    """
+    found = []
+    for group in scenario.robots.groups:
+        if isinstance(group.type, str):
+            bundled = bundled_folder("robots") / f"{group.type}.yaml"
+            found.append(bundled if bundled.is_file() else folder / group.type)
+    if path := _plan_path(scenario, folder):
+        found.append(path)
+    if scenario.tasks is not None and scenario.tasks.file is not None:
+        found.append(folder / scenario.tasks.file)
+    return found
+
+
+def robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
+    """The type of each group of robots; those that are written out are told apart by their numbers."""
+    groups, found = file.scenario.robots.groups, []
+    for i, group in enumerate(groups):
+        with file.located(*type_at(file, i)):
+            model = robot_type(group.type, bundled_folder("robots"), file.folder)
+        found.append(replace(model, name=f"custom_{i}") if isinstance(group.type, RobotShape) and len(groups) > 1 else model)
+    return tuple(found)
+
+
+def type_at(file: ScenarioFile, kind: int) -> Place:
+    """Where a scenario says the type of its robots, or of a group of them."""
+    return ("robots", "type") if file.scenario.robots.fleet is None else ("robots", "fleet", kind, "type")
+
+
+def _plan_path(scenario: Scenario, folder: Path) -> Path | None:
+    """The plan that is there already, if the scenario names one."""
+    path = scenario.planner.parameters.get("path") if scenario.planner.name == "plan_file" else None
+    return folder / path if isinstance(path, str) and path else None
+
+
+def _plug_in(
+    file: ScenarioFile, place: tuple[str, ...], kind: str, make: Callable[..., Any], name: str, parameters: Mapping[str, Any]
+) -> Any:
+    """The plug-in of a name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
+    with file.located(*place):
+        find(kind, name, file.folder)
+    section = place if kind in ("policies", "dispatchers") else place[:-1]
+    with file.located(*((*section, "parameters") if parameters else place)):
+        return make(name, parameters, file.folder)
+
+
+def _checked_policy(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
+    """Refuse wrong parameters of a policy of ours."""
+    if find("policies", name, folder).ours:
+        policy_of(name, parameters)
+
+
+def _checked_dispatcher(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
+    """Refuse wrong parameters of a dispatcher of ours."""
+    if find("dispatchers", name, folder).ours:
+        dispatcher_of(name, parameters)
+
+
+def settings_of(file: ScenarioFile) -> ExecutionSettings:
+    """How a scenario wants to be driven, apart from what only its map can tell."""
+    execution = file.scenario.execution
+    _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
+    tasks = file.scenario.tasks
+    dispatcher = execution.dispatcher.name or (ONE_SHOT if tasks is None else NEAREST)
+    _plug_in(file, ("execution", "dispatcher"), "dispatchers", _checked_dispatcher, dispatcher, execution.dispatcher.parameters)
+    recovery, replanner = execution.recovery, execution.recovery.replanner or ""
+    if replanner:
+        place = ("execution", "recovery", "replanner")
+        with file.located(*place):
+            find("planners", replanner, file.folder)
+        if execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
+            _plug_in(file, place, "planners", planner, replanner, {})
+    with file.located("execution"):
+        return ExecutionSettings(
+            engine=execution.engine,
+            policy=resolved(execution.policy.name, file.folder),
+            policy_parameters=execution.policy.parameters,
+            dispatcher=resolved(dispatcher, file.folder),
+            dispatcher_parameters=execution.dispatcher.parameters,
+            step_length_s=execution.step_length_s,
+            time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
+            planning=Planning(**execution.planning.model_dump()) if tasks else Planning(),
+            blocking_window_s=execution.blocking_window_s,
+            goal_tolerance_m=execution.goal_tolerance_m,
+            record_period_s=file.scenario.record.period_s,
+            seed=file.scenario.seed if execution.disturbances.seed is None else execution.disturbances.seed,
+            on_deadlock=execution.on_deadlock,
+            give_way=recovery.give_way,
+            planner=resolved(file.scenario.planner.name, file.folder),
+            planner_parameters=file.scenario.planner.parameters,
+            patience_s=recovery.patience_s,
+            replanner=resolved(replanner, file.folder),
+            disturbances=_disturbances(execution.disturbances),
+        )
+
+
+def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
+    """The planner; a window is refused where it plans to the end, a budget where it does not count what it does."""
+    scenario, place = file.scenario, ("execution", "planning", "window_s")
+    chosen: Planner = _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters)
+    if scenario.planner.budget and "effort" not in getattr(chosen, "supports", ()):
+        expected = "expected one that does (cbs, continuous, ecbs, eecbs, lacam, lns2, pbs, pibt, prioritised), or no budget"
+        raise ScenarioError(f"{file.at('planner', 'budget')}: planner '{scenario.planner.name}' does not count its labels, {expected}")
+    if scenario.tasks and scenario.execution.planning.window_s and "window" not in getattr(chosen, "supports", ()):
+        expected = "expected one that does (ecbs, lacam, lns2, pibt, prioritised), or 0"
+        raise ScenarioError(f"{file.at(*place)}: planner '{scenario.planner.name}' does not plan in windows, {expected}")
+    return chosen
+
+
+def _disturbances(choice: DisturbanceChoice) -> Disturbances:
+    """A duration that is not given is for good."""
+
+    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice | OutageChoice | FireChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
+        return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
+
+    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures", "outages", "fires"})
+    return Disturbances(
+        **scalars,
+        breakdowns=parts(choice.breakdowns, Breakdown),
+        obstacles=parts(choice.obstacles, Obstacle),
+        outages=parts([o for o in choice.outages if not from_the_start(o)], Outage),
+        fires=parts(choice.fires, Fire),
+    )
+
+
+def from_the_start(outage: OutageChoice) -> bool:
+    """Whether a lift or a door is never in service, so that planners need not count on it."""
+    return outage.begin_s == 0 and outage.duration_s is None

@@ -1,0 +1,128 @@
+"""Whether robots fit a plan graph: steps long enough for two of them, room beside the walls, a place to brake.
+
+Refuses what does not fit in one line, with what would help.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mrp_sumo.core.fleet import RobotType, fleet_of, fleet_of_types
+from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.staging.choices import type_at
+from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.maps.chains import chains_of
+from mrp_sumo.maps.load import Map
+from mrp_sumo.maps.repair import join_short
+from mrp_sumo.maps.roadmap import cell_that_fits
+from mrp_sumo.planning.protocol import Planner
+
+
+def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType]) -> None:
+    """Every step is at least as long as any two robots' centres are apart."""
+    kind, model = max(enumerate(models), key=lambda each: fleet_of(each[1], 1).separation_m)
+    needed_m = fleet_of_types(models, np.arange(len(models))).separation_m
+    shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
+    if needed_m <= shortest_m + 1e-9:
+        return
+    chains = chains_of(nav)
+    nav = chains.nav if chains else nav
+    what = f"{file.at(*type_at(file, kind))}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
+    length_m = nav.length_m[~nav.is_ride] if graph.kind == "roadmap" else np.full(1, np.inf)
+    if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
+        lane = int(short[np.argmin(length_m[short])])
+        count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})
+        raise ScenarioError(
+            f"{what}lane '{nav.label(int(nav.tail[lane]))}' - '{nav.label(int(nav.head[lane]))}' of '{nav.name}' is {length_m[lane]:.3f} m "
+            + (f"and {count - 1} more are too short; " if count > 1 else "long; ")
+            + _remedy(nav, graph.cell_m, needed_m)
+        )
+    cell_m = cell_that_fits(length_m, needed_m)
+    raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
+
+
+def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
+    """What helps against lanes shorter than two robots' centres are apart."""
+    millimetres = math.ceil(1000 * needed_m - 1e-6) / 1000
+    joined, _ = join_short(nav, millimetres)
+    left = np.flatnonzero(joined.length_m < needed_m - 1e-9)
+    if not left.size:
+        found = f"map.join_short_m: {millimetres:g} would join its ends"
+        step_m = joined.length_m / np.maximum(np.rint(joined.length_m / cell_m), 1)
+        if step_m.min(initial=np.inf) >= needed_m - 1e-9:
+            return found
+        return f"{found}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
+    lane = int(left[0])
+    ends = f"'{joined.label(int(joined.tail[lane]))}' - '{joined.label(int(joined.head[lane]))}'"
+    return f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots"
+
+
+def require_brakes(file: ScenarioFile, graph: PlanGraph, models: Sequence[RobotType]) -> None:
+    """Robots may brake over several lanes, which they then hold; over more than the whole map none would ever come to its speed."""
+    for kind, model in enumerate(models):
+        top = min(model.max_speed_mps, float(graph.speed_mps.max(initial=0.0)))
+        across_m = float(np.hypot(*np.ptp(graph.xy, axis=0))) if graph.num_lanes else np.inf
+        braking_m = top**2 / (2 * model.decel_mps2)
+        if braking_m > across_m:
+            slower = _rounded(math.sqrt(2 * across_m * model.decel_mps2), math.floor)
+            raise ScenarioError(
+                f"{file.at(*type_at(file, kind))}: '{model.name}' cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
+                f"{braking_m:.4g} m, and '{graph.name}' is {across_m:.4g} m across (decel_mps2: "
+                f"{_rounded(top**2 / (2 * across_m), math.ceil)} or max_speed_mps: {slower} would do)"
+            )
+
+
+def _rounded(value: float, towards: Callable[[float], int]) -> str:
+    """Two digits, rounded up or down."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{towards(value / unit) * unit:.6g}"
+
+
+def with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType]) -> PlanGraph:
+    """The graph, or what is left of it where walls leave the robots no room; refused, where the scenario says so.
+
+    Of several types each has lanes of its own, see `without_room`.
+    """
+    choice = file.scenario.discretisation.clearance
+    if choice == "ignore":
+        return graph
+    if choice == "prune" and len(models) > 1:
+        return graph
+    for narrow in (maps.narrow(map_, graph, model) for model in models):
+        if choice == "prune":
+            with file.located("discretisation", "clearance"):
+                return maps.pruned(graph, narrow)
+        if not narrow.notes:
+            continue
+        fits = "; clearance: prune leaves them out"
+        if (radius_m := narrow.radius_that_fits_m) > 0:
+            fits = f"; a robot that needs no more than {radius_m:.2f} m around its centre would fit{fits}"
+        raise ScenarioError(f"{file.at('discretisation', 'clearance')}: '{graph.name}': {', '.join(narrow.notes)}{fits}")
+    return graph
+
+
+def without_room(
+    file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType], chosen_planner: Planner
+) -> tuple[BoolArray | None, tuple[str, ...]]:
+    """[K, L] lanes on which walls leave each of several types no room, None where all have room everywhere; and lines about them."""
+    if len(models) == 1:
+        return None, ()
+    barred, notes = np.zeros((len(models), graph.num_lanes), np.bool_), []
+    for kind, model in enumerate(models):
+        narrow = maps.narrow(map_, graph, model)
+        barred[kind] = narrow.is_barred & ~graph.is_ride  # cabins have walls of their own
+        if barred[kind].all():
+            raise ScenarioError(f"{file.at(*type_at(file, kind))}: no lane of '{graph.name}' leaves '{model.name}' room beside the walls")
+        if barred[kind].any():
+            lane = int(np.flatnonzero(barred[kind])[np.argmin(narrow.lane_m[barred[kind]])])
+            ends = f"'{graph.label(int(graph.tail[lane]))}' - '{graph.label(int(graph.head[lane]))}'"
+            where = f"the narrowest {ends}: {narrow.lane_m[lane]:.2f} m to a wall"
+            notes.append(f"'{model.name}' has no room on {np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes, {where}")
+    supports = getattr(chosen_planner, "supports", ())
+    if "types" not in supports:
+        lanes = ", on lanes with room for all types" if notes and "reach" not in supports else ""
+        notes.append(f"'{file.scenario.planner.name}' plans for all robots as for the slowest and largest{lanes}")
+    return (barred if barred.any() else None), tuple(notes)

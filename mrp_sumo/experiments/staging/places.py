@@ -1,0 +1,160 @@
+"""Where the robots of a scenario start and where they go: vertices by name or drawn, and how robots face there.
+
+Refuses names the map does not have, goals that cannot be reached, headings that no lane has.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
+from mrp_sumo.core.problem import Problem, graphs_of_kinds
+from mrp_sumo.drive.motion_plan import TURNS_RAD
+from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.io.documents import Place
+from mrp_sumo.io.scenario import Scenario, ScenarioFile
+from mrp_sumo.planning.costs import costs_of
+from mrp_sumo.traffic.draw import draw_by_type, mrp_bench_draw, uniform_draw
+
+
+def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
+    """Plan vertices of starts and goals, not assigned yet; with tasks, robots have no goals but their starts."""
+    robots = file.scenario.robots
+    if file.scenario.tasks is not None:
+        if robots.starts is not None:
+            start = looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
+        else:
+            start, _ = _drawn(file, graph, separation_m)
+        return start, start
+    if robots.starts is not None and robots.goals is not None:
+        start = looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
+        fixed = file.scenario.assignment.mode == "fixed"
+        goal = looked_up(file, nav, graph, ("robots", "goals"), robots.goals[: len(start)] if fixed else robots.goals)
+        values, times = np.unique(goal, return_counts=True)
+        if (times > 1).any():
+            i, j = np.flatnonzero(goal == values[times > 1][0])[:2]
+            raise ScenarioError(
+                f"{file.at('robots', 'goals', int(j))}: '{robots.goals[j]}' is the goal of two robots, as '{robots.goals[i]}' is"
+            )
+        if fixed and len(goal) < len(start):
+            raise ScenarioError(f"{file.at('robots', 'goals')}: {len(goal)} goals for {len(start)} robots with a fixed assignment")
+        return start, goal
+    assert robots.count is not None
+    if robots.draw != "mrp_bench":
+        return _drawn(file, graph, separation_m)
+    with file.located("robots", "count"):
+        start, goal = mrp_bench_draw(len(graph.vertex_of_station), robots.count, file.scenario.seed)
+    return graph.vertex_of_station[start], graph.vertex_of_station[goal]
+
+
+def places_by_type(
+    file: ScenarioFile, nav: NavGraph, graph: PlanGraph, barred: BoolArray | None, kind: IntArray, separation_m: float
+) -> tuple[IntArray, IntArray]:
+    """Plan vertices of starts and goals, group by group; those that are not named are drawn where the robots have room."""
+    scenario, given = file.scenario, []
+    for key in ("starts", "goals"):
+        found = np.full(len(kind), -1)
+        for k, group in enumerate(scenario.robots.groups):
+            if names := getattr(group, key):
+                found[kind == k] = looked_up(file, nav, graph, ("robots", "fleet", k, key), names)
+        values, times = np.unique(found[found >= 0], return_counts=True)
+        if (times > 1).any():
+            raise ScenarioError(f"{file.at('robots', 'fleet')}: '{graph.label(int(values[times > 1][0]))}' is the {key[:-1]} of two robots")
+        given.append(found)
+    graphs, anywhere = graphs_of_kinds(graph, barred, int(kind.max()) + 1), scenario.robots.draw == "anywhere"
+    with file.located("robots", "fleet"):
+        given_start, given_goal = given
+        start, goal = draw_by_type(graphs, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere)
+    return (start, start) if scenario.tasks is not None else (start, goal)
+
+
+def _drawn(file: ScenarioFile, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
+    robots = file.scenario.robots
+    with file.located("robots", "count"):
+        return uniform_draw(graph, robots.count or 0, file.scenario.seed, separation_m, anywhere=robots.draw == "anywhere")
+
+
+def looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: Sequence[str]) -> IntArray:
+    """[N] plan vertices by the names of stations."""
+    return np.array(graph.vertex_of_station[as_drawn(file, nav, key, names)], np.int64)
+
+
+def as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], names: Sequence[str]) -> list[int]:
+    """Vertices of the nav graph by their names."""
+    faults, found = [], []
+    for i, name in enumerate(names):
+        vertex = nav.vertex_of_name.get(name)
+        if vertex is None and (number := name.removeprefix("v")).isdecimal() and int(number) < nav.num_vertices:
+            vertex = int(number) if nav.label(int(number)) == name else None  # of one without a name
+        if vertex is None:
+            known = [n for n in nav.vertex_name if n]
+            faults.append(f"{file.at(*key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
+        else:
+            found.append(vertex)
+    if faults:
+        raise ScenarioError(*faults)
+    return found
+
+
+def named_places(scenario: Scenario) -> bool:
+    """Whether a scenario names starts and goals."""
+    return scenario.robots.starts is not None or any(group.starts and group.goals for group in scenario.robots.fleet or ())
+
+
+def require_reachable(file: ScenarioFile, problem: Problem) -> None:
+    """Named starts and goals that can never meet are a mistake in the file, not a hard problem."""
+    reach = np.isfinite(costs_of(problem, "path"))
+    label, name = problem.graph.label, problem.fleet.robot_name
+    if file.scenario.assignment.mode == "fixed":
+        reach = reach[:, : problem.num_robots] & np.eye(problem.num_robots, dtype=bool)
+    for robot in np.flatnonzero(~reach.any(1)) if len(problem.goal) >= problem.num_robots else ():
+        raise ScenarioError(
+            f"{file.at('robots', 'starts', int(robot))}: {name[robot]} cannot reach "
+            + (f"its goal '{label(problem.goal[robot])}'" if file.scenario.assignment.mode == "fixed" else "any goal")
+            + f" from '{label(problem.start[robot])}'"
+        )
+    for goal in np.flatnonzero(~reach.any(0)) if len(problem.goal) <= problem.num_robots else ():
+        raise ScenarioError(f"{file.at('robots', 'goals', int(goal))}: no robot can reach '{label(problem.goal[goal])}'")
+
+
+def headings(degrees: float | list[float | None] | None, count: int) -> FloatArray | None:
+    """[N] in radians, NaN where none is given; None where none are."""
+    if degrees is None:
+        return None
+    each = degrees[:count] if isinstance(degrees, list) else [degrees] * count
+    return frozen(np.radians(np.array([np.nan if heading is None else heading for heading in each], np.float64)))
+
+
+def goal_headings(scenario: Scenario, graph: PlanGraph, goal: IntArray) -> FloatArray | None:
+    """[G] as the scenario says, else as the map does, where robots can face so without turning aside from all lanes."""
+    if scenario.robots.goal_heading_deg is not None or scenario.tasks is not None:
+        return headings(scenario.robots.goal_heading_deg, len(goal))
+    found = np.array([float(graph.vertex_options[v].get("theta_rad", np.nan)) for v in goal.tolist()])
+    for i in np.flatnonzero(~np.isnan(found)).tolist():
+        if not _along_a_lane(graph, int(goal[i]), found[i]):
+            found[i] = np.nan
+    return None if np.isnan(found).all() else frozen(found)
+
+
+def require_headings(file: ScenarioFile, problem: Problem) -> None:
+    """Robots stay at a goal along one of its lanes, as they came or turned round; a heading between these is a mistake."""
+    graph, wanted, degrees = problem.graph, problem.goal_heading_rad, file.scenario.robots.goal_heading_deg
+    if wanted is None or degrees is None:
+        return
+    for goal in np.flatnonzero(~np.isnan(wanted)).tolist():
+        v = problem.goal[goal]
+        if _along_a_lane(graph, int(v), float(wanted[goal])):
+            continue
+        there = graph.heading_rad[(graph.head == v) | (graph.tail == v)]
+        place: Place = ("robots", "goal_heading_deg", goal) if isinstance(degrees, list) else ("robots", "goal_heading_deg")
+        fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(there), 1) % 360))
+        raise ScenarioError(
+            f"{file.at(*place)}: found {np.degrees(wanted[goal]):g}, but no lane leads to '{graph.label(int(v))}' or away from it in that "
+            f"heading, expected one of {fitting}"
+        )
+
+
+def _along_a_lane(graph: PlanGraph, vertex: int, heading_rad: float) -> bool:
+    """Whether robots at a vertex face so on a lane that leads to it or away from it."""
+    there = graph.heading_rad[(graph.head == vertex) | (graph.tail == vertex)]
+    return bool((np.abs((there - heading_rad + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any())

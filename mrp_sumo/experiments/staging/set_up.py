@@ -1,0 +1,168 @@
+"""From a scenario file to a problem that can be planned: map, robots, starts and goals, chosen planner and policy.
+
+Each stage refuses what it cannot take, in one line that names file and key.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet, fleet_of_types
+from mrp_sumo.core.graph import PlanGraph
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
+from mrp_sumo.experiments.staging.fit import require_brakes, require_fit, with_room, without_room
+from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
+from mrp_sumo.experiments.staging.people import people_of
+from mrp_sumo.experiments.staging.places import (
+    goal_headings,
+    headings,
+    named_places,
+    places,
+    places_by_type,
+    require_headings,
+    require_reachable,
+)
+from mrp_sumo.experiments.staging.tasks import with_tasks
+from mrp_sumo.io.scenario import Scenario, ScenarioFile, require_trust
+from mrp_sumo.maps.load import Map
+from mrp_sumo.planning.protocol import Assigner, Planner
+from mrp_sumo.plugins.source import place_in_file
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """A scenario with its map loaded and its problem drawn. Nothing is planned yet."""
+
+    file: ScenarioFile
+    map: Map
+    problem: Problem
+    assigner: Assigner
+    planner: Planner
+    settings: ExecutionSettings
+    notes: tuple[str, ...] = ()  # what is worth knowing before it is planned, a line each
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.file.scenario
+
+
+def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> SetUp:
+    """Load the map, fit the robots, draw or look up starts and goals.
+
+    Parameters
+    ----------
+    file
+        The scenario.
+    maps
+        Where maps are made, once.
+    run_programs
+        Whether plug-in files may run. Without, there is no planning, and a map reader that is one is refused.
+
+    Raises
+    ------
+    MrpSumoError
+        One line a fault, naming file and key.
+    """
+    scenario = file.scenario
+    models, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)
+    if not run_programs and place_in_file(scenario.map.reader or ""):
+        raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
+    cell_m = scenario.discretisation.cell_m
+    one_of_each, radius_m = fleet_of_types(models, np.arange(len(models))), max(model.radius_m for model in models)
+    with file.located("map"):
+        map_ = maps.map(scenario.map, file.folder, cell_m, radius_m)
+    graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav))
+    require_fit(file, map_.nav, graph, models)
+    require_brakes(file, graph, models)
+    graph = with_one_ways(file, map_.nav, with_room(file, maps, map_, graph, models))
+    graph = with_mutex_groups(file, map_.nav, graph)
+    step_s = scenario.planner.step_s or planned_step_s(graph, one_of_each, scenario.execution.step_length_s)
+    graph = maps.with_rides(map_, in_service(file, graph), step_s, radius_m)  # rides are as many lanes as they take steps
+    if scenario.execution.doors == "automatic":
+        graph = maps.with_doors(map_, graph, radius_m)
+    graph, shut = without_shut_doors(file, graph)
+    barred, narrow = without_room(file, maps, map_, graph, models, chosen_planner)
+    if scenario.robots.fleet is None:
+        start, goal = places(file, map_.nav, graph, one_of_each.separation_m)
+        fleet = fleet_of_types(models, np.zeros(len(start), np.int64))
+    else:
+        kind = np.repeat(np.arange(len(models)), [group.size for group in scenario.robots.groups])
+        start, goal = places_by_type(file, map_.nav, graph, barred, kind, one_of_each.separation_m)
+        fleet = fleet_of_types(models, kind)
+    _require_robots(file, fleet)
+    with file.located("robots"):
+        problem = Problem(
+            graph=graph,
+            fleet=fleet,
+            start=start,
+            goal=goal,
+            goal_of=np.full(len(start), -1) if scenario.tasks is None else np.arange(len(start)),
+            step_s=step_s,
+            seed=scenario.seed,
+            start_heading_rad=headings(scenario.robots.start_heading_deg, len(start)),
+            goal_heading_rad=goal_headings(scenario, graph, goal),
+            effort=scenario.planner.budget or 0,
+            barred=barred,
+            goal_kind=None if scenario.robots.fleet is None else fleet.kind,
+        )
+    require_headings(file, problem)
+    if named_places(scenario) and scenario.tasks is None and not scenario.execution.disturbances.outages:
+        require_reachable(file, problem)
+    if scenario.tasks is not None:
+        settings = with_tasks(settings, file, map_.nav, problem, models)
+    if scenario.people is not None:
+        settings = replace(settings, people=people_of(file, map_, graph))
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, with_closures(file, map_.nav, graph, settings), shut + narrow)
+
+
+def _require_robots(file: ScenarioFile, fleet: Fleet) -> None:
+    """The robots that break down and those that are recorded are there."""
+    for i, breakdown in enumerate(file.scenario.execution.disturbances.breakdowns):
+        if breakdown.robot >= fleet.num_robots:
+            place = file.at("execution", "disturbances", "breakdowns", i, "robot")
+            raise ScenarioError(f"{place}: found {breakdown.robot}, but there are {fleet.num_robots} robots, counted from 0")
+    for i, name in enumerate(file.scenario.record.robots):
+        if name not in fleet.robot_name:
+            raise ScenarioError(f"{file.at('record', 'robots', i)}: '{name}' is not a robot{nearest(name, fleet.robot_name)}")
+
+
+def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
+    """The same problem, for the planner of another scenario."""
+    return replace(setup, file=file, planner=choices(file)[1])
+
+
+def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
+    """The same problem, driven as another scenario says."""
+    require_trust(file)
+    settings = replace(settings_of(file), people=people_of(file, setup.map, setup.problem.graph))
+    return replace(setup, file=file, settings=with_closures(file, setup.map.nav, setup.problem.graph, settings))
+
+
+def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
+    """The set-up with the time limit that follows from the plan, where the scenario states none."""
+    scenario = setup.scenario
+    if scenario.execution.time_limit_s is not None:
+        return setup
+    limit_s = (
+        TASKS_TIME_LIMIT_S if scenario.tasks else max(LEAST_TIME_LIMIT_S, math.ceil(TIMES_MAKESPAN * float(plan.end_s.max(initial=0.0))))
+    )
+    execution = scenario.execution.model_copy(update={"time_limit_s": float(limit_s)})
+    file = replace(setup.file, scenario=scenario.model_copy(update={"execution": execution}))
+    return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
+
+
+def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:
+    """The time planned for a lane: the slowest robot drives the longest lane and turns by a right angle. Rides in lifts take several.
+
+    Every step of a plan can then be kept, at rest or in motion. Rounded up to whole simulation steps.
+    """
+    speed = np.minimum(graph.speed_mps, fleet.max_speed_mps.min())
+    drive = float((graph.length_m / speed).max(where=~graph.is_ride, initial=0.0))
+    turn = math.pi / 2 / float(fleet.turn_rate_rad_s.min())
+    return round(math.ceil((drive + turn) / step_length_s - 1e-9) * step_length_s, 9)

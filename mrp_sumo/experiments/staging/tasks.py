@@ -1,0 +1,67 @@
+"""The tasks of a scenario on the vertices of its plan graph, and what robots do between tasks.
+
+Refuses tasks that no robot can do, and charging without batteries.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mrp_sumo.core.fleet import RobotType, batteries_of
+from mrp_sumo.core.graph import BoolArray, NavGraph
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.stream import TaskList, TaskSource
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.experiments.staging.errands import unreachable
+from mrp_sumo.formats.lorr import read_map
+from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
+from mrp_sumo.maps.catalogue import find_map
+
+
+def with_tasks(
+    settings: ExecutionSettings, file: ScenarioFile, nav: NavGraph, problem: Problem, models: Sequence[RobotType]
+) -> ExecutionSettings:
+    """The settings with the tasks of the scenario, on the vertices of the plan graph, and with what robots do between tasks."""
+    choice = file.scenario.tasks
+    assert choice is not None
+    without = next((model.name for model in models if model.battery is None), None)
+    if choice.charging is not None and without is not None:
+        raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
+    start = choice.charging.start_level if choice.charging else (100.0, 100.0)
+    site = _site_of_tasks(file, nav, problem)
+    return replace(
+        settings,
+        tasks=task_sources(file, nav, problem),
+        charging=charging_of(choice, site),
+        parking=parking_of(choice, site),
+        batteries=batteries_of(models),
+        start_level=(start[0] / 100, start[1] / 100),
+    )
+
+
+def task_sources(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:
+    """The streams of tasks of a scenario, on the vertices of the plan graph. Raises ScenarioError."""
+    assert file.scenario.tasks is not None
+    site = _site_of_tasks(file, nav, problem)
+    sources = sources_of(file.scenario.tasks, site, file.scenario.seed, problem.step_s, problem.num_robots)
+    if wrong := unreachable(sources, problem):
+        raise ScenarioError(f"{file.at('tasks')}: {wrong}")
+    only_file = file.scenario.tasks.file is not None and not file.scenario.tasks.list and file.scenario.tasks.open is None
+    return (TaskList(()), *sources) if only_file else sources  # what is added while robots drive is listed, before those of the file
+
+
+def _site_of_tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> Site:
+    """What is known of the map to who reads tasks."""
+
+    def vertex_of(name: str) -> int | None:
+        vertex = nav.vertex_of_name.get(name)
+        return None if vertex is None else int(problem.graph.vertex_of_station[vertex])
+
+    def cells() -> BoolArray:
+        path = find_map(file.scenario.map.file, file.folder)
+        if path.suffix != ".map":
+            raise ScenarioError(f"{file.at('tasks', 'file')}: .tasks count the cells of a MovingAI map, but the map is '{path.name}'")
+        return read_map(path)
+
+    return Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, problem.fleet.type_name)
