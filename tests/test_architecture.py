@@ -38,6 +38,8 @@ HOMES = {
     "pydantic": ("mrp_sumo/io/", "mrp_sumo/experiments/"),
     "paho": ("mrp_sumo/wire/mqtt.py",),
     "cyclonedds": ("mrp_sumo/wire/dds.py",),
+    "foxglove": ("mrp_sumo/wire/foxglove.py",),
+    "rerun": ("mrp_sumo/wire/rerun.py", "mrp_sumo/data/viewers/"),
     "pyarrow": ("mrp_sumo/io/", "mrp_sumo/reports/exports.py"),
 }
 HEAVY = ("libsumo", "rosbags", "ortools", "matplotlib", "pydantic", "pyarrow", "numba", "scipy", "numpy", "pandas", "yaml", "pettingzoo")

@@ -46,13 +46,13 @@ class LiveMessages:
                 yield topic, TYPE[topic], message
             self._until_s = now_s
         if now_ns >= self._num_states * FLEET_STATES_NS:
-            m.record = replace(self._at_outset, execution=self._now(moment))
+            m.record = replace(self._at_outset, execution=self.now(moment))
             states = streams.fleet_states(m, streams.Samples(m.record, np.array([now_ns]), self._num_states)).message(0)
             assert states is not None
             yield *FLEET, states
             self._num_states += 1
 
-    def _now(self, moment: Moment) -> Execution:
+    def now(self, moment: Moment) -> Execution:
         """An execution that consists of this moment."""
         ledger, motion, execution = moment.ledger, moment.ledger.state.motion, self._at_outset.execution
         x, y, level = _places(ledger)

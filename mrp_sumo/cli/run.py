@@ -45,10 +45,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
-    parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")
+    parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port) or --foxglove (default: 8765)")
+    parser.add_argument(
+        "--foxglove", action="store_true", help="show the run in Foxglove while it drives, with its playback control: pause, seek, speed"
+    )
     parser.add_argument("--dds", action="store_true", help="publish the run over DDS while it drives, as ROS 2 nodes do, in real time")
     parser.add_argument(
-        "--speed", type=float, metavar="N", help="of --dds: simulated seconds a second (default: 1; that of --live is its page's)"
+        "--speed",
+        type=float,
+        metavar="N",
+        help="of --dds and --foxglove: simulated seconds a second (default: 1; that of --live is its page's)",
     )
     parser.add_argument("--domain", type=int, metavar="N", help="of --dds, as ROS_DOMAIN_ID says it (default: 0)")
     parser.add_argument("--interface", metavar="ADDRESS", help="of --dds: network interface (default: 127.0.0.1, this machine alone)")
@@ -92,26 +98,38 @@ def run(options: argparse.Namespace) -> int:
 
 def _check_watching(options: argparse.Namespace) -> None:
     """Refuse options of what is not asked for."""
-    if options.port is not None and not options.live:
-        raise MrpSumoError("--port is for --live")
-    for name in ("speed", "domain", "interface"):
+    if options.port is not None and not (options.live or options.foxglove):
+        raise MrpSumoError("--port is for --live and --foxglove")
+    for name in ("domain", "interface"):
         if getattr(options, name) is not None and not options.dds:
             raise MrpSumoError(f"--{name} is for --dds")
+    if options.speed is not None and not (options.dds or options.foxglove):
+        raise MrpSumoError("--speed is for --dds and --foxglove")
     if options.speed is not None and options.live:
-        raise MrpSumoError("--speed is for --dds without --live, whose page has a speed of its own")
+        raise MrpSumoError("--speed is for --dds and --foxglove without --live, whose page has a speed of its own")
     if options.speed is not None and not 0.001 <= options.speed < math.inf:
         raise MrpSumoError(f"--speed: found {options.speed:g}, expected 0.001 or more")
 
 
 def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
     """Who hears how the run is driven, besides the page of --live."""
-    if not options.dds:
-        return []
-    from mrp_sumo.wire.dds import LOOPBACK, DdsView
-    from mrp_sumo.wire.pace import Pace, Paced
+    watches: list[Watch] = []
+    if options.dds:
+        from mrp_sumo.wire.dds import LOOPBACK, DdsView
 
-    view = stack.enter_context(DdsView(options.domain or 0, options.interface or LOOPBACK))
-    return [view.watch] if options.live else [view.watch, lambda *_: Paced(Pace(options.speed or 1.0))]
+        watches.append(stack.enter_context(DdsView(options.domain or 0, options.interface or LOOPBACK)).watch)
+    if options.foxglove:
+        from mrp_sumo.wire.foxglove import PORT, FoxgloveView
+
+        port = PORT if options.live or options.port is None else options.port
+        foxglove = stack.enter_context(FoxgloveView(port, options.speed or 1.0))
+        print(f"{foxglove.address}, in Foxglove: {foxglove.app} (Ctrl+C ends)", flush=True)
+        watches.append(foxglove.watch)
+    elif options.dds and not options.live:
+        from mrp_sumo.wire.pace import Pace, Paced
+
+        watches.append(lambda *_: Paced(Pace(options.speed or 1.0)))
+    return watches
 
 
 def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":

@@ -8,6 +8,7 @@ from rosbags.highlevel import AnyReader
 from worlds import BURGER, problem_of, two_levels
 
 from mrp_sumo.bags.live import LiveMessages
+from mrp_sumo.bags.live_bag import LiveBag
 from mrp_sumo.bags.writer import write_bag
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.drive.loop import simulate
@@ -20,7 +21,7 @@ from mrp_sumo.io.trajectory import Levels
 class Heard:
     """A listener that keeps messages by topic."""
 
-    live: LiveMessages
+    live: LiveMessages | LiveBag
     by_topic: dict = field(default_factory=dict)
 
     def hear(self, moment):
@@ -40,8 +41,10 @@ def test_live_messages_of_a_ride_in_a_lift_are_those_of_the_bag(tmp_path, period
         level=graph.level[problem.start][None],
     )
     record = RunRecord("ride", 0, problem.fleet, graph, problem.goal, plan, nothing, levels=levels)
-    heard = Heard(LiveMessages(record))
-    run = simulate(problem, plan, ExecutionSettings(engine="kinematic", record_period_s=period_s), tmp_path, listeners=[heard])
+    heard, viewed = Heard(LiveMessages(record)), Heard(live_bag := LiveBag(record))
+    for topic, _, message in live_bag.at_outset():
+        viewed.by_topic.setdefault(topic, []).append(message)
+    run = simulate(problem, plan, ExecutionSettings(engine="kinematic", record_period_s=period_s), tmp_path, listeners=[heard, viewed])
     write_bag(tmp_path / "bag", replace(record, execution=run))
     with AnyReader([tmp_path / "bag"]) as reader:
         bag = {}
@@ -52,4 +55,8 @@ def test_live_messages_of_a_ride_in_a_lift_are_those_of_the_bag(tmp_path, period
         assert heard.by_topic[topic] == bag[topic]
     if period_s == 0.1:  # else the bag has states between samples
         assert heard.by_topic["/fleet_states"] == bag["/fleet_states"]
+        assert viewed.by_topic.keys() - {"/clock"} == {topic for topic in bag if bag[topic]}
+        assert {topic for topic in bag if bag[topic] != viewed.by_topic[topic]} <= {
+            "/rosout"
+        }  # where what has lasted is said when it is over
     assert len(heard.by_topic["/clock"]) == len(run.t_s)

@@ -48,7 +48,7 @@ def test_dds_that_is_not_to_be_had_is_one_line(tmp_path, capsys, monkeypatch):
             "203.0.113.7",
         ): "--interface 203.0.113.7: expected the IPv4 address of a network interface of this machine",
         ("--dds", "--speed", "0"): "--speed: found 0, expected 0.001 or more",
-        ("--dds", "--live", "--speed", "2"): "--speed is for --dds without --live",
+        ("--dds", "--live", "--speed", "2"): "--speed is for --dds and --foxglove without --live",
         ("--domain", "3"): "--domain is for --dds",
     }
     for options, line in cases.items():
