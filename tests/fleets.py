@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.sizing.points import record_of
 from mrp_sumo.sizing.question import DEMAND, QUICK, Question
 

@@ -6,7 +6,7 @@ import random
 import pytest
 from campaigns import keys as campaign
 
-from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.io.scenario.model import Scenario
 
 EVERYTHING = campaign.Keys(seed=0)
 LATELY_MENDED = [  # each ended in a traceback once

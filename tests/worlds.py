@@ -16,7 +16,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_folder import write_run
-from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.lifts import with_rides

@@ -25,7 +25,7 @@ import yaml
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.load import load_map
 

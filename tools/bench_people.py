@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 
 
 def main() -> None:

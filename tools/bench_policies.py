@@ -37,7 +37,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import solve
 from mrp_sumo.experiments.staging.set_up import set_up, with_time_limit
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.metrics.audit import audit
 
 MAPS = ("warehouse", "office", "airport")

@@ -27,7 +27,7 @@ from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor
 from mrp_sumo.io.run_folder import plain
-from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.io.trajectory import write_trajectory
 from mrp_sumo.io.visits import write_visits
 from mrp_sumo.maps.grid import grid_graph

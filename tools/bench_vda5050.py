@@ -28,7 +28,7 @@ from mrp_sumo.drive import warm
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.messages import Dialect, Sender, node, serials_of
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.wire.fleet import GraphSite, Reporting, VirtualFleet
 from mrp_sumo.wire.mqtt import Broker, Connections, MasterLink, VehicleLink, encoded
 from mrp_sumo.wire.pace import Pace

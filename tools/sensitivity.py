@@ -17,7 +17,7 @@ from typing import Any
 import mrp_sumo as ms
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.drive import motion_plan
-from mrp_sumo.io.scenario import robot_type
+from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 
 FIRST_SEED = 3000

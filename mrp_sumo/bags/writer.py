@@ -27,7 +27,7 @@ from mrp_sumo.core.execution import Reply, as_believed, let_go_of_samples, plans
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.record import RunRecord
-from mrp_sumo.io.scenario import Recording
+from mrp_sumo.io.scenario.model import Recording
 
 FLEET_STATES_NS = 500_000_000  # 2 Hz, as MRP-Bench
 SECOND_NS = 1_000_000_000

@@ -105,7 +105,8 @@ def question_of(options: argparse.Namespace) -> "Question":
     MrpSumoError
         One line, for what cannot be read.
     """
-    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.io.scenario.file import find_scenario
+    from mrp_sumo.io.scenario.read import read_scenario
     from mrp_sumo.sizing.study import asked
 
     return asked(

@@ -86,7 +86,8 @@ def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> 
     """Run a bundled scenario and draw it."""
     from mrp_sumo.cli.run import progress_bar
     from mrp_sumo.experiments.run import run_scenario
-    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.io.scenario.file import find_scenario
+    from mrp_sumo.io.scenario.read import read_scenario
     from mrp_sumo.reports.pictures.still import render_still
     from mrp_sumo.reports.replay.page import write_replay
 

@@ -138,7 +138,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _robot_type(name: str | None) -> "RobotType":
-    from mrp_sumo.io.scenario import robot_type
+    from mrp_sumo.io.scenario.robots import robot_type
     from mrp_sumo.maps.catalogue import bundled_folder
 
     return robot_type(name or DEFAULT_ROBOT, bundled_folder("robots"), Path())

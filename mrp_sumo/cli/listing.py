@@ -70,7 +70,7 @@ def _files(what: str) -> list[Entry]:
     folder = bundled_folder("robots") if what == "robots" else bundled_folder("scenarios")
     files = sorted((folder / "suites" if what == "suites" else folder).glob("*.yaml"))
     if what == "robots":
-        from mrp_sumo.io.scenario import robot_type
+        from mrp_sumo.io.scenario.robots import robot_type
 
         types = [robot_type(path.stem, folder, folder) for path in files]
         return [{**{key: value for key, value in asdict(one).items() if key != "source"}, "summary": one.source} for one in types]
@@ -79,7 +79,7 @@ def _files(what: str) -> list[Entry]:
 
         suites = [read_suite(path) for path in files]
         return [{"name": suite.name, "summary": " ".join(suite.suite.description.split())} for suite in suites]
-    from mrp_sumo.io.scenario import read_scenario
+    from mrp_sumo.io.scenario.read import read_scenario
 
     scenarios = [read_scenario(path).scenario for path in files]
     return [{"name": one.name, "map": one.map.file, "robots": one.robots.size, "planner": one.planner.name} for one in scenarios]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.experiments.run import Watch
     from mrp_sumo.experiments.solve import StageReport
-    from mrp_sumo.io.scenario import ScenarioFile
+    from mrp_sumo.io.scenario.file import ScenarioFile
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

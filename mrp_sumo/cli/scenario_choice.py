@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
-    from mrp_sumo.io.scenario import ScenarioFile
+    from mrp_sumo.io.scenario.file import ScenarioFile
 
 INSTANCE_CELL_M = 1.0  # side of a cell where there is no scenario to say it
 
@@ -50,7 +50,8 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     MrpSumoError
         One line a fault, with the option or the file and line.
     """
-    from mrp_sumo.io.scenario import changed, find_scenario, read_scenario
+    from mrp_sumo.io.scenario.file import find_scenario
+    from mrp_sumo.io.scenario.read import changed, read_scenario
     from mrp_sumo.plugins.trust import trust_everything
 
     require_sound(options)
@@ -68,7 +69,7 @@ def with_set(options: argparse.Namespace, file: "ScenarioFile") -> "ScenarioFile
     MrpSumoError
         One line a fault, with the option.
     """
-    from mrp_sumo.io.scenario import changed
+    from mrp_sumo.io.scenario.read import changed
 
     return changed(file, _set(options, file))
 
@@ -79,7 +80,7 @@ def _of_instance(options: argparse.Namespace) -> "ScenarioFile":
     from mrp_sumo.formats.instances import problem_of_places, read_instance
     from mrp_sumo.formats.peers import read_places
     from mrp_sumo.formats.plan_files import is_json, text_of
-    from mrp_sumo.io.scenario import scenario_of
+    from mrp_sumo.io.scenario.read import scenario_of
 
     if options.scen is not None:
         problem = read_instance(options.map, options.scen, options.robots).problem
@@ -198,7 +199,9 @@ def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | 
     MrpSumoError
         For an unknown key, with the nearest right one.
     """
-    from mrp_sumo.io.scenario import SECTIONS, is_plug_in, unknown_key
+    from mrp_sumo.io.scenario.keys import unknown_key
+    from mrp_sumo.io.scenario.model import SECTIONS
+    from mrp_sumo.io.scenario.programs import is_plug_in
     from mrp_sumo.planning.registry import parameter_names
     from mrp_sumo.plugins.source import resolved
 
@@ -231,7 +234,7 @@ def pairs(options: argparse.Namespace) -> list[tuple[str, Any]]:
 
 def _require_parameter(key: str, planner: str, known: tuple[str, ...] | None) -> None:
     """Refuse what is neither a parameter of the planner nor a key of scenarios."""
-    from mrp_sumo.io.scenario import nearest_key
+    from mrp_sumo.io.scenario.keys import nearest_key
 
     if known is not None and key not in known:
         raise MrpSumoError(f"--set {key}: neither a key of scenarios nor a parameter of '{planner}'{nearest_key(key, known)}")

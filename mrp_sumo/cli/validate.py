@@ -157,7 +157,8 @@ def _of_scenario(options: argparse.Namespace) -> tuple["Problem", float]:
     """What the plan is for, and in which steps of time robots drive."""
     from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.staging.set_up import set_up
-    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.io.scenario.file import find_scenario
+    from mrp_sumo.io.scenario.read import read_scenario
 
     overrides: dict[tuple[str | int, ...], tuple[str, int]] = {}
     if options.seed is not None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.door.scenario import Scenario
 from mrp_sumo.errors import BatchError
-from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.io.scenario.file import find_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.io.summary import Summary, summary
 from mrp_sumo.sizing.answer import Answer
 from mrp_sumo.sizing.reasons import PARTS, cycle

@@ -16,7 +16,7 @@ from mrp_sumo.experiments.solve import Solution, solve
 from mrp_sumo.experiments.staging.set_up import SetUp, planned_as, set_up
 from mrp_sumo.formats.peers import goals_reached
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import changed
+from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.io.summary import Summary, count, summary
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.traffic import referee

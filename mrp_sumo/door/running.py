@@ -22,7 +22,7 @@ from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_summary import run_summary
-from mrp_sumo.io.scenario import changed
+from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.io.summary import Summary, count, seconds, summary
 
 if TYPE_CHECKING:

@@ -7,10 +7,12 @@ from typing import Any, Never
 
 from mrp_sumo.door.maps import Site
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io import scenario as files
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.run_folder import plain
-from mrp_sumo.io.scenario import ScenarioFile, changed, find_scenario, read_scenario, scenario_of, trust_programs
+from mrp_sumo.io.scenario import model, robots
+from mrp_sumo.io.scenario.file import ScenarioFile, find_scenario
+from mrp_sumo.io.scenario.programs import trust_programs
+from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
 from mrp_sumo.io.summary import Summary, summary
 
 Section = Mapping[str, Any]
@@ -186,7 +188,7 @@ def places_of(changes: Section) -> dict[Place, Any]:
     for key, value in changes.items():
         if isinstance(value, Site):
             places[key,] = value.choice.model_dump()
-        elif isinstance(value, Mapping) and key in files.Scenario.model_fields:
+        elif isinstance(value, Mapping) and key in model.Scenario.model_fields:
             places |= {(key, inner): plain(part) for inner, part in value.items()}
         elif key in SHORT and isinstance(value, str | Path | int):
             places[key, SHORT[key]] = plain(value)
@@ -208,9 +210,9 @@ def required(value: object, kind: type, call: str, hint: str) -> None:
         raise MrpSumoError(f"{call}: found {type(value).__name__}, expected {hint}")
 
 
-def _map_name(chosen: files.Scenario) -> str:
+def _map_name(chosen: model.Scenario) -> str:
     return Path(chosen.map.file).name.split(".")[0]
 
 
-def _type_name(group: files.RobotGroup) -> str:
+def _type_name(group: robots.RobotGroup) -> str:
     return group.type if isinstance(group.type, str) else "custom"

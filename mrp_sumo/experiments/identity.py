@@ -11,13 +11,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import mrp_sumo
-from mrp_sumo.io.scenario import Scenario, plug_ins_of
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.programs import plug_ins_of
 from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.source import digest
 
 _ROOT = Path(mrp_sumo.__file__).resolve().parent
 # what decides about results; the command line and reports do not
-_FLOORS = (
+_FOLDERS = (
     "files",
     "core",
     "plugins",
@@ -30,11 +31,10 @@ _FLOORS = (
     "crowd",
     "drive",
     "metrics",
+    "io/scenario",
     "experiments/staging",
 )
 _FILES = (
-    "io/people.py",
-    "io/scenario.py",
     "io/task_requests.py",
     "io/tasks.py",
     "experiments/map_cache.py",
@@ -102,7 +102,7 @@ def code_version() -> str:
     are not part of it but of the runs that use them.
     """
     sources = [_ROOT / name for name in _FILES]
-    sources += [path for floor in _FLOORS for path in (_ROOT / floor).rglob("*.py")]
+    sources += [path for folder in _FOLDERS for path in (_ROOT / folder).rglob("*.py")]
     planners = find_spec("planners")
     for folder in (planners.submodule_search_locations if planners else None) or ():
         sources += Path(folder).rglob("*.py")

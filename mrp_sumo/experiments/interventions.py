@@ -18,8 +18,9 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.staging.lanes import closures_of
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.experiments.staging.tasks import task_sources
-from mrp_sumo.io.scenario import BreakdownChoice, ClosureChoice, ScenarioFile
-from mrp_sumo.io.tasks import TaskChoice
+from mrp_sumo.io.scenario.disturbances import BreakdownChoice, ClosureChoice
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.tasks import TaskChoice
 
 NEVER_S = 1e9  # where a task that is only checked is released
 

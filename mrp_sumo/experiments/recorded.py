@@ -26,7 +26,7 @@ from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.formats.vda.messages import STANDING_MPS, serials_of
 from mrp_sumo.formats.vda.recorded import Log, Recorded, read_log
 from mrp_sumo.io.run_folder import plain
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.maps.levels import shifts_of, side_by_side
 from mrp_sumo.maps.lifts import Shift

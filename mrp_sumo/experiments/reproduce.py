@@ -20,7 +20,8 @@ from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.file_difference import first_difference
 from mrp_sumo.io.results import BatchRecord
 from mrp_sumo.io.run_folder import RESULT, files_in, versions
-from mrp_sumo.io.scenario import Scenario, ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 CLOCKS = ("versions", "files", "machine")  # of result.json, beside metrics of the machine

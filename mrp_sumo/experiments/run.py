@@ -26,7 +26,7 @@ from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.solve import Solution, StageReport, silent, solve
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.run_folder import check_replaceable, plain
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.maps.clearance import standing_walls
 
 POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statuses of runs whose plug-in broke its contract

@@ -13,24 +13,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+from pydantic import AliasChoices, Field
 
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest, sentence
 from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
 from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
-from mrp_sumo.io.scenario import (
-    Scenario,
-    ScenarioFile,
-    changed,
-    find_scenario,
-    plug_ins_of,
-    read_scenario,
-    rename,
-    require_trust,
-    unknown_key,
-)
+from mrp_sumo.io.scenario.file import ScenarioFile, find_scenario
+from mrp_sumo.io.scenario.keys import unknown_key
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.programs import plug_ins_of, rename, require_trust
+from mrp_sumo.io.scenario.read import changed, read_scenario
+from mrp_sumo.io.scenario.strict import Strict
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.plugins.source import place_in_file
 
@@ -40,11 +35,7 @@ _RANGE = re.compile(r"(\d+)\.\.(\d+)")
 Until = Literal["map", "plan", "execution"]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class RunLimits(_Strict):
+class RunLimits(Strict):
     """What one run may take before it is killed with its children."""
 
     wall_s: Annotated[float, Field(gt=0)] | None = Field(
@@ -53,7 +44,7 @@ class RunLimits(_Strict):
     memory_mb: Annotated[float, Field(gt=0)] | None = Field(None, description="Resident memory; unlimited by default.")
 
 
-class Suite(_Strict):
+class Suite(Strict):
     """What a suite file says."""
 
     name: str = Field("", pattern=r"^[\w.+-]*$", description="The file's name by default.")

@@ -30,7 +30,7 @@ from mrp_sumo.plugins.trust import trust_everything
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
-    from mrp_sumo.io.scenario import ScenarioFile
+    from mrp_sumo.io.scenario.file import ScenarioFile
 
 Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
 Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, what else was observed, if anything, and what the run took
@@ -66,7 +66,8 @@ def measure(job: Job, maps: MapCache, observe: "Callable[[RunResult], Any] | Non
 def scenario_of(job: Job) -> "ScenarioFile":
     """The scenario of a run, as if it were a file in the suite's folder."""
     from mrp_sumo.io.documents import Document
-    from mrp_sumo.io.scenario import Scenario, ScenarioFile
+    from mrp_sumo.io.scenario.file import ScenarioFile
+    from mrp_sumo.io.scenario.model import Scenario
 
     return ScenarioFile(Scenario.model_validate_json(job["scenario"]), Document(Path(job["folder"], "suite"), {}, {}), {})
 

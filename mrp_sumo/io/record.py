@@ -15,7 +15,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 
 if TYPE_CHECKING:
-    from mrp_sumo.io.scenario import Scenario
+    from mrp_sumo.io.scenario.model import Scenario
     from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 

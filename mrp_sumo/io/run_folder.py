@@ -32,7 +32,7 @@ from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_reader import SCHEMA_VERSION
-from mrp_sumo.io.scenario import Recording, Scenario
+from mrp_sumo.io.scenario.model import Recording, Scenario
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
 if TYPE_CHECKING:

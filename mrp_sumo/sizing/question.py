@@ -11,8 +11,9 @@ from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import RobotGroup, ScenarioFile
-from mrp_sumo.io.tasks import StreamChoice
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.robots import RobotGroup
+from mrp_sumo.io.scenario.tasks import StreamChoice
 
 Values = dict[Place, tuple[str, Any]]  # of a scenario, with the option that sets each
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrp_sumo.experiments.run import run_scenario
-from mrp_sumo.io.scenario import changed
+from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.sizing.answer import Answer
 from mrp_sumo.sizing.question import SATURATED, Trial
 from mrp_sumo.sizing.reasons import MINUTE_S

@@ -16,7 +16,8 @@ from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
-from mrp_sumo.io.scenario import ScenarioFile, changed
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.sizing.answer import Answer, answer_of
 from mrp_sumo.sizing.confirmation import most_trials
 from mrp_sumo.sizing.observe import FUNCTION

@@ -18,8 +18,8 @@ import yaml
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.places import BETWEEN
 from mrp_sumo.errors import MrpSumoError, nearest
-from mrp_sumo.io.scenario import unknown_key
-from mrp_sumo.io.tasks import TasksChoice
+from mrp_sumo.io.scenario.keys import unknown_key
+from mrp_sumo.io.scenario.tasks import TasksChoice
 from mrp_sumo.sizing.question import Question, Values
 from mrp_sumo.sizing.reasons import Reasons
 

@@ -21,7 +21,8 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.columns import put
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario import Scenario, read_scenario
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.planning.registry import assigner_names, planner_names
 from mrp_sumo.reports.replay.page import write_replay

@@ -432,7 +432,8 @@ def test_plan_names_the_runs_in_order(tmp_path):
 def test_chosen_runs_follow_from_those_before_and_are_made_once(tmp_path):
     """Each run's result names the next seed; ended after two and started again, the batch makes the rest."""
     from mrp_sumo.experiments.suite import Variations
-    from mrp_sumo.io.scenario import find_scenario, read_scenario
+    from mrp_sumo.io.scenario.file import find_scenario
+    from mrp_sumo.io.scenario.read import read_scenario
 
     runs = Variations(read_scenario(find_scenario("office_5")), "chosen", "1")
 

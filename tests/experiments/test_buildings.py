@@ -8,7 +8,7 @@ import yaml
 
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 
 CORPUS = Path(__file__).resolve().parents[3] / "shared" / "maps" / "corpus"
 STEP_S = 0.1

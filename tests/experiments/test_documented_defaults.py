@@ -8,7 +8,7 @@ import yaml
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.io.scenario.model import Scenario
 
 FOR_GOOD = {
     "breakdowns": {"robot": 0, "begin_s": 2},

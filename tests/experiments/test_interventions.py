@@ -12,7 +12,7 @@ from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.experiments.staging.set_up import set_up
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.live.watch import LiveView
 
 TASKS = {"list": [{"stops": ["c"], "release_s": 5}], "streams": [{"name": "s", "stops": ["d", "a"], "arrivals": {"rate_per_h": 200}}]}

@@ -6,7 +6,7 @@ from mrp_sumo.crowd.model import Fields, LaneSpeeds
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 
 
 def people(tmp_path, said, **more):

@@ -11,7 +11,7 @@ from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.maps.clearance import narrow
 from mrp_sumo.planning.costs import costs_of
 

@@ -107,7 +107,8 @@ def test_every_command_refuses_odd_files_in_one_line(tmp_path, monkeypatch, caps
 @pytest.mark.parametrize("reading", ["scenario", "suite", "robot type"])
 def test_yaml_of_strangers_is_read_guarded(tmp_path, monkeypatch, text, line, reading):
     from mrp_sumo.experiments.suite import read_suite
-    from mrp_sumo.io.scenario import read_scenario, robot_type
+    from mrp_sumo.io.scenario.read import read_scenario
+    from mrp_sumo.io.scenario.robots import robot_type
 
     (tmp_path / "odd.yaml").write_text(text)
     read = {

@@ -19,7 +19,7 @@ from mrp_sumo.io import run_folder
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario import Scenario
+from mrp_sumo.io.scenario.model import Scenario
 
 
 def strict(path):

@@ -4,16 +4,10 @@ import pytest
 
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import put
-from mrp_sumo.io.scenario import (
-    NAMED_DISTURBANCES,
-    DisturbanceChoice,
-    RobotShape,
-    Scenario,
-    changed,
-    read_scenario,
-    robot_type,
-    scenario_of,
-)
+from mrp_sumo.io.scenario.disturbances import NAMED_DISTURBANCES, DisturbanceChoice
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
+from mrp_sumo.io.scenario.robots import RobotShape, robot_type
 
 GOOD = """\
 map: office

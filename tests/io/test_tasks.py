@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.task import TaskLog
 from mrp_sumo.errors import ScenarioError
-from mrp_sumo.io.tasks import Site, TasksChoice, sources_of
+from mrp_sumo.io.scenario.tasks import TasksChoice
+from mrp_sumo.io.tasks import Site, sources_of
 from mrp_sumo.io.tasks_table import read_tasks, write_tasks
 
 VERTICES = {"a": 0, "b": 1, "c": 2, "d": 3}

@@ -6,7 +6,8 @@ from golden import MRP_BENCH
 from mrp_sumo.core.plan import Status
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
-from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.io.scenario.file import find_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.planning.registry import planner
 
 AIRPORT = MRP_BENCH / "airport_terminal.building.yaml"

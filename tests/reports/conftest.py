@@ -3,7 +3,8 @@
 import pytest
 
 from mrp_sumo.experiments.run import run_scenario
-from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.io.scenario.file import find_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ import pytest
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.report import write_report
 
 NASTY = "<script>alert(1)</script>&amp;\"'$x_{1}$ `a` | [b](c)"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.sizing.question import QUICK, SATURATED, Question, Trial, values_of
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
-from mrp_sumo.io.scenario import scenario_of
+from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.sizing.observe import observation
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from mrp_sumo.cli.main import main
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.messages import Dialect, Sender, action, node
-from mrp_sumo.io.scenario import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.wire.fleet import Reporting, VirtualFleet
 from mrp_sumo.wire.link import loopback
 

@@ -17,18 +17,11 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings, Planning
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import (
-    BreakdownChoice,
-    DisturbanceChoice,
-    FireChoice,
-    ObstacleChoice,
-    OutageChoice,
-    RobotShape,
-    Scenario,
-    ScenarioFile,
-    require_trust,
-    robot_type,
-)
+from mrp_sumo.io.scenario.disturbances import BreakdownChoice, DisturbanceChoice, FireChoice, ObstacleChoice, OutageChoice
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.programs import require_trust
+from mrp_sumo.io.scenario.robots import RobotShape, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.metrics.own import own_metric
 from mrp_sumo.planning.protocol import Assigner, Planner

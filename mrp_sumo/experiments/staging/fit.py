@@ -13,7 +13,7 @@ from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import type_at
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.maps.chains import chains_of
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short

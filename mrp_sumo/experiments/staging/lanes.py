@@ -18,7 +18,7 @@ from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.staging.choices import from_the_start
 from mrp_sumo.experiments.staging.places import as_drawn, looked_up
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.search.route import shortest_route
 
 ONE_WAY_CELLS = 1.1  # from a one-way's route within which lanes belong to it

@@ -11,8 +11,8 @@ from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
 from mrp_sumo.crowd.model import Fields, Flow, Group, LaneSpeeds, People, joint_places
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.people import FlowChoice, PeopleChoice
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.people import FlowChoice, PeopleChoice
 from mrp_sumo.maps.map import Map
 
 MOST_PLACES = 40  # that are drawn

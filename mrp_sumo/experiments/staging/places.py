@@ -12,7 +12,8 @@ from mrp_sumo.core.problem import Problem, graphs_of_kinds
 from mrp_sumo.drive.motion_plan import TURNS_RAD
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario import Scenario, ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.traffic.draw import draw_by_type, mrp_bench_draw, uniform_draw
 

@@ -29,7 +29,9 @@ from mrp_sumo.experiments.staging.places import (
     require_reachable,
 )
 from mrp_sumo.experiments.staging.tasks import with_tasks
-from mrp_sumo.io.scenario import Scenario, ScenarioFile, require_trust
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.programs import require_trust
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins.source import place_in_file

@@ -14,7 +14,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
 from mrp_sumo.formats.lorr import read_map
-from mrp_sumo.io.scenario import ScenarioFile
+from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import find_map
 

@@ -13,7 +13,8 @@ import pytest
 from mrp_sumo.cli.main import main
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.io.scenario.file import find_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
 from mrp_sumo.reports.live.watch import SAMPLE, LiveView

@@ -13,7 +13,8 @@ import pytest
 from worlds import NASTY, record_of_two
 
 from mrp_sumo.experiments.run import run_scenario
-from mrp_sumo.io.scenario import find_scenario, read_scenario
+from mrp_sumo.io.scenario.file import find_scenario
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.replay.page import About, replay_page, write_replay
 
 PROJECT = Path(__file__).resolve().parents[3]

@@ -1,8 +1,10 @@
-"""The `people:` of a scenario: who walks among the robots, and what robots do about it. `people: 20` is short for `count`."""
+"""`people` of a scenario: who walks among the robots, and what robots do about it. `people: 20` is short for `count`."""
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
+
+from mrp_sumo.io.scenario.strict import Strict
 
 Count = Annotated[int, Field(ge=1, le=5000)]
 Rate = Annotated[float, Field(ge=0, le=1e6)]
@@ -11,11 +13,7 @@ Walking = Annotated[float, Field(gt=0, le=5)]
 OfField = Annotated[float, Field(ge=0, le=5)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class FlowChoice(_Strict):
+class FlowChoice(Strict):
     """People who go from one place to another."""
 
     origin: list[str] | None = Field(None, description="Name of a vertex, or names, one of which is drawn each time; any by default.")
@@ -29,7 +27,7 @@ class FlowChoice(_Strict):
         return [found] if isinstance(found, str) else found
 
 
-class GroupChoice(_Strict):
+class GroupChoice(Strict):
     """People who walk alike."""
 
     name: str = ""
@@ -38,7 +36,7 @@ class GroupChoice(_Strict):
     spread_mps: Annotated[float, Field(ge=0, le=2)] = Field(0.26, description="Standard deviation; cut off at two of them.")
 
 
-class FieldsChoice(_Strict):
+class FieldsChoice(Strict):
     """The warning and protective fields of robots."""
 
     active: bool = Field(True, description="Whether robots have them; else they take no notice of people.")
@@ -55,7 +53,7 @@ class FieldsChoice(_Strict):
     )
 
 
-class PeopleChoice(_Strict):
+class PeopleChoice(Strict):
     """Who walks among the robots."""
 
     model: Literal["social_force", "lane_speeds"] = Field(

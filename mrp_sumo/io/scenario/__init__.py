@@ -1,0 +1,1 @@
+"""Scenario files: everything one run needs, as YAML."""

@@ -1,0 +1,112 @@
+"""`execution` of a scenario: how the plan is driven."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
+
+from mrp_sumo.io.scenario.disturbances import DisturbanceChoice
+from mrp_sumo.io.scenario.strict import Positive, Strict
+
+
+class RecoveryChoice(Strict):
+    """What `on_deadlock: resolve` does, mildest first."""
+
+    give_way: bool = Field(True, description="First come first served, one of a ring of waiting robots steps aside or backs out.")
+    patience_s: Positive = Field(10.0, description="Time blocked for good before a robot drives around, or all are replanned.")
+    replanner: str | None = Field("lacam", description="Any planner, by name or FILE.py:CLASS; null: none.")
+
+
+class PolicyChoice(Strict):
+    """The execution policy; its name alone is short for one without parameters."""
+
+    name: str = "adg"
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the policy.")
+
+    @model_serializer(mode="wrap")
+    def _short(self, full: SerializerFunctionWrapHandler) -> str | dict[str, Any]:
+        return full(self) if self.parameters else self.name
+
+
+class DispatcherChoice(PolicyChoice):
+    """The dispatcher; its name alone is short for one without parameters."""
+
+    name: str = Field("", description="By default one_shot, and nearest where there are tasks.")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
+
+
+class PlanningChoice(Strict):
+    """How the planner is asked again and again while robots drive, in simulated time."""
+
+    budget_s: Annotated[float, Field(ge=0)] = Field(
+        1.0, description="An answer takes effect so long after it was asked for; until then robots keep their plan."
+    )
+    period_s: Annotated[float, Field(ge=0)] = Field(
+        0.0, description="The least time between two requests; else there is one when a task comes or a stop is made."
+    )
+    window_s: Annotated[float, Field(ge=0)] | None = Field(
+        None,
+        description="Plans reach so far ahead: beyond, robots need not keep clear of each other. 0: to the end. "
+        "By default 20 planned steps for planners that support windows, to the end for others.",
+    )
+    effort: Annotated[int, Field(ge=1)] = Field(
+        1_000_000, description="Labels that a planner may make for an answer: what ends its search."
+    )
+
+
+class ExecutionChoice(Strict):
+    """How the plan is driven."""
+
+    engine: Literal["sumo", "kinematic"] = Field(
+        "sumo", description="What moves the bodies: SUMO, or the robots' limits alone, which takes a fraction of the time."
+    )
+
+    policy: PolicyChoice = Field(
+        PolicyChoice(), description="Who may enter which vertex when: adg, open_loop, ..., or name and parameters."
+    )
+    dispatcher: DispatcherChoice = Field(
+        DispatcherChoice(),
+        description="Who decides what robots do next, once the first plan is being driven: by name, or name and parameters.",
+    )
+    planning: PlanningChoice = Field(PlanningChoice(), description="Of plans that are made while robots drive, for `tasks`.")
+    invalid_plan: Literal["open_loop", "refuse"] = Field(
+        "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
+    )
+    step_length_s: Annotated[float, Field(gt=0, le=1)] = 0.1
+    time_limit_s: Positive | None = Field(
+        None, description="Simulated time; by default 1.5 times the planned makespan, at least 300 s. What was used is in result.json."
+    )
+    goal_tolerance_m: Positive = Field(
+        0.7, description="MRP-Bench's locationTolerance: a robot this near its goal has reached it. Nobody stops short for it."
+    )
+    blocking_window_s: Positive = Field(10.0, description="A robot without a cell of progress along its path for so long is blocked.")
+    on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': see recovery.")
+    recovery: RecoveryChoice = RecoveryChoice()
+    mutex_groups: dict[str, list[str]] = Field(
+        {}, description="Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."
+    )
+    one_way: tuple[tuple[str, str], ...] = Field(
+        (), description="Pairs of vertices: along the shortest way from the first to the second, lanes go in that direction only."
+    )
+    doors: Literal["open", "automatic"] = Field(
+        "open",
+        description="Whether the map's doors stand open, or open and close for robots, which takes as long as in Open-RMF's simulations.",
+    )
+    manual_doors: list[str] = Field(
+        [], description="Doors that only people open, beside those that the map gives no plugin: robots pass while people keep them open."
+    )
+    disturbances: DisturbanceChoice = DisturbanceChoice()
+
+    @field_validator("disturbances", mode="before", json_schema_input_type=str | DisturbanceChoice)
+    @classmethod
+    def _short_disturbances(cls, found: Any) -> Any:
+        return {"name": found} if isinstance(found, str) else found
+
+    @field_validator("policy", mode="before", json_schema_input_type=str | PolicyChoice)
+    @classmethod
+    def _short_policy(cls, found: Any) -> Any:
+        return {"name": found} if isinstance(found, str) else found
+
+    @field_validator("dispatcher", mode="before", json_schema_input_type=str | DispatcherChoice)
+    @classmethod
+    def _short_dispatcher(cls, found: Any) -> Any:
+        return {"name": found} if isinstance(found, str) else found

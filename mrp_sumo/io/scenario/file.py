@@ -1,0 +1,65 @@
+"""A checked scenario with where it came from, so that messages name file, line and key; and where scenarios are found."""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
+from mrp_sumo.files.reading import require_regular, shortened
+from mrp_sumo.io.documents import Document, Place
+from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.maps.catalogue import bundled_folder
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """A checked scenario, and where its values come from, for messages about them."""
+
+    scenario: Scenario
+    document: Document
+    options: Mapping[Place, str]  # command line options by the place they stand for
+
+    def at(self, *place: str | int) -> str:
+        """`file:line: key` of a place, or the command line option that set it or something above it, or those that set something in it."""
+        for end in range(len(place), 0, -1):
+            if option := self.options.get(place[:end]):
+                return option
+        inside = dict.fromkeys(option for set_place, option in self.options.items() if set_place[: len(place)] == place)
+        return ", ".join(inside) or self.document.at(place)
+
+    @contextmanager
+    def located(self, *place: str | int) -> Iterator[None]:
+        """Refusals within the block name file, line and key of a place: what is made of its value finds the fault, and knows no file."""
+        try:
+            yield
+        except PlugInError:  # names its own file and line
+            raise
+        except MrpSumoError as error:
+            raise type(error)(*(f"{self.at(*place)}: {line}" for line in str(error).splitlines())) from None
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths begin."""
+        return self.document.path.parent
+
+
+def find_scenario(name_or_path: str) -> Path:
+    """The file of a scenario: a path, or the name of a bundled one (`office_9`, `suites/...`).
+
+    Raises
+    ------
+    ScenarioError
+        When there is no such file, with the nearest one.
+    """
+    path, bundled = Path(name_or_path), bundled_folder("scenarios")
+    named = bundled / (name_or_path if name_or_path.endswith(".yaml") else f"{name_or_path}.yaml")
+    for file in (path, named):
+        if os.path.isfile(file):  # noqa: PTH113  False for names that no system takes, too
+            return file
+    if os.path.lexists(path):
+        require_regular(path, error=ScenarioError)
+    beside = sorted(p.name for p in path.parent.glob("*.yaml")) if path.suffix else []
+    known = nearest(path.name, beside or sorted(p.stem for p in bundled.glob("*.yaml")), limit=10)
+    raise ScenarioError(f"{shortened(path)}: no such file{known}")

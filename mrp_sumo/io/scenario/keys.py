@@ -1,0 +1,50 @@
+"""Keys of scenarios by their dotted names, and what was meant by wrong ones."""
+
+import difflib
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from pydantic import BaseModel
+
+from mrp_sumo.errors import nearest
+from mrp_sumo.io.scenario.model import Scenario
+
+
+def unknown_key(key: str) -> str:
+    """What is wrong with a dotted key of scenarios, '' if nothing is."""
+    model: Any = Scenario
+    for i, part in enumerate(parts := key.split(".")):
+        if model is None or model is dict:
+            return "" if model is dict else f"'{'.'.join(parts[:i])}' has no keys"
+        if part not in model.model_fields:
+            return f"unknown key{nearest_key(key)}"
+        annotation = model.model_fields[part].annotation
+        kinds = [annotation, *getattr(annotation, "__args__", ())]
+        inner = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
+        model = inner[0] if inner else dict if str(annotation).startswith("dict") else None
+    return ""
+
+
+def nearest_key(key: str, others: Iterable[str] = ()) -> str:
+    """The end of a message about an unknown key: the likeliest meant by its whole name, else by its last part.
+
+    Parameters
+    ----------
+    key
+        What the user wrote.
+    others
+        More keys that would have been right.
+    """
+    known = [*others, *_all_keys(Scenario)]
+    by_last = {name.rpartition(".")[2]: name for name in reversed(known)}
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.75) or [
+        by_last[name] for name in difflib.get_close_matches(key.rpartition(".")[2], by_last, n=1, cutoff=0.75)
+    ]
+    return f" (did you mean '{close[0]}'?)" if close else nearest(key, known, limit=20)
+
+
+def _all_keys(model: type[BaseModel], above: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        yield above + name
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _all_keys(field.annotation, f"{above}{name}.")

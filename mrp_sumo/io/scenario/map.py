@@ -1,0 +1,78 @@
+"""`map` and `discretisation` of a scenario: which map, and how it becomes a graph of unit steps."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from mrp_sumo.io.scenario.robots import OfRobot
+from mrp_sumo.io.scenario.strict import Positive, Strict
+
+GraphIndex = Annotated[int, Field(ge=0, le=9)]
+
+
+class FurnitureChoice(Strict):
+    """The size of a model that stands in a building."""
+
+    model: str = Field(description="The `model_name` in the building file.")
+    length_m: OfRobot = Field(description="Along the model's x.")
+    width_m: OfRobot
+
+
+class MapChoice(Strict):
+    """Which part of which map."""
+
+    file: str = Field(description="A map file, relative to the scenario, or the name of a bundled map.")
+    reader: str | None = Field(None, description="A map reader by name, or FILE.py:CLASS; by default the one that recognises the file.")
+    level: str | None = Field(None, description="Only this level; all levels by default.")
+    graph: GraphIndex | tuple[GraphIndex, ...] | Literal["all"] | None = Field(
+        None, description="Nav graph index; several, or 'all', are united. The lowest with lanes by default."
+    )
+    meters_per_pixel: Positive | None = Field(None, description="Scale of a building without measurements.")
+    vehicle_type: str | None = Field(
+        None, description="Only the lanes for this type of vehicle, where the map knows types; all by default."
+    )
+    furniture: tuple[FurnitureChoice, ...] = Field(
+        (), description="Sizes of models in a building file, which are walls then; by default models have no effect."
+    )
+    snap_m: Positive | None = Field(None, description="Repair: join lane ends that lie this close to a vertex or lane they are not on.")
+    split_crossings: bool = Field(False, description="Repair: put a vertex where lanes cross without one.")
+    join_short_m: Positive | None = Field(
+        None, description="Repair: join the ends of lanes shorter than this, where one end has no name and no properties."
+    )
+    largest_component: bool = Field(False, description="Repair: keep the largest connected piece only.")
+
+    @field_validator("graph", mode="before")
+    @classmethod
+    def _one_or_several(cls, found: Any) -> Any:
+        several = found if isinstance(found, list | tuple) and found else [found]
+        if found not in (None, "all") and not all(type(number) is int and 0 <= number <= 9 for number in several):
+            raise ValueError(f"found {found!r}, expected a number from 0 to 9, a list of them, or 'all'")
+        return found
+
+
+class Discretisation(Strict):
+    """How the nav graph becomes a graph of unit steps."""
+
+    kind: Literal["grid", "roadmap"] = Field(
+        "grid", description="'grid': the occupancy grid of the MRP-Bench paper, lanes two cells wide; 'roadmap': lanes cut into steps."
+    )
+    cell_m: Positive = Field(0.4, description="Length of a step.")
+    lanes: Literal["single_track", "two_way"] = Field(
+        "single_track", description="Of a roadmap: can robots meet on a bidirectional lane? On a grid they can, lanes are two cells wide."
+    )
+    doubled: tuple[tuple[str, str], ...] = Field(
+        (), description="Of a roadmap: along the shortest way between two vertices robots can meet, as with two_way everywhere."
+    )
+    clearance: Literal["refuse", "prune", "ignore"] = Field(
+        "ignore",
+        description="What to do with lanes and cells where walls leave the robots no room: 'refuse' the scenario, 'prune': leave them out. "
+        "A run that touches a wall fails its audit in any case.",
+    )
+
+    @model_validator(mode="after")
+    def _lanes_of_a_roadmap(self) -> "Discretisation":
+        if self.kind == "grid" and self.lanes == "two_way":
+            raise ValueError("lanes: two_way is for kind roadmap; lanes of a grid are two cells wide already")
+        if self.doubled and (self.kind == "grid" or self.lanes == "two_way"):
+            raise ValueError("doubled is for kind roadmap with single tracks; here robots can meet on every lane already")
+        return self

@@ -1,0 +1,99 @@
+"""Scenario files read and checked, and changed by the command line."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.files.reading import shortened
+from mrp_sumo.io.columns import put
+from mrp_sumo.io.documents import Document, Place, read_document, validated
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.model import Scenario, folder_name
+from mrp_sumo.io.scenario.programs import programs_of, trust_programs
+from mrp_sumo.plugins.trust import trust
+
+
+def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None = None) -> ScenarioFile:
+    """Read and check a scenario file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    overrides
+        What the command line says instead: place -> (option, value), such as
+        `{("planner", "name"): ("--planner", "cbs")}`. Naming another planner drops the parameters of the one before.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault, with file and line.
+    """
+    document = read_document(path)
+    scenario = validated(document, Scenario)
+    if not scenario.name:
+        try:
+            scenario = scenario.model_copy(update={"name": folder_name(path.stem)})
+        except ValueError as error:
+            raise ScenarioError(f"{shortened(path)}: the file's name is the run's: {error}") from None
+    return changed(ScenarioFile(scenario, document, {}), overrides or {})
+
+
+def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioFile:
+    """Check a scenario that is not in a file. The programs that it names are trusted: the caller names them.
+
+    Parameters
+    ----------
+    values
+        What a file would say.
+    folder
+        Where relative paths begin.
+    name
+        Of a scenario that has none.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault.
+    """
+    document = Document(folder / "scenario", dict(values), {})
+    scenario = validated(document, Scenario)
+    file = ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
+    trust_programs(file)
+    return file
+
+
+def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> ScenarioFile:
+    """The scenario with other values. The programs that these name are trusted: the user names them.
+
+    Parameters
+    ----------
+    file
+        The scenario.
+    overrides
+        As for `read_scenario`.
+
+    Raises
+    ------
+    ScenarioError
+        One line a fault, with the option that is to blame.
+    """
+    if not overrides:
+        return file
+    options = {**file.options, **{place: option for place, (option, _) in overrides.items()}}
+    data = file.scenario.model_dump(exclude={"name"})  # which may be a file's, with any character
+    if file.scenario.tasks is not None:
+        del data["robots"]["goals"]  # robots have none but their starts, which may be others now
+    for place, (_, value) in overrides.items():
+        put(data, place, value)
+    scenario = validated(file.document, Scenario, data, options=options)
+    if not scenario.name:
+        scenario = scenario.model_copy(update={"name": file.scenario.name})
+    result = ScenarioFile(scenario, file.document, options)
+    before = {program for _, program in programs_of(file)}
+    for place, program in programs_of(result):
+        whole = place[:-1] in overrides and not isinstance(overrides[place[:-1]][1], Mapping)  # a short form, a list
+        if whole or place in overrides or program not in before:  # not what stays of a section that is changed in part
+            trust(program)
+    return result

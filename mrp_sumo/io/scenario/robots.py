@@ -1,0 +1,175 @@
+"""`robots` of a scenario, and the files of robots/: the fleet, its types, where it starts and goes."""
+
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from mrp_sumo.core.battery import Battery
+from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.files.reading import shortened
+from mrp_sumo.io.documents import read_document, validated
+from mrp_sumo.io.scenario.strict import Strict
+
+OfRobot = Annotated[float, Field(ge=1e-4, le=1e3, allow_inf_nan=False)]  # sizes and speeds, generously
+OfBattery = Annotated[float, Field(ge=1e-5, le=1e5, allow_inf_nan=False)]  # and of what it weighs
+Heading = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
+
+
+class BatteryShape(Strict):
+    """The battery of a robot type, and what drains it, after Open-RMF's model."""
+
+    voltage_v: OfBattery
+    capacity_ah: OfBattery
+    charging_a: OfBattery
+    mass_kg: OfBattery
+    inertia_kgm2: OfBattery
+    friction: float = Field(ge=0, le=10, description="Coefficient.")
+    device_w: float = Field(0.0, ge=0, le=1e5, description="Drawn by computer and sensors all the time.")
+
+
+class RobotShape(Strict):
+    """A robot type written out; see the files in robots/."""
+
+    length_m: OfRobot
+    width_m: OfRobot
+    max_speed_mps: OfRobot
+    accel_mps2: OfRobot
+    decel_mps2: OfRobot
+    turn_rate_rad_s: OfRobot
+    gap_m: float = Field(0.1, ge=0, le=1e3, description="Kept between robots, on top of their radii.")
+    source: str = ""
+    battery: BatteryShape | None = None
+
+
+class RobotGroup(Strict):
+    """Robots of one type in a fleet of several."""
+
+    type: str | RobotShape = Field(description="As robots.type.")
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="How many; by default as many as there are starts.")
+    starts: list[str] | None = Field(None, description="Names of vertices; drawn where the type has room by default.")
+    goals: list[str] | None = Field(None, description="Names of vertices, for robots of this group; drawn by default.")
+
+    @property
+    def size(self) -> int:
+        """How many robots."""
+        return self.count or len(self.starts or self.goals or ())
+
+    @model_validator(mode="after")
+    def _enough(self) -> "RobotGroup":
+        if not self.size:
+            raise ValueError("give count, or starts")
+        for key, places in (("starts", self.starts), ("goals", self.goals)):
+            if places is not None and len(places) != self.size:
+                raise ValueError(f"{len(places)} {key} for {self.size} robots")
+        return self
+
+
+class Robots(Strict):
+    """The fleet and where it starts and goes."""
+
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
+    type: str | RobotShape = Field("turtlebot3", description="A type of robots/, a YAML file of the same form, or one written out.")
+    fleet: Annotated[list[RobotGroup], Field(min_length=1)] | None = Field(
+        None,
+        description="Instead of count, type, starts and goals: groups of robots, each of a type. Lanes on which walls leave a type no room "
+        "are not its lanes, and goals of a group are for its robots. A list in the place of `robots` is short for it.",
+    )
+    draw: Literal["uniform", "anywhere", "mrp_bench"] = Field(
+        "uniform",
+        description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable stations; "
+        "'anywhere': the same between stations, too, on any vertex that robots plan on; "
+        "'mrp_bench': random.sample over the vertices with the seed (starts) and seed + 1 (goals), as MRP-Bench does.",
+    )
+    starts: list[str] | None = Field(None, description="Names of vertices, one a robot; an unnamed vertex is v<index>.")
+    goals: list[str] | None = Field(None, description="Names of vertices.")
+    start_heading_deg: Heading | list[Heading | None] | None = Field(
+        None,
+        description="Headings at the starts, counter-clockwise from x: one for all, or one a start, null for that of the robot's first "
+        "lane. By default all robots face the way that they go.",
+    )
+    goal_heading_deg: Heading | list[Heading | None] | None = Field(
+        None,
+        description="Headings to which robots turn at the goals, of lanes that lead to the goal or away from it: one for all, or one a "
+        "goal, null for any. By default all robots stay as they come.",
+    )
+
+    @field_validator("start_heading_deg", "goal_heading_deg", mode="before")
+    @classmethod
+    def _one_or_each(cls, found: Any) -> Any:
+        for heading in found if isinstance(found, list | tuple) else [found]:
+            if heading is not None and (type(heading) not in (int, float) or not -360 <= heading <= 360):
+                raise ValueError(f"found {heading!r:.40}, expected degrees from -360 to 360, or a list of them, null where any will do")
+        return found
+
+    @property
+    def size(self) -> int:
+        """How many robots."""
+        return sum(group.size for group in self.fleet) if self.fleet else self.count or len(self.starts or ())
+
+    @property
+    def groups(self) -> list[RobotGroup]:
+        """Robots by type; those of one type are one group."""
+        return self.fleet or [RobotGroup(type=self.type, count=self.size)]
+
+    @model_validator(mode="after")
+    def _enough(self) -> "Robots":
+        if self.fleet is not None:
+            given = [key for key in ("count", "starts", "goals") if getattr(self, key) is not None]
+            given += ["type"] if self.type != Robots.model_fields["type"].default else []
+            if given or self.draw == "mrp_bench":
+                raise ValueError(f"fleet and {given[0] if given else 'draw: mrp_bench'} exclude each other: its groups have their own")
+            return self._with_headings()
+        if (self.starts is None) != (self.goals is None):
+            raise ValueError("starts and goals go together: give both or neither")
+        if self.starts is None and self.count is None:
+            raise ValueError("give count, or starts and goals")
+        if self.starts is not None and self.count is not None and self.count > len(self.starts):
+            raise ValueError(f"count is {self.count}, but there are {len(self.starts)} starts")
+        return self._with_headings()
+
+    def _with_headings(self) -> "Robots":
+        """Refuse lists of headings that are not one for each."""
+        for key, headings, places in (
+            ("start", self.start_heading_deg, self.starts),
+            ("goal", self.goal_heading_deg, self.goals),
+        ):
+            expected = self.size if places is None else len(places)
+            if isinstance(headings, list) and len(headings) != expected:
+                raise ValueError(f"{key}_heading_deg has {len(headings)} headings, but there are {expected} {key}s")
+        return self
+
+
+def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:
+    """The robot type that a scenario names or writes out.
+
+    Parameters
+    ----------
+    choice
+        Of the scenario.
+    folder
+        The bundled types, `<name>.yaml` each.
+    beside
+        Where a relative path begins.
+
+    Raises
+    ------
+    ScenarioError
+        For an unknown type and a flawed file.
+    """
+    if isinstance(choice, RobotShape):
+        return _robot_type("custom", choice)
+    path = folder / f"{choice}.yaml"
+    if not os.path.isfile(path):  # noqa: PTH113
+        path = beside / choice
+        if not os.path.lexists(path):
+            known = nearest(choice, (p.stem for p in sorted(folder.glob("*.yaml"))))
+            raise ScenarioError(f"'{shortened(Path(choice))}' is neither a robot type nor a file{known}")
+    return _robot_type(path.stem, validated(read_document(path), RobotShape))
+
+
+def _robot_type(name: str, shape: RobotShape) -> RobotType:
+    battery = Battery(**shape.battery.model_dump()) if shape.battery else None
+    return RobotType(name=name, **shape.model_dump(exclude={"battery"}), battery=battery)
