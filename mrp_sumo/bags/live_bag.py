@@ -73,7 +73,7 @@ class LiveBag:
         if not (is_fast or is_second):
             return
         execution = self.live.now(moment)
-        samples = self._samples(execution, moment, now_ns)
+        samples = self.robots(execution, moment)
         if is_fast:
             self._num_fast = now_ns // FAST_NS + 1
             yield from self._poses(samples)
@@ -86,12 +86,12 @@ class LiveBag:
                 yield from self._tasks(execution, moment.now_s)
             if len(moment.ledger.entries) > self._num_entries:
                 self._num_entries = len(moment.ledger.entries)
-                m.plan = _ahead(moment.ledger)
+                m.plan = ways_ahead(moment.ledger)
                 yield *PLANS, m.plan_markers(EPOCH_NS + now_ns)
 
-    def _samples(self, execution: Execution, moment: Moment, now_ns: int) -> streams.Samples:
-        """Robots now."""
-        samples = streams.Samples(replace(self._at_outset, execution=execution), np.array([now_ns]))
+    def robots(self, execution: Execution, moment: Moment) -> streams.Samples:
+        """Where robots are, and in which state."""
+        samples = streams.Samples(replace(self._at_outset, execution=execution), np.array([round(moment.now_s * 1e9)]))
         samples.state[:, moment.ledger.state.waits.stuck & (samples.state[0] == WAITING)] = BLOCKED
         return samples
 
@@ -115,7 +115,7 @@ class LiveBag:
         self._tasks_until_s = now_s
 
 
-def _ahead(ledger: Ledger) -> Plan:
+def ways_ahead(ledger: Ledger) -> Plan:
     """The ways that robots are still to drive, without times."""
     reached, vertex = ledger.visits.reached, ledger.column("vertex")
     ways = [vertex[ledger.ids(r, int(reached[r]))] for r in range(ledger.num_robots)]

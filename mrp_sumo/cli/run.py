@@ -49,6 +49,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--foxglove", action="store_true", help="show the run in Foxglove while it drives, with its playback control: pause, seek, speed"
     )
+    parser.add_argument(
+        "--rerun",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="write the run for Rerun, FILE.rrd, or show it as it drives in a viewer that is open (default: on this machine)",
+    )
     parser.add_argument("--dds", action="store_true", help="publish the run over DDS while it drives, as ROS 2 nodes do, in real time")
     parser.add_argument(
         "--speed",
@@ -118,6 +125,10 @@ def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
         from mrp_sumo.wire.dds import LOOPBACK, DdsView
 
         watches.append(stack.enter_context(DdsView(options.domain or 0, options.interface or LOOPBACK)).watch)
+    if options.rerun is not None:
+        from mrp_sumo.wire.rerun import VIEWER, RerunView
+
+        watches.append(stack.enter_context(RerunView(options.rerun or VIEWER)).watch)
     if options.foxglove:
         from mrp_sumo.wire.foxglove import PORT, FoxgloveView
 
