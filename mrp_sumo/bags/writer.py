@@ -7,11 +7,11 @@ write leaves complete chunks in the mcap file but no index.
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
@@ -25,6 +25,7 @@ from mrp_sumo.bags.paths import ODD, plain_path
 from mrp_sumo.bags.task_states import TOPIC, TYPE, task_states
 from mrp_sumo.core.execution import Reply, as_believed, let_go_of_samples, plans_in_force
 from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.scenario.model import Recording
@@ -102,28 +103,97 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
             raise OSError(str(error)) from error
 
 
-def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
-    """All messages, latched ones first, then by time, some samples at a time."""
-    topic = _Topics(writer, messages).add
-    once = [  # (connection, message at a stamp)
-        (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),
-        (topic("/map", "nav_msgs/OccupancyGrid", 1, latched=True), messages.map),
-        (topic("/map_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.map_markers),
-        (topic("/robot_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.robot_markers),
-        (plan_markers := topic("/plan_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.plan_markers),
-    ]
-    paths = {robot: topic(f"/{messages.robots[robot]}/plan", "nav_msgs/Path", 1, latched=True) for robot in chosen}
-    once += [(paths[robot], lambda ns, robot=robot: messages.path(ns, robot)) for robot in chosen]  # type: ignore[misc]
-    for connection, message in once:
-        writer.write(connection, EPOCH_NS, message(EPOCH_NS))
-    requests = topic("/robot_path_requests", "rmf_fleet_msgs/PathRequest", max(100, record.fleet.num_robots), latched=True)
-    for raw in messages.path_requests():
-        writer.write(requests, EPOCH_NS, raw)
+class _Stream(NamedTuple):
+    """Messages at stamps of their own, of which some are made at a time."""
 
+    t_ns: IntArray
+    over: Callable[
+        [slice], Callable[[int, int], None]
+    ]  # for some of the stamps: what writes the k-th of them, given its time since the epoch
+
+
+def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
+    """All messages, latched ones first, then by time; at equal times in the order of the streams."""
+    topic = _Topics(writer, messages).add
+    latched = _Latched(writer, messages, topic, chosen)
     end_ns = round(float(record.execution.t_s[-1]) * 1e9)
     fast_ns = _ticks(record, end_ns, round(options.period_s * 1e9))
-    slow_ns, second_ns = (np.arange(0, end_ns + 1, every, dtype=np.int64) for every in (FLEET_STATES_NS, SECOND_NS))
-    makers: list[tuple[Connection, IntArray, Any]] = [  # times, and the stream of messages that is made of messages and samples
+    second_ns = np.arange(0, end_ns + 1, SECOND_NS, dtype=np.int64)
+    streams = [
+        _Stream(_every(options.split_s, end_ns - 1), lambda _: latched.begin_part),
+        _Stream(_every(options.repeat_latched_s, end_ns), lambda _: latched.repeat),
+        *_sampled(writer, messages, record, _makers(messages, record, options, chosen, topic, fast_ns, end_ns)),
+    ]
+    log_topic = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True)
+    logs = _listed((ns - EPOCH_NS, partial(writer.write, log_topic, data=data)) for ns, data in messages.logs())
+    states = list(task_states(messages, end_ns / 1e9))
+    state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else log_topic
+    facilities = list(facility_states(messages, end_ns / 1e9))
+    facility_topics = {name: topic(name, kind, 100) for name, kind in TOPICS if any(at == name for _, at, _ in facilities)}
+    replies = record.execution.replies if record.plan else ()
+    plans = plans_in_force(record.plan, replies) if record.plan else iter(())
+    streams += [
+        logs,
+        _diagnosed(writer, messages, record, topic, second_ns),
+        _listed((round(reply.t_s * 1e9), partial(latched.replan, reply, plans)) for reply in replies),
+        _listed((ns, partial(writer.write, state_topic, data=data)) for ns, data in states),
+        _listed((ns, partial(writer.write, facility_topics[name], data=data)) for ns, name, data in facilities),
+    ]
+    times = [stream.t_ns for stream in streams]
+    for parts in _spans(times, fast_ns[:: max(1, SAMPLES_TOGETHER // max(1, record.fleet.num_robots))]):
+        let_go_of_samples(record.execution)
+        write = [stream.over(part) for stream, part in zip(streams, parts)]
+        for ns, stream, k in _merged([t_ns[part] for t_ns, part in zip(times, parts)]):
+            write[stream](ns, k)
+
+
+class _Latched:
+    """Topics of which late listeners get the last message: the building, the robots' shapes, and the plan in force."""
+
+    def __init__(self, writer: PartedWriter, messages: Messages, topic: "_Topic", chosen: list[int]) -> None:
+        self._writer, self._messages = writer, messages
+        self._once = [  # (connection, message at a stamp)
+            (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),
+            (topic("/map", "nav_msgs/OccupancyGrid", 1, latched=True), messages.map),
+            (topic("/map_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.map_markers),
+            (topic("/robot_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.robot_markers),
+            (plan_markers := topic("/plan_markers", "visualization_msgs/MarkerArray", 1, latched=True), messages.plan_markers),
+        ]
+        self._plan_markers = plan_markers
+        self._paths = {robot: topic(f"/{messages.robots[robot]}/plan", "nav_msgs/Path", 1, latched=True) for robot in chosen}
+        self._once += [(path, partial(messages.path, robot=robot)) for robot, path in self._paths.items()]
+        self.repeat(EPOCH_NS)
+        self._requests = topic("/robot_path_requests", "rmf_fleet_msgs/PathRequest", max(100, len(messages.robots)), latched=True)
+        for raw in messages.path_requests():
+            writer.write(self._requests, EPOCH_NS, raw)
+
+    def repeat(self, ns: int, _k: int = 0) -> None:
+        """Write them again, for players that start in the middle."""
+        for connection, message in self._once:
+            self._writer.write(connection, ns, message(ns))
+
+    def begin_part(self, ns: int, _k: int) -> None:
+        """Begin another file of the bag with them."""
+        self._writer.next_part()
+        self.repeat(ns)
+
+    def replan(self, reply: Reply, plans: Iterator[Plan], ns: int) -> None:
+        """The next plan is in force: all of it as markers, and the requests of the robots that were sent other ways."""
+        self._messages.plan = next(plans)
+        self._writer.write(self._plan_markers, ns, self._messages.plan_markers(ns))
+        for raw in self._messages.path_requests(dict(zip(reply.robot.tolist(), reply.since.tolist())), ns):
+            self._writer.write(self._requests, ns, raw)
+        for robot in reply.robot.tolist():
+            if robot in self._paths:
+                self._writer.write(self._paths[robot], ns, self._messages.path(ns, robot))
+
+
+def _makers(
+    messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int], topic: "_Topic", fast_ns: IntArray, end_ns: int
+) -> list[tuple[Connection, IntArray, Any]]:
+    """Topics that are made of samples: the connection, the stamps, and what makes the stream of messages of messages and samples."""
+    slow_ns = np.arange(0, end_ns + 1, FLEET_STATES_NS, dtype=np.int64)
+    makers: list[tuple[Connection, IntArray, Any]] = [
         (topic("/tf", "tf2_msgs/TFMessage", 100), fast_ns, say.transforms),
         (topic("/robot_cloud", "sensor_msgs/PointCloud2"), fast_ns, say.cloud),
         (topic("/fleet_states", "rmf_fleet_msgs/FleetState"), slow_ns, say.fleet_states),
@@ -134,59 +204,58 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
     if record.execution.people is not None:
         people_ns = np.arange(0, end_ns + 1, people.PERIOD_NS, dtype=np.int64)
         makers += [(topic(*people.PEOPLE), people_ns, people.People), (topic(*people.MARKERS), people_ns, people.Markers)]
-    log_topic, logs = topic("/rosout", "rcl_interfaces/Log", 1000, latched=True), list(messages.logs())
-    states = list(task_states(messages, end_ns / 1e9))
-    state_topic = topic(TOPIC, TYPE, 1000, latched=True) if states else log_topic
-    facilities = list(facility_states(messages, end_ns / 1e9))
-    facility_topics = {name: topic(name, kind, 100) for name, kind in TOPICS if any(at == name for _, at, _ in facilities)}
-    diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
-    figures = say.metrics(say.Samples(record, second_ns[:1]), 0)
-    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in figures}
+    return makers
 
-    replies = record.execution.replies if record.plan else ()
-    plans = plans_in_force(record.plan, replies) if record.plan else iter(())
-    times = [
-        _every(options.split_s, end_ns - 1),
-        _every(options.repeat_latched_s, end_ns),
-        *(t_ns for _, t_ns, _ in makers),
-        np.array([ns - EPOCH_NS for ns, _ in logs], np.int64),
-        second_ns,
-        np.array([round(reply.t_s * 1e9) for reply in replies], np.int64),
-        np.array([ns for ns, _ in states], np.int64),
-        np.array([ns for ns, _, _ in facilities], np.int64),
-    ]
-    for place in _spans(times, fast_ns[:: max(1, SAMPLES_TOGETHER // max(1, record.fleet.num_robots))]):
-        let_go_of_samples(record.execution)
-        parts = place[2 : 2 + len(makers)]
-        sampled = {id(t_ns): _samples(record, t_ns, part) for (_, t_ns, _), part in zip(makers, parts)}
-        streams = [(connection, make(messages, sampled[id(t_ns)])) for connection, t_ns, make in makers]
-        second = _samples(record, second_ns, place[-4])
-        diagnostics = say.Diagnostics(messages, second)
-        for ns, kind, k in _merged([t_ns[part] for t_ns, part in zip(times, place)]):
-            if kind < 2:
-                if kind == 0:
-                    writer.next_part()
-                for connection, message in once:
-                    writer.write(connection, ns, message(ns))
-            elif kind < 2 + len(streams):
-                connection, stream = streams[kind - 2]
-                if (data := stream.message(k)) is not None:
-                    writer.write(connection, ns, data)
-            elif kind == len(times) - 5:
-                writer.write(log_topic, ns, logs[place[kind].start + k][1])
-            elif kind == len(times) - 4:
-                writer.write(diagnosed, ns, diagnostics.message(k))
-                for name, data in say.metrics(second, k).items():
-                    if name in metrics:
-                        writer.write(metrics[name], ns, data)
-            elif kind == len(times) - 3:
-                messages.plan = next(plans)
-                _write_replan(writer, messages, replies[place[kind].start + k], ns, plan_markers, requests, paths)
-            elif kind == len(times) - 2:
-                writer.write(state_topic, ns, states[place[kind].start + k][1])
-            else:
-                _, name, data = facilities[place[kind].start + k]
-                writer.write(facility_topics[name], ns, data)
+
+def _sampled(
+    writer: PartedWriter, messages: Messages, record: RunRecord, makers: Sequence[tuple[Connection, IntArray, Any]]
+) -> Iterator[_Stream]:
+    """Streams of messages that are made of samples; those with the same stamps share them."""
+    latest: dict[int, tuple[slice, say.Samples]] = {}
+
+    def over(part: slice, connection: Connection, t_ns: IntArray, make: Any) -> Callable[[int, int], None]:
+        if latest.get(id(t_ns), (None,))[0] != part:
+            latest[id(t_ns)] = part, _samples(record, t_ns, part)
+        stream = make(messages, latest[id(t_ns)][1])
+
+        def write(ns: int, k: int) -> None:
+            if (data := stream.message(k)) is not None:
+                writer.write(connection, ns, data)
+
+        return write
+
+    for connection, t_ns, make in makers:
+        yield _Stream(t_ns, partial(over, connection=connection, t_ns=t_ns, make=make))
+
+
+def _diagnosed(writer: PartedWriter, messages: Messages, record: RunRecord, topic: "_Topic", t_ns: IntArray) -> _Stream:
+    """How robots are, and figures of the run so far."""
+    diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+    metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(say.Samples(record, t_ns[:1]), 0)}
+
+    def over(part: slice) -> Callable[[int, int], None]:
+        samples = _samples(record, t_ns, part)
+        diagnostics = say.Diagnostics(messages, samples)
+
+        def write(ns: int, k: int) -> None:
+            writer.write(diagnosed, ns, diagnostics.message(k))
+            for name, data in say.metrics(samples, k).items():
+                if name in metrics:
+                    writer.write(metrics[name], ns, data)
+
+        return write
+
+    return _Stream(t_ns, over)
+
+
+def _listed(messages: Iterable[tuple[int, Callable[[int], None]]]) -> _Stream:
+    """Messages that are there already, each with its stamp and what writes it."""
+    listed = list(messages)
+
+    def over(part: slice) -> Callable[[int, int], None]:
+        return lambda ns, k: listed[part.start + k][1](ns)
+
+    return _Stream(np.array([ns for ns, _ in listed], np.int64), over)
 
 
 def _every(period_s: float, until_ns: int) -> IntArray:
@@ -206,6 +275,12 @@ def _samples(record: RunRecord, t_ns: IntArray, part: slice) -> say.Samples:
     """Samples at some of a topic's times."""
     before_ns = int(t_ns[part.start - 1]) if part.start else -1
     return say.Samples(record, t_ns[part], part.start, before_ns)
+
+
+class _Topic(Protocol):
+    """Adds a topic to a bag."""
+
+    def __call__(self, name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection: ...
 
 
 class _Topics:
@@ -232,24 +307,6 @@ def _merged(times: Sequence[IntArray]) -> Iterator[tuple[int, int, int]]:
     place = np.concatenate([np.arange(len(t)) for t in times])
     order = np.lexsort((place, stream, stamp))
     return zip((stamp[order] + EPOCH_NS).tolist(), stream[order].tolist(), place[order].tolist())
-
-
-def _write_replan(
-    writer: PartedWriter,
-    messages: Messages,
-    reply: Reply,
-    ns: int,
-    markers: Connection,
-    requests: Connection,
-    paths: Mapping[int, Connection],
-) -> None:
-    """The plan in force again: all of it as markers, and the requests of the robots that were sent other ways."""
-    writer.write(markers, ns, messages.plan_markers(ns))
-    for raw in messages.path_requests(dict(zip(reply.robot.tolist(), reply.since.tolist())), ns):
-        writer.write(requests, ns, raw)
-    for robot in reply.robot.tolist():
-        if robot in paths:
-            writer.write(paths[robot], ns, messages.path(ns, robot))
 
 
 def _ticks(record: RunRecord, end_ns: int, period_ns: int) -> IntArray:
