@@ -95,20 +95,9 @@ def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
         if not isinstance(document.get(key), list):
             raise PlanError(f"{path.name}: {key} is {'missing' if key not in document else 'no list'}")
         parts[key] = document[key]
+    _require_rows(path, parts)
     places, paths = parts["start"], parts["actualPaths"]
-    for key in ("start", "actualPaths", "actualSchedule"):
-        if len(parts[key]) != len(paths):
-            raise PlanError(f"{path.name}: {len(parts[key])} robots in {key}, {len(paths)} in actualPaths")
-    for r, place in enumerate(places):
-        if not (isinstance(place, list) and len(place) == 3 and _are_whole(place[:2]) and str(place[2]) in HEADING_LETTERS and place[2]):
-            raise PlanError(f"{path.name}: start[{r}] is {place!r:.40}, expected [row, column, heading of E, S, W, N]")
     schedule = [row for r, text in enumerate(parts["actualSchedule"]) for row in _schedule_of(path, r, text)]
-    for k, row in enumerate(parts["events"]):
-        if not (isinstance(row, list) and len(row) == 4 and _are_whole(row)):
-            raise PlanError(f"{path.name}: events[{k}] is {row!r:.40}, expected [time, robot, task, errands done]")
-    for k, row in enumerate(parts["tasks"]):
-        if not (isinstance(row, list) and len(row) == 3 and _are_whole(row[:2]) and row[0] == k and _are_places(row[2])):
-            raise PlanError(f"{path.name}: tasks[{k}] is {row!r:.40}, expected [{k}, time, [row, column, ...]]")
     done = document.get("numTaskFinished")
     if not isinstance(done, int) or isinstance(done, bool):
         raise PlanError(f"{path.name}: numTaskFinished is {done!r:.20}, expected a whole number")
@@ -123,6 +112,23 @@ def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
         num_done=done,
         in_ticks=bool(problem.ticks) and "2024" not in str(document.get("version", "")),
     )
+
+
+def _require_rows(path: Path, parts: dict[str, list[Any]]) -> None:
+    """Refuse lists of a solution whose rows are not what they should be."""
+    num_robots = len(parts["actualPaths"])
+    for key in ("start", "actualSchedule"):
+        if len(parts[key]) != num_robots:
+            raise PlanError(f"{path.name}: {len(parts[key])} robots in {key}, {num_robots} in actualPaths")
+    for r, place in enumerate(parts["start"]):
+        if not (isinstance(place, list) and len(place) == 3 and _are_whole(place[:2]) and str(place[2]) in HEADING_LETTERS and place[2]):
+            raise PlanError(f"{path.name}: start[{r}] is {place!r:.40}, expected [row, column, heading of E, S, W, N]")
+    for k, row in enumerate(parts["events"]):
+        if not (isinstance(row, list) and len(row) == 4 and _are_whole(row)):
+            raise PlanError(f"{path.name}: events[{k}] is {row!r:.40}, expected [time, robot, task, errands done]")
+    for k, row in enumerate(parts["tasks"]):
+        if not (isinstance(row, list) and len(row) == 3 and _are_whole(row[:2]) and row[0] == k and _are_places(row[2])):
+            raise PlanError(f"{path.name}: tasks[{k}] is {row!r:.40}, expected [{k}, time, [row, column, ...]]")
 
 
 def read_map(path: Path) -> BoolArray:

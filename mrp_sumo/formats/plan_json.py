@@ -104,16 +104,7 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     if not isinstance(robots, list):
         raise PlanError(f"{path}: damaged: robots is {robots!r:.40}, expected a list")
     for k, robot in enumerate(robots):
-        if not isinstance(robot, dict) or not isinstance(robot.get("name"), str) or not isinstance(robot.get("visits"), list):
-            raise PlanError(f"{path}: damaged: robots[{k}] has no name or no visits")
-        turned_s = robot.get("turned_s", 0.0)
-        if isinstance(turned_s, bool) or not isinstance(turned_s, int | float) or not abs(turned_s) < FARTHEST:
-            raise PlanError(f"{path}: damaged: robots[{k}].turned_s is {turned_s!r:.40}, expected a time in s")
-        if fault := fault_of(robot["name"]):
-            raise PlanError(f"{path}: robots[{k}].name: {fault}")
-        for i, visit in enumerate(robot["visits"]):
-            if fault := _fault(visit):
-                raise PlanError(f"{path}: damaged: robots[{k}].visits[{i}] {fault}")
+        _require_robot(path, k, robot)
     step_s = document.get("step_s")
     if not isinstance(step_s, int | float) or isinstance(step_s, bool) or not 0 < step_s < FARTHEST:
         raise PlanError(f"{path}: damaged: step_s is {step_s!r:.40}, expected a number of seconds above 0")
@@ -137,6 +128,20 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     if robots and all("turned_s" in robot for robot in robots):
         turned_s = frozen(np.array([robot["turned_s"] for robot in robots], np.float64))
     return Plan(first, vertex, times("arrive_s"), times("depart_s"), in_steps, turned_s)
+
+
+def _require_robot(path: Path, k: int, robot: Any) -> None:
+    """Refuse the k-th robot of a plan where its name, its times or its visits are damaged."""
+    if not isinstance(robot, dict) or not isinstance(robot.get("name"), str) or not isinstance(robot.get("visits"), list):
+        raise PlanError(f"{path}: damaged: robots[{k}] has no name or no visits")
+    turned_s = robot.get("turned_s", 0.0)
+    if isinstance(turned_s, bool) or not isinstance(turned_s, int | float) or not abs(turned_s) < FARTHEST:
+        raise PlanError(f"{path}: damaged: robots[{k}].turned_s is {turned_s!r:.40}, expected a time in s")
+    if fault := fault_of(robot["name"]):
+        raise PlanError(f"{path}: robots[{k}].name: {fault}")
+    for i, visit in enumerate(robot["visits"]):
+        if fault := _fault(visit):
+            raise PlanError(f"{path}: damaged: robots[{k}].visits[{i}] {fault}")
 
 
 def goal_headings(path: Path, robot_name: Sequence[str]) -> FloatArray | None:

@@ -114,33 +114,41 @@ def line_of(text: str, keys: tuple[str | int, ...]) -> int:
             best = event.start_mark.line + 1
             break
     while wanted:
-        key = wanted.pop(0)
-        found = None
+        key, found = wanted.pop(0), None
         if isinstance(event, yaml.MappingStartEvent):
-            for name in events:
-                if isinstance(name, yaml.MappingEndEvent):
-                    break
-                same = isinstance(name, yaml.ScalarEvent) and name.value == str(key)
-                if not isinstance(name, yaml.ScalarEvent):
-                    _skip(name, events)
-                value = next(events)
-                if same:
-                    found = value
-                    break
-                _skip(value, events)
+            found = _value_of(str(key), events)
         elif isinstance(event, yaml.SequenceStartEvent) and isinstance(key, int):
-            for position, value in enumerate(events):
-                if isinstance(value, yaml.SequenceEndEvent):
-                    break
-                if position == key:
-                    found = value
-                    break
-                _skip(value, events)
+            found = _value_at(key, events)
         if found is None:
             break
         event = found
         best = event.start_mark.line + 1
     return best
+
+
+def _value_of(key: str, events: Iterator[Any]) -> Any:
+    """The event with which the value of a key of a mapping begins, or None."""
+    for name in events:
+        if isinstance(name, yaml.MappingEndEvent):
+            return None
+        same = isinstance(name, yaml.ScalarEvent) and name.value == key
+        _skip(name, events)
+        value = next(events)
+        if same:
+            return value
+        _skip(value, events)
+    return None
+
+
+def _value_at(position: int, events: Iterator[Any]) -> Any:
+    """The event with which a value of a list begins, or None."""
+    for i, value in enumerate(events):
+        if isinstance(value, yaml.SequenceEndEvent):
+            return None
+        if i == position:
+            return value
+        _skip(value, events)
+    return None
 
 
 def _skip(event: Any, events: Iterator[Any]) -> None:
@@ -150,7 +158,7 @@ def _skip(event: Any, events: Iterator[Any]) -> None:
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
 
 
-def _build(source: Text) -> Any:
+def _build(source: Text) -> Any:  # noqa: C901  one pass over events, which come in the hundred thousands
     anchors: dict[str, tuple[Any, int]] = {}  # name -> value, number of values in it
     scalars: dict[str, Any] = {}  # plain text -> value; most of a map's are the same few words
     stack: list[tuple[Any, list[Any] | None, str | None, int]] = []  # container, pending key of a mapping, anchor, count at its start

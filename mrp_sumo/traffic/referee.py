@@ -124,33 +124,39 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> l
         f"at {plan.depart_s[k]:g} s: there is no lane"
         for k in jump[:10]
     ]
-    for robot, name in enumerate(names):
-        a, b = int(plan.first[robot]), int(plan.first[robot + 1])
-        if plan.vertex[a] != problem.start[robot]:
-            faults.append(f"{name} begins at '{graph.label(plan.vertex[a])}', not at its start '{graph.label(problem.start[robot])}'")
-        if target[robot] >= 0 and plan.vertex[b - 1] != target[robot]:
-            faults.append(f"{name} ends at '{graph.label(plan.vertex[b - 1])}', not at its goal '{graph.label(target[robot])}'")
-        if abs(plan.arrive_s[a]) > EPSILON_S:
-            faults.append(f"{name} begins at {plan.arrive_s[a]:g} s, not at 0 s")
-        if plan.depart_s[b - 1] != np.inf:
-            faults.append(f"{name} leaves its last vertex at {plan.depart_s[b - 1]:g} s")
-        moves = slice(a, b - 1)
-        if not np.isfinite(plan.arrive_s[a:b]).all() or not np.isfinite(plan.depart_s[moves]).all():
-            faults.append(f"{name} has a visit without a time")
-            continue
-        early = np.flatnonzero(plan.depart_s[moves] < plan.arrive_s[moves] - EPSILON_S)
-        if len(early):
-            k = a + int(early[0])
-            faults.append(
-                f"{name} leaves '{graph.label(plan.vertex[k])}' at {plan.depart_s[k]:g} s, before it arrives at {plan.arrive_s[k]:g} s"
-            )
-        fast = np.flatnonzero(plan.arrive_s[a + 1 : b] - plan.depart_s[moves] < lane_s - EPSILON_S)
-        if len(fast):
-            k = a + int(fast[0])
-            faults.append(
-                f"{name} needs {plan.arrive_s[k + 1] - plan.depart_s[k]:g} s from '{graph.label(plan.vertex[k])}' "
-                f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {lane_s:g} s"
-            )
+    for robot in range(problem.num_robots):
+        faults += _faults_of(robot, problem, plan, int(target[robot]), lane_s)
+    return faults
+
+
+def _faults_of(robot: int, problem: Problem, plan: Plan, target: int, lane_s: float) -> list[str]:
+    """What is wrong with one robot's visits; a target of -1 is none."""
+    graph, name, faults = problem.graph, problem.fleet.robot_name[robot], list[str]()
+    a, b = int(plan.first[robot]), int(plan.first[robot + 1])
+    if plan.vertex[a] != problem.start[robot]:
+        faults.append(f"{name} begins at '{graph.label(plan.vertex[a])}', not at its start '{graph.label(problem.start[robot])}'")
+    if target >= 0 and plan.vertex[b - 1] != target:
+        faults.append(f"{name} ends at '{graph.label(plan.vertex[b - 1])}', not at its goal '{graph.label(target)}'")
+    if abs(plan.arrive_s[a]) > EPSILON_S:
+        faults.append(f"{name} begins at {plan.arrive_s[a]:g} s, not at 0 s")
+    if plan.depart_s[b - 1] != np.inf:
+        faults.append(f"{name} leaves its last vertex at {plan.depart_s[b - 1]:g} s")
+    moves = slice(a, b - 1)
+    if not np.isfinite(plan.arrive_s[a:b]).all() or not np.isfinite(plan.depart_s[moves]).all():
+        return [*faults, f"{name} has a visit without a time"]
+    early = np.flatnonzero(plan.depart_s[moves] < plan.arrive_s[moves] - EPSILON_S)
+    if len(early):
+        k = a + int(early[0])
+        faults.append(
+            f"{name} leaves '{graph.label(plan.vertex[k])}' at {plan.depart_s[k]:g} s, before it arrives at {plan.arrive_s[k]:g} s"
+        )
+    fast = np.flatnonzero(plan.arrive_s[a + 1 : b] - plan.depart_s[moves] < lane_s - EPSILON_S)
+    if len(fast):
+        k = a + int(fast[0])
+        faults.append(
+            f"{name} needs {plan.arrive_s[k + 1] - plan.depart_s[k]:g} s from '{graph.label(plan.vertex[k])}' "
+            f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {lane_s:g} s"
+        )
     return faults
 
 

@@ -215,7 +215,17 @@ def _disorder(order: Order) -> Iterator[str]:
             yield f"nodes[{i}].released is true behind one that is not: the base is what comes first"
     if not nodes[0].released:
         yield "nodes[0].released is false: an order begins in its base"
-    for i, edge in enumerate(edges):
+    yield from _disorder_of_edges(order)
+    both: list[Node | Edge] = [*nodes, *edges]
+    names = [action.name for one in both for action in one.actions]
+    if len(set(names)) != len(names):
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        yield f"actionId '{twice[:WORDS]}' is there twice"
+
+
+def _disorder_of_edges(order: Order) -> Iterator[str]:
+    nodes, begin = order.nodes, order.nodes[0].sequence
+    for i, edge in enumerate(order.edges):
         if edge.sequence != begin + 2 * i + 1:
             yield f"edges[{i}].sequenceId is {edge.sequence}, expected {begin + 2 * i + 1}"
         if edge.released != nodes[i + 1].released:
@@ -223,11 +233,6 @@ def _disorder(order: Order) -> Iterator[str]:
         for key, name, end in zip(("startNodeId", "endNodeId"), edge.ends or (), (nodes[i].name, nodes[i + 1].name)):
             if name != end:
                 yield f"edges[{i}].{key} is '{name[:WORDS]}', but the node there is '{end[:WORDS]}'"
-    both: list[Node | Edge] = [*nodes, *edges]
-    names = [action.name for one in both for action in one.actions]
-    if len(set(names)) != len(names):
-        twice = next(name for k, name in enumerate(names) if name in names[:k])
-        yield f"actionId '{twice[:WORDS]}' is there twice"
 
 
 def _node(one: Any, at: str, dialect: Dialect) -> Node:

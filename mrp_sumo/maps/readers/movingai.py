@@ -5,6 +5,7 @@
 has it. Refuses other headers and characters, and rows that are missing or of a wrong length.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -91,23 +92,7 @@ def read_grid(source: Text, name: str, cell_m: float) -> tuple[PlanGraph, BoolAr
 def occupancy(source: Text) -> BoolArray:
     """[H, W] free cells of a `.map`; row 0 is the lowest."""
     lines = source.text.splitlines()
-    size = {}
-    start = None
-    for number, line in enumerate(lines[:20], 1):
-        words = line.split()
-        if words[:1] == ["map"]:
-            start = number
-            break
-        if len(words) != 2 or words[0] not in ("type", "height", "width"):
-            raise _fault(source, number, f"'{line[:40]}' in the header, expected type, height, width or map")
-        if words[0] != "type":
-            if not words[1].isdecimal() or len(words[1]) > 12 or not 0 < int(words[1]) <= MAX_CELLS:
-                raise _fault(source, number, f"{words[0]} is '{words[1][:20]}', expected a whole number above 0")
-            size[words[0]] = int(words[1])
-    if start is None or len(size) != 2:
-        missing = [key for key in ("height", "width") if key not in size]
-        raise source.fault(f"the header has no '{missing[0] if missing else 'map'}' line")
-    height, width = size["height"], size["width"]
+    start, height, width = _header(source, lines)
     if height * width > MAX_CELLS:
         raise source.fault(f"{width} x {height} cells; more than {MAX_CELLS:.0e} are not read")
     rows = lines[start : start + height]
@@ -125,6 +110,27 @@ def occupancy(source: Text) -> BoolArray:
         row, column = np.argwhere(strange)[0]
         raise _fault(source, start + 1 + int(row), f"column {column + 1} is '{chr(cells[row, column])}', expected one of . G S @ O T W")
     return free[::-1]
+
+
+def _header(source: Text, lines: Sequence[str]) -> tuple[int, int, int]:
+    """How many lines the header has, and the height and width that it gives."""
+    size = {}
+    start = None
+    for number, line in enumerate(lines[:20], 1):
+        words = line.split()
+        if words[:1] == ["map"]:
+            start = number
+            break
+        if len(words) != 2 or words[0] not in ("type", "height", "width"):
+            raise _fault(source, number, f"'{line[:40]}' in the header, expected type, height, width or map")
+        if words[0] != "type":
+            if not words[1].isdecimal() or len(words[1]) > 12 or not 0 < int(words[1]) <= MAX_CELLS:
+                raise _fault(source, number, f"{words[0]} is '{words[1][:20]}', expected a whole number above 0")
+            size[words[0]] = int(words[1])
+    if start is None or len(size) != 2:
+        missing = [key for key in ("height", "width") if key not in size]
+        raise source.fault(f"the header has no '{missing[0] if missing else 'map'}' line")
+    return start, size["height"], size["width"]
 
 
 def read_problem_set(source: Text) -> ProblemSet:

@@ -51,7 +51,7 @@ class _Server(ThreadingHTTPServer):
         """A viewer that goes away is no news."""
 
 
-def _handler(live: LiveServer) -> type[BaseHTTPRequestHandler]:
+def _handler(live: LiveServer) -> type[BaseHTTPRequestHandler]:  # noqa: C901  counts all methods of the class
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             place = self._place()
