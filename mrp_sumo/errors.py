@@ -14,7 +14,7 @@ class MrpSumoError(Exception):
 
 
 class ScenarioError(MrpSumoError):
-    """A scenario file that cannot be used; one line a fault in `lines`."""
+    """A scenario file that cannot be used; one line per fault in `lines`."""
 
     def __init__(self, *lines: str) -> None:
         super().__init__("\n".join(lines))

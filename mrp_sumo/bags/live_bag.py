@@ -50,7 +50,7 @@ class LiveBag:
         return [LOG, *([(TOPIC, TYPE)] if self._at_outset.execution.tasks is not None else [])]
 
     def at_outset(self) -> Iterator[Said]:
-        """What is said once, before anything moves."""
+        """Messages that are sent once, before anything moves."""
         m, ns = self.messages, EPOCH_NS
         yield *STATIC, m.tf_static(ns)
         yield *MAP, m.map(ns)

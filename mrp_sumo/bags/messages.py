@@ -232,7 +232,7 @@ class Messages:
         )
 
     def path_requests(self, since: Mapping[int, int] | None = None, at_ns: int = EPOCH_NS) -> Iterator[bytes]:
-        """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is said twice.
+        """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is two locations.
 
         With `since`, that of some robots only, from these visits along their ways on, as they were sent at `at_ns`.
         """

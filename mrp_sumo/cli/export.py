@@ -11,7 +11,7 @@ from pathlib import Path
 FORMATS = {  # option -> (name of the file or folder, help)
     "bag": ("bag", "ROS 2 bag (folder)"),
     "ros1": ("run.bag", "ROS 1 bag"),
-    "csv": ("trajectory.csv", "one line a robot and sample"),
+    "csv": ("trajectory.csv", "one line per robot and sample"),
     "geojson": ("run.geojson", "map, paths and events, in metres"),
     "fcd": ("fcd.xml", "floating car data, as SUMO writes them"),
     "rmf-plans": ("rmf_plans.json", "plan and releases as messages of Open-RMF's next generation, as JSON (experimental)"),

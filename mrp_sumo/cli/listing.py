@@ -1,4 +1,4 @@
-"""List what there is by name: what a scenario can name, with parameters and their defaults.
+"""List by name what a scenario can name, with parameters and their defaults.
 
 Planners, assigners, dispatchers, policies, metrics and readers are those of this program and of installed packages; maps, robots,
 scenarios and suites are those that come with this program. Exit code 1 when a plug-in of a package cannot be loaded.

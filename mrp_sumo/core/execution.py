@@ -24,7 +24,7 @@ class Outcome(StrEnum):
     COMPLETED = "completed"  # every robot stands at its goal
     TIME_LIMIT = "time_limit"
     DEADLOCK = "deadlock"  # stopped on request when a deadlock was found
-    INTERRUPTED = "interrupted"  # stopped by its user, with what there is kept
+    INTERRUPTED = "interrupted"  # stopped by its user; what there is by then is kept
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Places of a building as people name them: stations and crossings of the map, the aisles between them, doors and lifts.
 
-Vertices of the plan graph are sorted into these, so that what happens at cells is said of places. A map that is a grid of cells
+Vertices of the plan graph are sorted into these, so that what happens at cells is reported by place. A map that is a grid of cells
 itself has no names: its places are squares of cells.
 """
 

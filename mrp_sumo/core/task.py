@@ -139,7 +139,7 @@ def some_tasks(tasks: TaskLog, wanted: BoolArray) -> TaskLog:
 
 
 def orders_of(tasks: TaskLog, stops: StopLog | None) -> tuple[TaskLog, StopLog | None]:
-    """The tasks that somebody wanted done, numbered anew, and their stops."""
+    """The tasks that somebody wanted done, renumbered, and their stops."""
     wanted = tasks.is_order
     if wanted.all():
         return tasks, stops

@@ -66,7 +66,7 @@ class People:
 
 @dataclass(frozen=True)
 class LaneSpeeds:
-    """Instead of people: the speed of a robot is drawn anew on each lane, from a triangular distribution."""
+    """Instead of people: a robot's speed is drawn for each lane it enters, from a triangular distribution."""
 
     least_mps: float = 0.274
     usual_mps: float = 0.508

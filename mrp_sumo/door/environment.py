@@ -70,7 +70,7 @@ class StepWiseEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         return self._world.solution()
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Observation], dict[str, Any]]:
-        """Begin again; a drawn problem is drawn anew, by the seed or by the next draw after the last."""
+        """Begin again; a drawn problem is redrawn, by the seed or by the next draw after the last."""
         if seed is not None:
             self._rng = np.random.default_rng([seed, PURPOSE])
         self._world = StepWiseWorld(drawn(self._given, self._rng) if self._drawn else self._given)

@@ -296,9 +296,9 @@ def _with_own(setup: SetUp, planner: Planner | Function) -> SetUp:
     check_face(planner, Planner, "planner")
     chosen = cast(Planner, planner)
     values: dict[str, Any] = {each.name: getattr(chosen, each.name) for each in fields(chosen)} if is_dataclass(chosen) else {}
-    told = {key: value for key, value in values.items() if isinstance(value, bool | int | float | str)}
+    shown = {key: value for key, value in values.items() if isinstance(value, bool | int | float | str)}
     own = _Own(chosen.plan, chosen.prepare, chosen.assigns, chosen.guarantee)
-    return replace(_named(setup, type(chosen).__name__, told), planner=own)
+    return replace(_named(setup, type(chosen).__name__, shown), planner=own)
 
 
 def _named(setup: SetUp, name: str, parameters: Mapping[str, Any]) -> SetUp:

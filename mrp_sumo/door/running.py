@@ -209,8 +209,8 @@ class Run:
 
     @property
     def _summary(self) -> Summary:
-        told = run_summary(self.result)
-        return summary(f"Run {told.title}", [*told.rows, ("folder", self.folder)])
+        found = run_summary(self.result)
+        return summary(f"Run {found.title}", [*found.rows, ("folder", self.folder)])
 
     def __repr__(self) -> str:
         m, result = self.metrics, self.result

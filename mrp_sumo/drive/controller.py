@@ -82,7 +82,7 @@ class Controller:
             bodies.command(self._news.changed[: self._num_changed].tolist(), self.ledger.state.grants.command_mps)
 
     def send_again(self) -> None:
-        """Speeds that were set in this step may be set anew: send them all."""
+        """Speeds that were set in this step may be set again: send them all."""
         self.ledger.state.grants.command_mps[:] = -1.0
 
     def divert(self, replan_robots: list[int], backs: list[int], bodies: Engine) -> None:

@@ -24,7 +24,7 @@ from mrp_sumo.plugins import registry
 
 
 class Dispatcher(Protocol):
-    """Decides what robots do next. Made anew for every run; its fields are its parameters."""
+    """Decides what robots do next. One is made for every run; its fields are its parameters."""
 
     def finished(self, now_s: float, around: Surroundings) -> bool:
         """Whether all is done that there is to do. The run ends then, if recovery has nothing under way."""

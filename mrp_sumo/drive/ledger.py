@@ -1,7 +1,7 @@
 """The ledger: every visit that robots have been given and that is not over, and who passes whom.
 
 Visits are appended under ids that do not change until the ledger forgets those that are over; that happens between two steps, and
-whoever keeps ids for longer asks for them again. What was planned and driven is kept by entry, for logs. Where a robot is sent
+callers that keep ids for longer ask for them again. What was planned and driven is kept by entry, for logs. Where a robot is sent
 another way, its visits beyond the last one it has been granted, or beyond a cut, are cut off, and the new ones are linked in their
 place; what it holds, has done and has been booked stays as it is. The order of passages is that of the policy over all visits that
 are still to be made; what robots hold comes first in it.
@@ -592,7 +592,7 @@ class Ledger:
         self.state.grants.held[resource] += 1
 
     def _show(self) -> None:
-        """`visits` and `needs` as kernels see them, after arrays have been made anew."""
+        """`visits` and `needs` as kernels see them, after arrays have been reallocated."""
         columns = {name: self._columns[name] for name in VISIT_COLUMNS}
         self.visits = Visits(**columns, **self._of_robot, reverse=self.graph.reverse)
         self.needs = VisitNeeds(first=self._need_first, **self._need_columns, passing=self._passing)

@@ -78,7 +78,7 @@ def simulate(
     gui
         Show it in sumo-gui, whatever the engine; everything else is the same.
     stopped
-        Asked between steps; once it says so the execution is over, with outcome INTERRUPTED.
+        Called between steps; once it returns True the execution is over, with outcome INTERRUPTED.
     listeners
         Hear every moment, beside those that record.
     engine
@@ -143,7 +143,7 @@ class Drive:
     first: Plan
     stopped: Callable[[], bool] | None  # by the user
     people: Bystanders
-    asked: Asked | None = None  # by whoever watches
+    asked: Asked | None = None  # by viewers
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
@@ -184,7 +184,7 @@ class Drive:
                 self.ledger.append(answer, self.controller.policy, 0.0)
 
     def run(self, bodies: Engine, listeners: Sequence[Listener], before_forgetting: Callable[[Ledger], None]) -> None:
-        """Until all tasks are done, or time is up. The ledger forgets what is over, after whoever needs it has been called."""
+        """Until all tasks are done, or time is up. The ledger forgets what is over, once every listener that needs it has been called."""
         settings, dt, state, conditions = self.settings, self.settings.step_length_s, self.ledger.state, self.world.conditions
         look_every, sample_every = max(1, round(LOOK_EVERY_S / dt)), settings.steps_per_sample
         self.people.begin(dt, self.ledger, bodies.driven_m)

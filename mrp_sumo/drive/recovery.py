@@ -4,7 +4,7 @@
 * A robot that has stood for the patience behind something that stays (a closed lane, a robot that is broken or at its
   goal) takes the shortest way around it, first come, first served.
 * If that is not to be had, or the policy keeps an order, or a ring has lasted for the patience, any registered
-  planner plans anew for all robots, `drive.replanning`; the new plan's order is kept.
+  planner replans all robots, `drive.replanning`; the new plan's order is kept.
 
 A robot that can reach its goal no more stays where it is until a lane opens. Gives up trying, saying why, when there is no plan
 or its order cannot be kept, and tries again after twice the time.

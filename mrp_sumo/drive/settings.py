@@ -64,9 +64,9 @@ class ExecutionSettings:
     record_period_s: float = 0.1  # a whole number of steps
     seed: int = 0  # of what chance decides while driving
     blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked
-    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': give way, drive around, plan anew from where robots are
+    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': give way, drive around, replan from where robots are
     give_way: bool = True  # 'resolve' first asks a robot to step aside or back out, first come first served
-    patience_s: float = 10.0  # of who is blocked for good, before 'resolve' drives around, or plans anew
+    patience_s: float = 10.0  # of who is blocked for good, before 'resolve' drives around, or replans
     replanner: str = "lacam"  # the planner that resolves; '' for none
     disturbances: Disturbances = NONE
     people: People | LaneSpeeds | None = None  # who walks among the robots, or the speeds that they are drawn instead

@@ -2,7 +2,7 @@
 
 Refuses tables that share no run. A difference counts when it is worse, larger than the tolerance, and
 unlikely by chance, with the p-values of all metrics adjusted together; in strict mode any run that got
-worse counts. What is worse is said by the table of metrics; a column of which neither more nor less is better
+worse counts. The table of metrics has what is worse; a column of which neither more nor less is better
 is compared, but never worse.
 """
 

@@ -72,7 +72,7 @@ class Interventions:
         return file
 
     def _ask(self, made: Callable[[float], tuple[BaseModel, tuple[Intervention, ...]]]) -> None:
-        made(NEVER_S)  # what is wrong with it is said to who asks
+        made(NEVER_S)  # what is wrong with it is reported to the one who asks
         self._asked.put(made)
 
     def _broken(self, robot: int, now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Intervention, ...]]:

@@ -55,7 +55,7 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     Raises
     ------
     MrpSumoError
-        For a log that cannot be read, of more than a day, or in which too little is said.
+        For a log that cannot be read, of more than a day, or that says too little.
     """
     from mrp_sumo.metrics.audit import audit
     from mrp_sumo.metrics.evaluate import evaluate

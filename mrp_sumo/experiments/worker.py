@@ -3,7 +3,7 @@
     python -m mrp_sumo.experiments.worker SOCKET FUNCTION PARENT
 
 It is handed runs as JSON over the socket it inherits, answers with JSON, and ends with its parent. Expected
-failures of a run are answers like any other; so is an exception, which is a bug. Whoever started it
+failures of a run are answers like any other; so is an exception, which is a bug. The parent
 watches its time and memory.
 """
 

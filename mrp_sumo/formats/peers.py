@@ -1,7 +1,7 @@
 """Talking to other people's planners: instances as they read them, plans as they write them.
 
 Instances: MovingAI `.map` and `.scen`, and libMultiRobotPlanning's YAML (grid, or roadmap for graphs that are no grid).
-Plans, told apart by content: libMultiRobotPlanning's YAML `schedule` (read by position in the list, since its
+Plans, recognised by their content: libMultiRobotPlanning's YAML `schedule` (read by position in the list, since its
 ECBS-TA repeats time stamps), `Agent 0: (row,col)->...` of EECBS, CBSH2-RTC and MAPF-LNS2, lacam's `result.txt`, and
 SMART's `Agent 0:(x,y,t)->...`. Cells are counted from the upper left corner. Refuses cells that are not free,
 gaps in time and robots that are missing; jumps and collisions are for the referee.

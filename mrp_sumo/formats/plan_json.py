@@ -27,7 +27,7 @@ FARTHEST = 1e15  # of times and numbers of vertices
 
 
 def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = True) -> None:
-    """Write a plan, one robot a line.
+    """Write a plan, one line per robot.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ def first_difference(old: Path, new: Path) -> str:
     Parameters
     ----------
     old, new
-        Files whose bytes differ; of the old one it is said if it is missing.
+        Files whose bytes differ; a missing old file is reported as such.
     """
     if not old.is_file():
         return "is missing"

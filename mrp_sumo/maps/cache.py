@@ -1,7 +1,7 @@
 """What maps and networks cost to make is kept in the user's cache folder, by content: the same bytes in, the same thing out.
 
 The folder is `$XDG_CACHE_HOME/mrp-sumo` or `~/.cache/mrp-sumo`; it may be deleted at any time. Entries are
-used only if they belong to the user; without a folder to write to, nothing is kept and nothing is said.
+used only if they belong to the user; without a folder to write to, nothing is kept, silently.
 """
 
 import contextlib

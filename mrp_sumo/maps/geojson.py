@@ -1,7 +1,7 @@
 """Writer of GeoJSON (RFC 7946): vertices as points, lanes and walls as lines, with their properties.
 
 Longitude and latitude where the map knows its place on earth (wgs84 buildings), else metres in the map's
-own frame, which is said in the member `coordinates_m`.
+own frame, as the member `coordinates_m`.
 """
 
 import json
@@ -32,7 +32,7 @@ def write_geojson(map_: Map, path: Path) -> None:
     for k in range(nav.num_lanes):
         tail, head = int(nav.tail[k]), int(nav.head[k])
         if nav.reverse[k] >= 0 and tail > head:
-            continue  # told with its reverse
+            continue  # written with its reverse
         limit = float(nav.speed_mps[k])
         properties = {
             "tail": tail,

@@ -2,7 +2,7 @@
 
 A ride is a lane from the stop of a lift on one level to that on another. It takes as long as it takes to close the doors, to travel, and to
 open the doors again: the lane is driven at a speed at which it lasts that long, so that planners, schedules and engines need to know
-nothing else of it. For planners in steps it is cut into as many lanes as it takes steps. Whoever is in the cabin has it for
+nothing else of it. For planners in steps it is cut into as many lanes as it takes steps. The robot in the cabin has it to
 himself (option `cabin`, a group of capacity one).
 """
 

@@ -1,7 +1,7 @@
 """What a careful eye sees on a building's drawing beyond the findings of a check: notes, none of which changes the import.
 
 Lanes that lie on each other, go through a wall or through several doors; vertices almost at one place; doors and
-lifts that cannot be told apart. Kept apart from the findings, which are a fixed list that others compare with.
+lifts that cannot be distinguished. Kept apart from the findings, which are a fixed list that others compare with.
 """
 
 from collections.abc import Iterator

@@ -2,7 +2,7 @@
 
 Written against Plan.msg, Waypoint.msg, TrafficDependency.msg and PlanRelease.msg, which are not released yet. A waypoint is a visit, its
 progress the planned time of arrival. Where a robot has to let another one pass, the waypoint before is blocked until the other has come
-to where it has left what both need: the same order that the executor keeps. Releases are what was granted. Only the first plan is said,
+to where it has left what both need: the same order that the executor keeps. Releases are what was granted. Only the first plan is written,
 and its releases until robots were sent other ways.
 """
 

@@ -120,7 +120,7 @@ def _sort(source: Path, times: FloatArray, offsets: np.ndarray, target: Path) ->
 
 @dataclass
 class Vehicle:
-    """One robot of a run, and what is said of it."""
+    """One robot of a run, and what messages say of it."""
 
     record: RunRecord
     grants: GrantLog

@@ -1,4 +1,4 @@
-"""The answer of a capacity study: what is said to people, and what is printed as JSON."""
+"""The answer of a capacity study: the sentences for people, and the JSON."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

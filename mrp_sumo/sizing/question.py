@@ -18,7 +18,7 @@ from mrp_sumo.io.scenario.tasks import StreamChoice
 Values = dict[Place, tuple[str, Any]]  # of a scenario, with the option that sets each
 
 SATURATED, DEMAND, ONE_SHOT = "saturated", "demand", "one_shot"
-ON_TIME, SUCCEED = 0.95, 0.8  # wanted shares of orders, and of one-shot draws, where nothing is said
+ON_TIME, SUCCEED = 0.95, 0.8  # wanted shares of orders, and of one-shot draws, by default
 GRID_SHARE, BEFORE_CHANGES = 0.6, 0.6  # of the budget
 BACKLOG = 2.0  # orders a robot that are known in saturated runs: the one it has, and one that waits
 CORES = 2  # of the machine that budgets are meant for

@@ -41,7 +41,7 @@ from mrp_sumo.sizing.question import (
 from mrp_sumo.sizing.search import grid
 from mrp_sumo.sizing.what_if import AUTO, values_of_change
 
-LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # where nothing is said; fewer where the map holds fewer
+LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # by default; fewer where the map holds fewer
 
 
 def asked(
@@ -59,7 +59,7 @@ def asked(
     confirm: str | None = None,
     command: str = "",
 ) -> Question:
-    """The question, with what follows from the scenario where nothing is said. The parameters are those of `mrp-sumo capacity`."""
+    """The question, with defaults that follow from the scenario. The parameters are those of `mrp-sumo capacity`."""
     effort, tasks = QUICK if quick else FULL, file.scenario.tasks
     effort = replace(effort, budget_s=budget_s or effort.budget_s, horizon_s=horizon_s or effort.horizon_s)
     question = Question(

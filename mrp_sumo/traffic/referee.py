@@ -56,9 +56,9 @@ class Verdict:
             return "; ".join(self.faults[:limit])
         if not self.conflicts:
             return "valid"
-        told = [describe(c, problem) for c in self.conflicts[:limit]]
+        listed = [describe(c, problem) for c in self.conflicts[:limit]]
         found = f"{len(self.conflicts)} conflicts" if len(self.conflicts) != 1 else "1 conflict"
-        return f"{found}: " + "; ".join(told) + ("; ..." if len(self.conflicts) > limit else "")
+        return f"{found}: " + "; ".join(listed) + ("; ..." if len(self.conflicts) > limit else "")
 
 
 def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_seconds: bool = False) -> Verdict:
@@ -204,8 +204,8 @@ def _edge_conflicts(plan: Plan, num_vertices: int) -> list[Conflict]:
             continue
         overtakes = (depart[i] - depart[j]) * (arrive[i] - arrive[j]) < 0
         if tail[i] != tail[j] or overtakes:
-            told = i if robot[k[i]] < robot[k[j]] else j
-            found.append(_conflict("edge", robot[k[i]], robot[k[j]], tail[told], head[told], max(depart[i], depart[j])))
+            first = i if robot[k[i]] < robot[k[j]] else j
+            found.append(_conflict("edge", robot[k[i]], robot[k[j]], tail[first], head[first], max(depart[i], depart[j])))
     return found
 
 

@@ -1,7 +1,7 @@
 """Another order at zones and mutex groups where the plan's cannot be kept: planners know no zones, so their order is ours.
 
 Vertices keep the plan's order. A robot that stays in a zone for ever comes last there, one that begins in it first.
-Where visits wait for each other in a circle, the order of every two passages of the zones among them is decided anew:
+Where visits wait for each other in a circle, the order of every two passages of the zones among them is decided again:
 first the pairs for which only one order is free of circles, then, one after the other, the plan's order of the pair
 planned first, and what follows from it. This is greedy: orders that it does not find exist. Leaves the schedule as it
 is where that would be too much work.

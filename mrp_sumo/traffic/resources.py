@@ -288,7 +288,7 @@ def _by_types(pair: IntArray, away_m: FloatArray, apart_m: FloatArray) -> tuple[
     """Zones of pairs of places [P, 2] that are so far apart [P]: [Z, 2] the places, and [Z, 2, K] the types that need the zone at each.
 
     Robots of two types exclude each other at two places that are closer than they may be. For each type at the first place, the zone is
-    for all that it excludes at the second, and for all at the first that exclude at least these; so whoever excludes another has a
+    for all that it excludes at the second, and for all at the first that exclude at least these; so a place that excludes another has a
     zone with him, and nobody else has one.
     """
     excludes = away_m[:, None, None] < apart_m - 1e-9  # [P, K at the first place, K at the second]

@@ -111,8 +111,8 @@ def _about_cycle(problem: Problem, plan: Plan, cycle: IntArray) -> str:
             names.append((robot, f"{problem.fleet.robot_name[robot]} at '{problem.graph.label(int(plan.vertex[visit]))}'"))
     if len(names) > 1 and names[0][0] == names[-1][0]:
         names.pop()
-    told = [name for _, name in names]
-    listed = " waits for ".join(told[:6] + (["..."] if len(told) > 6 else []) + told[:1])
+    shown = [name for _, name in names]
+    listed = " waits for ".join(shown[:6] + (["..."] if len(shown) > 6 else []) + shown[:1])
     return f"the plan's order of passages is cyclic: {listed}{_how_to_avoid(problem, plan, cycle)}"
 
 

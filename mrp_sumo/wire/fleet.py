@@ -2,7 +2,7 @@
 
 What is released becomes visits in a ledger like that of a run, and a controller grants them. So a vehicle that is released into another
 one waits before it, as one with a scanner does, and reports that it is blocked: bodies never overlap, however bad the master. Simulated
-time goes on by a step each time `step` is called; whoever calls it keeps the pace.
+time goes on by a step each time `step` is called; the caller keeps the pace.
 """
 
 import math

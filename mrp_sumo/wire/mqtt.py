@@ -1,7 +1,7 @@
 """MQTT: the connections of vehicles, one each, and the one of a master.
 
 A client calls a broker and listens nowhere. All connections are served by one thread: a selector says which has something to read. A
-connection that is lost is made again, while whoever uses it goes on. Needs the extra `vda5050`, which has paho-mqtt.
+connection that is lost is made again, while its user goes on. Needs the extra `vda5050`, which has paho-mqtt.
 """
 
 import json

@@ -55,7 +55,7 @@ def _sleep(wait_s: float) -> list[Received]:
 
 @dataclass
 class Logged:
-    """A link that writes down what goes over it, a line a message, as `mrp-sumo validate --vda5050` and `import` read it."""
+    """A link that writes down what goes over it, one line per message, as `mrp-sumo validate --vda5050` and `import` read it."""
 
     link: Link
     file: TextIO

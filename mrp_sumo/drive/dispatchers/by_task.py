@@ -12,7 +12,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 
 class ByTask(ABC):
-    """Gives tasks to robots; all ways are planned anew when a task comes or a stop is made."""
+    """Gives tasks to robots; everything is replanned when a task comes or a stop is made."""
 
     @abstractmethod
     def given(self, now_s: float, around: Surroundings) -> Mapping[int, int]:

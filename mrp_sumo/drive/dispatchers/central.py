@@ -1,4 +1,4 @@
-"""The dispatcher `central`: robots without a load and all tasks that are not begun are matched anew, for least times to pick-ups.
+"""The dispatcher `central`: robots without a load and all tasks that are not begun are matched again, for the least times to pick-ups.
 
 The assignment of CENTRAL: Ma, Li, Kumar and Koenig, "Lifelong multi-agent path finding for online pickup and delivery tasks", AAMAS 2017,
 section 5. Ways are those of the run's planner, which plans all robots together and makes room: so robots without a task are given no
@@ -14,7 +14,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class Central(ByTask):
-    """All robots that carry nothing and all tasks not begun are matched anew each time; the sum of times to pick-ups is least."""
+    """All robots that carry nothing and all tasks not begun are matched again each time; the sum of times to pick-ups is least."""
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""

@@ -82,7 +82,7 @@ def _rounded(value: float, towards: Callable[[float], int]) -> str:
 
 
 def with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType]) -> PlanGraph:
-    """The graph, or what is left of it where walls leave the robots no room; refused, where the scenario says so.
+    """The graph, or what is left of it where walls leave the robots no room; or a refusal, as the scenario chooses.
 
     Of several types each has lanes of its own, see `without_room`.
     """

@@ -83,7 +83,7 @@ class _Places:
 
 
 def _drawn(file: ScenarioFile, choice: PeopleChoice, places: _Places, seed: int) -> list[int]:
-    """The places between which people walk where nothing else is said: those listed, else vertices with names, else any."""
+    """The places between which people walk where the scenario names none: those listed, else vertices with names, else any."""
     if choice.places is not None:
         return [places.named(("people", "places", i), name) for i, name in enumerate(choice.places)]
     if choice.flows is not None and all(flow.origin and flow.destination for flow in choice.flows):

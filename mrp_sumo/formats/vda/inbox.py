@@ -96,7 +96,7 @@ def _cancel_order(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
 
 
 def _init_position(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
-    """A simulated vehicle is where it is: a position that says so has it localized again, another is refused."""
+    """A simulated vehicle is where it is: a position that agrees has it localized again, another is refused."""
     given, body = doing.action.parameters, vehicle.body
     numbers: list[Any] = [given.get(key) for key in ("x", "y", "theta")]
     if not all(type(value) in (int, float) and abs(value) < 1e9 for value in numbers):

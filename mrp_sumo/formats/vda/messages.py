@@ -1,7 +1,7 @@
 """Messages of VDA 5050, versions 2.1 and 3.0: what they are called, and how their parts are put together.
 
 Written against the text and schemas of github.com/VDA5050/VDA5050, tags 2.1.0 and 3.0.0. Both versions say the same with other words:
-whoever makes messages says what there is to say once, and a `Dialect` knows the words.
+those who make messages say things once, and a `Dialect` knows the words.
 """
 
 import json

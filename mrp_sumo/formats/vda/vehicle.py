@@ -1,6 +1,6 @@
 """A vehicle as VDA 5050 sees it: orders are given to it, it drives them, and does their actions.
 
-It is a state machine without clock, network and body. Whoever has these hands it what comes in (`inbox`) and where the body is, drives
+It is a state machine without clock, network and body. Its owner hands it what comes in (`inbox`) and where the body is, drives
 the body along `new_way`, holds it where `holds` says so, and sends its state (`report`) when there is `news`. Rules are those of sections
 6.6 of version 2.1 and 6.1 of version 3.0; an order that is refused changes nothing but `refused`.
 """

@@ -1,4 +1,4 @@
-"""Plain graphs: CSV, a row a lane, and node-link JSON as networkx and d3 write it.
+"""Plain graphs: CSV with a row per lane, and node-link JSON as networkx and d3 write it.
 
 CSV has the columns `from, to, from_x_m, from_y_m, to_x_m, to_y_m`, in any order, and may have `both_ways` (yes or no; no by default) and
 `speed_mps`. A node of node-link JSON has an `id` and `x_m`, `y_m` (or `x`, `y`, or `pos`), in m; a link (or edge) `source` and `target`;
@@ -28,7 +28,7 @@ NODE_KEYS = ("id", "name", "level", "x", "y", "x_m", "y_m", "pos", "is_bend")
 
 @dataclass(frozen=True)
 class LaneTable:
-    """CSV, a row a lane."""
+    """CSV with a row per lane."""
 
     name: ClassVar[str] = "CSV of lanes"
     suffixes: ClassVar[tuple[str, ...]] = (".csv",)

@@ -1,4 +1,4 @@
-"""What a run says to whoever watches it, and what they say to it: shared by the thread that drives and those that serve."""
+"""What a run says to its viewers, and what they say to it: shared by the thread that drives and those that serve."""
 
 import json
 import time
@@ -13,7 +13,7 @@ BEAT_S = 0.04  # between two parts of a viewer's stream
 class Broadcast:
     """Samples of equal size, messages, and a clock that viewers stop, start and set.
 
-    Everything said so far is kept, so that whoever comes late, or again, sees it all.
+    Everything sent so far is kept, so that those who join late, or again, see it all.
     """
 
     def __init__(self) -> None:

@@ -95,7 +95,7 @@ class Film:
         self._draw_still()
 
     def frames(self) -> Iterator[Pixels]:
-        """The frames in turn; each is valid until the next."""
+        """The frames one after the other; each is valid until the next."""
         t_s = self.timing.t_s
         for k in range(0, len(t_s), AT_ONCE):
             for moments in zip(*(pane.scene.moments(t_s[k : k + AT_ONCE]) for pane in self.panes)):

@@ -20,7 +20,7 @@ import numpy as np
 from mrp_sumo.errors import nearest
 from mrp_sumo.maps.building import Building, Lift, Model
 from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
-from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader, draft_of, told
+from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader, draft_of, shown
 from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
@@ -133,7 +133,7 @@ def _unused(document: Mapping[str, Any], levels: Mapping[Any, Any], system: str)
 def _header(document: Any, source: Text, meters_per_pixel: float | None) -> tuple[str, str, str, Mapping[Any, Any]]:
     """Name, coordinate system, reference level, and levels as they are given, where all four have a meaning."""
     if not isinstance(document, Mapping):
-        raise source.fault(f"a building is a mapping with 'levels', this is {told(document)}")
+        raise source.fault(f"a building is a mapping with 'levels', this is {shown(document)}")
     name = document.get("building_name", document.get("name"))
     if name is None:
         raise source.fault("the building has no 'name'")
@@ -176,11 +176,11 @@ def _lifts(
     if not given:
         return lifts
     if not isinstance(given, Mapping):
-        raise reader.source.fault(f"lifts is {told(given)}, expected a mapping", "lifts")
+        raise reader.source.fault(f"lifts is {shown(given)}, expected a mapping", "lifts")
     for key, value in given.items():
         name, keys = str(key), ("lifts", key)
         if not isinstance(value, Mapping):
-            raise reader.source.fault(f"lift '{name}' is {told(value)}, expected a mapping", *keys)
+            raise reader.source.fault(f"lift '{name}' is {shown(value)}, expected a mapping", *keys)
         missing = [k for k in ("x", "y", "yaw", "width", "depth") if k not in value]
         if missing:
             raise reader.source.fault(f"lift '{name}' has no {missing[0]}", *keys)
@@ -195,7 +195,7 @@ def _lifts(
         at = project(reader.source, raw, crs_name) if crs_name else placements[floor or reference].apply(raw)
         doors = value.get("level_doors") or {}
         if not isinstance(doors, Mapping):
-            raise reader.source.fault(f"lift '{name}': level_doors is {told(doors)}, expected a mapping", *keys, "level_doors")
+            raise reader.source.fault(f"lift '{name}': level_doors is {shown(doors)}, expected a mapping", *keys, "level_doors")
         lifts[name] = Lift(
             name=name,
             x_m=float(at[0, 0]),
@@ -215,7 +215,7 @@ def _lifts(
 def _door_widths(reader: LevelReader, lift: str, given: Any) -> dict[str, float]:
     """By the names of a lift's doors; those without a width are left out."""
     if not isinstance(given, Mapping):
-        raise reader.source.fault(f"lift '{lift}': doors is {told(given)}, expected a mapping", "lifts", lift, "doors")
+        raise reader.source.fault(f"lift '{lift}': doors is {shown(given)}, expected a mapping", "lifts", lift, "doors")
     return {
         str(name): reader.number(door["width"], f"lift '{lift}': door '{name}': width", ("lifts", lift, "doors", name, "width"))
         for name, door in given.items()

@@ -68,7 +68,7 @@ class LevelReader:
             except ValueError:
                 raise self.source.fault(f"{what} is '{value[:40]}', expected a number", *keys) from None
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.source.fault(f"{what} is {told(value)}, expected a number", *keys)
+            raise self.source.fault(f"{what} is {shown(value)}, expected a number", *keys)
         if not abs(value) < FARTHEST:  # NaN too
             raise self.source.fault(f"{what} is {min(max(value, -1e308), 1e308):.6g}, expected a number of sensible size", *keys)
         return float(value)
@@ -77,7 +77,7 @@ class LevelReader:
         if value is None:
             return []
         if not isinstance(value, list):
-            raise self.source.fault(f"{what} is {told(value)}, expected a list", *keys)
+            raise self.source.fault(f"{what} is {shown(value)}, expected a list", *keys)
         return value
 
     def options(self, value: Any, what: str, keys: tuple[str | int, ...]) -> dict[str, Any]:
@@ -85,11 +85,11 @@ class LevelReader:
         if not value:
             return {}
         if not isinstance(value, Mapping):
-            raise self.source.fault(f"the parameters of {what} are {told(value)}, expected a mapping", *keys)
+            raise self.source.fault(f"the parameters of {what} are {shown(value)}, expected a mapping", *keys)
         plain = {}
         for name, typed in value.items():
             if not isinstance(typed, list) or len(typed) != 2 or isinstance(typed[1], list | dict):
-                raise self.source.fault(f"{what}: '{name}' is {told(typed)}, expected [type, value]", *keys)
+                raise self.source.fault(f"{what}: '{name}' is {shown(typed)}, expected [type, value]", *keys)
             tag, content = typed
             if type(content) not in _TYPES.get(tag if isinstance(tag, int) else -1, ()):
                 self.notes.add("type_tag_mismatch", f"{what}: {name} [{tag}, {content}]")
@@ -99,7 +99,7 @@ class LevelReader:
     def edge(self, value: Any, what: str, num_vertices: int, keys: tuple[str | int, ...]) -> tuple[int, int, dict[str, Any]]:
         """`[start, end, {parameters}]`."""
         if not isinstance(value, list) or len(value) not in (2, 3):
-            raise self.source.fault(f"{what} is {told(value)}, expected [start vertex, end vertex, {{parameters}}]", *keys)
+            raise self.source.fault(f"{what} is {shown(value)}, expected [start vertex, end vertex, {{parameters}}]", *keys)
         start, end = (self.vertex(value[i], what, num_vertices, keys) for i in (0, 1))
         return start, end, self.options(value[2] if len(value) == 3 else None, what, keys)
 
@@ -128,10 +128,10 @@ def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) 
     for i, value in enumerate(reader.items(given.get("vertices"), f"level {name}: vertices", (*at, "vertices"))):
         what, keys = f"level {name} vertex {i}", (*at, "vertices", i)
         if not isinstance(value, list) or not 4 <= len(value) <= 5:
-            raise reader.source.fault(f"{what} is {told(value)}, expected [x, y, z, name, {{parameters}}]", *keys)
+            raise reader.source.fault(f"{what} is {shown(value)}, expected [x, y, z, name, {{parameters}}]", *keys)
         xy.append((reader.number(value[0], f"{what}: x", keys), up * reader.number(value[1], f"{what}: y", keys)))
         if isinstance(value[3], list | dict):
-            raise reader.source.fault(f"{what}: the name is {told(value[3])}", *keys)
+            raise reader.source.fault(f"{what}: the name is {shown(value[3])}", *keys)
         if isinstance(value[3], bool):
             reader.notes.add("boolean_name", f"{what}: name {str(value[3]).lower()}, put it in quotes")
         names.append("" if value[3] is None else value[3])
@@ -148,7 +148,7 @@ def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) 
         for i, value in enumerate(reader.items(given.get(kind), f"level {name}: {kind}", (*at, kind))):
             what, keys = f"level {name} {kind[:-1]} {i}", (*at, kind, i)
             if not isinstance(value, Mapping):
-                raise reader.source.fault(f"{what} is {told(value)}, expected a mapping", *keys)
+                raise reader.source.fault(f"{what} is {shown(value)}, expected a mapping", *keys)
             corners = reader.items(value.get("vertices"), f"{what}: vertices", keys)
             found.append(tuple(reader.vertex(v, what, num, keys) for v in corners))
         return tuple(found)
@@ -200,7 +200,7 @@ def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: in
     if isinstance(both_ways, str) and both_ways.lower() in ("true", "false"):
         both_ways = both_ways.lower() == "true"
     if both_ways not in (True, False):
-        raise reader.source.fault(f"{what}: bidirectional is {told(both_ways)}, expected true or false", *keys)
+        raise reader.source.fault(f"{what}: bidirectional is {shown(both_ways)}, expected true or false", *keys)
     orientation = given.get("orientation", "") or ""
     if orientation not in ("", "forward", "backward"):
         raise reader.source.fault(f"{what}: orientation is '{orientation}', expected forward, backward or nothing", *keys)
@@ -225,13 +225,13 @@ def _fiducials(reader: LevelReader, level: str, given: Any, keys: tuple[str | in
     for i, value in enumerate(reader.items(given, f"level {level}: fiducials", keys)):
         what = f"level {level} fiducial {i}"
         if not isinstance(value, list) or len(value) < 3 or isinstance(value[2], list | dict):
-            raise reader.source.fault(f"{what} is {told(value)}, expected [x, y, name]", *keys, i)
+            raise reader.source.fault(f"{what} is {shown(value)}, expected [x, y, name]", *keys, i)
         x, y = (reader.number(value[k], f"{what}: {'xy'[k]}", (*keys, i)) for k in (0, 1))
         found.append((x, up * y, "" if value[2] is None else str(value[2])))
     return tuple(found)
 
 
-def told(value: Any) -> str:
+def shown(value: Any) -> str:
     """What a wrong value is, for a message."""
     if isinstance(value, Mapping):
         return "a mapping"
