@@ -1,8 +1,10 @@
 /* The page: what the user does, and the loop that shows it. */
 import { AT_GOAL, BLOCKED, MOVING, NEVER, STATE_NAMES, WAITING } from "./constants.js";
+import { CanvasPainter } from "./canvas.js";
 import { bytesOfBase64, inflate, readRun } from "./data.js";
 import { STATE_VARIABLES, clockText, make, spanText } from "./elements.js";
 import { Events, Motion } from "./motion.js";
+import { GlPainter } from "./gl.js";
 import { Panel } from "./panel.js";
 import { Scene } from "./scene.js";
 import { Timeline } from "./timeline.js";
@@ -27,8 +29,8 @@ class App {
     this.frames = 0;
   }
 
-  async start() {
-    await this.scene.start($("floor"), $("names"), $("stage"));
+  async start(painter) {
+    await this.scene.start(painter, $("floor"), $("names"), $("stage"));
     this.timeline = new Timeline($("track"), $("track-canvas"), this.motion, this.events);
     this.writeHeader();
     this.panel = new Panel(this);
@@ -210,7 +212,7 @@ class App {
 
   /* The floor as it is shown, with the run's name and the time, as a PNG. */
   savePicture() {
-    const { scene, view, run } = this, ratio = scene.renderer.resolution, picture = document.createElement("canvas");
+    const { scene, view, run } = this, { ratio } = scene.painter, picture = document.createElement("canvas");
     scene.draw(view, this.clock); // what WebGL drew is there until the browser shows it
     picture.width = scene.overlay.width;
     picture.height = scene.overlay.height;
@@ -578,20 +580,28 @@ class App {
   }
 }
 
+/* Whether WebGL 2 is there and drawn by more than the processor; `&draw=gl` and `&draw=canvas` in the address decide otherwise. */
+function hasGraphicsCard() {
+  const wanted = new URLSearchParams(location.hash.slice(1)).get("draw");
+  if (wanted === "canvas") return false;
+  const probe = document.createElement("canvas").getContext("webgl2"), told = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = probe ? String(probe.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : probe.RENDERER)) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return Boolean(probe) && (wanted === "gl" || !/swiftshader|llvmpipe|softpipe|software|basic render/i.test(name));
+}
+
 async function open() {
   const cover = $("cover");
   const began = performance.now();
   document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
   try {
     if (typeof DecompressionStream === "undefined") throw new Error("This browser cannot inflate the data: it needs one of 2023 or later.");
-    const probe = document.createElement("canvas").getContext("webgl2");
-    if (!probe) throw new Error("This browser does not draw with WebGL 2: switch hardware acceleration on, or use another browser.");
-    probe.getExtension("WEBGL_lose_context")?.loseContext();
-    const library = make("script", { textContent: new TextDecoder().decode(await inflate(bytesOfBase64($("library").textContent))) });
-    document.head.append(library);
+    const withCard = hasGraphicsCard();
+    if (withCard) document.head.append(make("script", { textContent: new TextDecoder().decode(await inflate(bytesOfBase64($("library").textContent))) }));
+    $("library").remove();
     const app = new App(await readRun());
     window.replay = app;
-    await app.start();
+    await app.start(withCard ? new GlPainter() : new CanvasPainter());
     cover.remove();
     app.loaded_ms = performance.now() - began;
     document.documentElement.dataset.ready = "yes";

@@ -43,8 +43,10 @@ from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_varia
 
 SOURCES = Path(__file__).parent
 SCRIPTS = (
+    "canvas.js",
     "data.js",
     "elements.js",
+    "gl.js",
     "labels.js",
     "main.js",
     "motion.js",

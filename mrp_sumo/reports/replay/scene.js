@@ -1,8 +1,7 @@
-/* global PIXI */
 /* Draws the map and the robots. What is drawn is decided by `view`, the state that the user changes. */
 import { ABSENT, AT_GOAL, BLOCKED, MOVING, NEVER, STATE_COLORS, THEMES, WAITING } from "./constants.js";
 import { SIDES, chooseSides } from "./labels.js";
-import { Robots, Strokes, packed } from "./shaders.js";
+import { packed } from "./shaders.js";
 
 const TRAIL_S = 20;
 const MAX_TASK_PIECES = 800; // of the way of one task
@@ -21,30 +20,18 @@ export class Scene {
     this.heat = null;
   }
 
-  async start(canvas, overlay, holder) {
-    Object.assign(this, { canvas, overlay, holder });
-    this.renderer = await PIXI.autoDetectRenderer({
-      canvas, preference: "webgl", antialias: false, resolution: Math.min(2, window.devicePixelRatio || 1), autoDensity: true, backgroundAlpha: 1,
-      width: holder.clientWidth, height: holder.clientHeight, preserveDrawingBuffer: false, powerPreference: "high-performance",
-      eventMode: "none", eventFeatures: { move: false, globalMove: false, click: false, wheel: false },
-    });
-    this.uniforms = new PIXI.UniformGroup({
-      uView: { value: new Float32Array(4), type: "vec4<f32>" },
-      uScreen: { value: new Float32Array(4), type: "vec4<f32>" },
-    });
-    this.stage = new PIXI.Container();
-    this.ground = new PIXI.Container(); // in metres, y up
-    this.floors = new PIXI.Graphics();
-    this.lanes = new Strokes(this.uniforms);
-    this.trails = new Strokes(this.uniforms);
-    this.walls = new Strokes(this.uniforms);
-    this.ties = new Strokes(this.uniforms);
-    this.spots = new Robots(this.uniforms);
-    this.ghosts = new Robots(this.uniforms);
-    this.people = new Robots(this.uniforms);
-    this.robots = new Robots(this.uniforms);
-    this.ground.addChild(this.floors);
-    this.stage.addChild(this.ground, this.lanes.mesh, this.walls.mesh, this.spots.mesh, this.trails.mesh, this.ties.mesh, this.ghosts.mesh, this.people.mesh, this.robots.mesh);
+  /* `painter` draws with WebGL (gl.js) or without (canvas.js). */
+  async start(painter, canvas, overlay, holder) {
+    Object.assign(this, { painter, canvas, overlay, holder });
+    await painter.start(canvas, overlay, holder.clientWidth, holder.clientHeight);
+    this.lanes = painter.strokes(true); // from the ground up
+    this.walls = painter.strokes(true);
+    this.spots = painter.robots(true);
+    this.trails = painter.strokes();
+    this.ties = painter.strokes();
+    this.ghosts = painter.robots();
+    this.people = painter.robots();
+    this.robots = painter.robots();
     this.resize();
     this.fit();
   }
@@ -52,20 +39,16 @@ export class Scene {
   setTheme(name) {
     this.theme = themeOf(name);
     this.isDark = name === "dark";
-    this.renderer.background.color = this.theme.paper;
+    this.painter.setPaper(this.theme.paper);
     this.colors = this.theme.states.map((c) => packed(c));
     this.drawMap();
     if (this.heat) this.drawHeat();
   }
 
   resize() {
-    const { holder, overlay } = this;
-    this.width = Math.max(1, holder.clientWidth);
-    this.height = Math.max(1, holder.clientHeight);
-    this.renderer.resize(this.width, this.height);
-    const ratio = this.renderer.resolution;
-    overlay.width = Math.round(this.width * ratio);
-    overlay.height = Math.round(this.height * ratio);
+    this.width = Math.max(1, this.holder.clientWidth);
+    this.height = Math.max(1, this.holder.clientHeight);
+    this.painter.resize(this.width, this.height);
   }
 
   /* The whole map, with room for the counts above it and the buttons at its right. */
@@ -122,13 +105,9 @@ export class Scene {
   /* ---- the map, drawn once a theme ---- */
 
   drawMap() {
-    const { map, theme, floors } = this;
-    floors.clear();
-    for (const polygon of map.floors) floors.poly(polygon).fill(theme.floor);
-    for (const polygon of map.holes) floors.poly(polygon).fill(theme.hole);
-    for (const cells of map.cells) floors.rect(...cells).fill(theme.floor);
-    for (const polygon of map.furniture) floors.poly(polygon).fill(theme.furniture);
-    for (const polygon of map.lifts) floors.poly(polygon).fill({ color: theme.special, alpha: 0.18 });
+    const { map, theme } = this, filled = (polygons, color, alpha = 1) => polygons.map((points) => [points, color, alpha]);
+    const polygons = [...filled(map.floors, theme.floor), ...filled(map.holes, theme.hole), ...filled(map.furniture, theme.furniture), ...filled(map.lifts, theme.special, 0.18)];
+    this.painter.drawFloor(polygons, map.cells.map((box) => [box, theme.floor]));
     const both = packed(theme.lane, 0.95);
     this.lanes.begin((3 * map.lanes.length) / 5);
     for (let i = 0; i < map.lanes.length; i += 5) {
@@ -185,11 +164,10 @@ export class Scene {
   }
 
   showHeat(on) {
-    if (on && !this.heat) {
-      this.heat = this.waitingByCell();
+    if (on) {
+      this.heat ??= this.waitingByCell();
       this.drawHeat();
-    }
-    if (this.heatSprite) this.heatSprite.visible = on;
+    } else this.painter.setHeat(null);
   }
 
   drawHeat() {
@@ -210,23 +188,13 @@ export class Scene {
       }
     }
     context.putImageData(image, 0, 0);
-    if (this.heatSprite) this.heatSprite.destroy({ texture: true, textureSource: true });
-    this.heatSprite = new PIXI.Sprite(PIXI.Texture.from(picture));
-    this.heatSprite.texture.source.scaleMode = "linear";
-    this.heatSprite.scale.set(cell, -cell);
-    this.heatSprite.position.set(0, rows * cell);
-    this.ground.addChild(this.heatSprite);
+    this.painter.setHeat(picture, columns * cell, rows * cell);
   }
 
   /* ---- every frame ---- */
 
   draw(view, clock) {
-    const { camera: c, motion: m, uniforms: u } = this;
-    u.uniforms.uView.set([c.scale, c.x, c.y, view.still ? 0.35 : (clock / 1400) % 1]);
-    u.uniforms.uScreen.set([this.width, this.height, this.isDark ? 1 : 0, 0]);
-    u.update();
-    this.ground.position.set(c.x, c.y);
-    this.ground.scale.set(c.scale, -c.scale);
+    const { motion: m } = this;
     m.seek(view.t);
     if (m.hasPlan && (view.ghosts || view.selected >= 0)) m.seekPlan(view.t);
     this.drawTrails(view);
@@ -234,8 +202,7 @@ export class Scene {
     this.drawGhosts(view);
     if (m.people) this.drawPeople(view);
     this.drawRobots(view);
-    this.renderer.render({ container: this.stage });
-    this.drawLabels(view);
+    this.drawLabels(view, this.painter.render(this.camera, this.width, this.height, this.isDark, view.still ? 0.35 : (clock / 1400) % 1));
   }
 
   drawRobots(view) {
@@ -358,12 +325,9 @@ export class Scene {
     }
   }
 
-  /* Names, in a canvas of their own: sharp at any zoom, and text can be nothing else than text there. */
-  drawLabels(view) {
-    const { overlay, theme, motion: m, run, camera: c } = this;
-    const context = overlay.getContext("2d"), ratio = this.renderer.resolution;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.clearRect(0, 0, this.width, this.height);
+  /* Names, on a canvas: sharp at any zoom, and text can be nothing else than text there. */
+  drawLabels(view, context) {
+    const { theme, motion: m, run, camera: c } = this;
     context.textBaseline = "middle";
     context.lineJoin = "round";
     const taken = new Set();

@@ -137,6 +137,6 @@ export class Timeline {
   }
 
   showTime(head, t) {
-    head.style.left = `${this.gutter + this.toX(t)}px`;
+    head.style.transform = `translateX(${this.gutter + this.toX(t)}px)`;
   }
 }

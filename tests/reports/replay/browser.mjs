@@ -27,12 +27,13 @@ async function opened(file, options = {}, hash = "") {
 const time = (tab) => tab.evaluate(() => window.replay.view.t);
 const drawn = (tab) => tab.waitForFunction(() => !window.replay.dirty);
 
-/* Pixels of the floor that are not its ground colour, read right after drawing. */
+/* How much of the floor has another colour than its corner, read right after drawing. */
 const painted = (tab) => tab.evaluate(() => {
-  const { scene, view } = window.replay, gl = scene.renderer.gl;
+  const { scene, view } = window.replay, copy = document.createElement("canvas").getContext("2d");
+  const { width: w, height: h } = Object.assign(copy.canvas, { width: scene.canvas.width, height: scene.canvas.height });
   scene.draw(view, 0);
-  const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, data = new Uint8Array(4 * w * h);
-  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, data);
+  copy.drawImage(scene.canvas, 0, 0);
+  const { data } = copy.getImageData(0, 0, w, h);
   let other = 0;
   for (let i = 0; i < data.length; i += 4) if (Math.abs(data[i] - data[0]) + Math.abs(data[i + 1] - data[1]) + Math.abs(data[i + 2] - data[2]) > 12) other++;
   return other / (w * h);
@@ -47,6 +48,10 @@ try {
   const tab = await opened(page);
   say("opens", (await tab.evaluate(() => document.documentElement.dataset.ready)) === "yes");
   say("paints", (await painted(tab)) > 0.2, await painted(tab));
+  const card = await opened(page, {}, "#draw=gl&t=6"), none = await opened(page, {}, "#draw=canvas&t=6");
+  const shares = [await painted(card), await painted(none)];
+  say("paints the same with and without WebGL", Math.abs(shares[0] - shares[1]) < 0.02 && (await card.evaluate(() => Boolean(window.replay.scene.painter.renderer))), shares);
+  for (const other of [card, none]) await other.context().close();
 
   const clock = await tab.textContent("#clock");
   await tab.click("#play");

@@ -23,6 +23,7 @@ MODULES = os.environ.get("NODE_PATH") or str(PROJECT / ".venv" / "node" / "node_
 CLAIMS = (
     "opens",
     "paints",
+    "paints the same with and without WebGL",
     "plays",
     "pauses",
     "space plays",
