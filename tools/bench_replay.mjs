@@ -58,7 +58,7 @@ try {
       drawn.push(performance.now() - a);
     }
     const seek = performance.now();
-    app.scene.showHeat(true);
+    app.scene.showHeat("waiting");
     return { fps, script_ms: spent / 60, calls: counted.calls, upload_kb: counted.bytes / 1000, frame_ms: drawn.sort((a, b) => a - b)[2], heat_ms: performance.now() - seek, painter: gl ? "WebGL" : "canvas", memory: performance.memory?.usedJSHeapSize / 1e6, ready: document.documentElement.dataset.ready };
   });
   const round = (value, digits) => Number(value.toFixed(digits));

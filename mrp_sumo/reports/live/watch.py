@@ -149,7 +149,10 @@ class Telling:
         row["yaw"] = np.rint(np.nan_to_num(state.motion.yaw_rad) * (128 / np.pi)).astype(np.int64) % 256
         moving = (np.abs(state.motion.speed_mps) >= STANDING_MPS) | state.motion.turning
         row["state"] = np.where(moving, MOVING, np.where(state.waits.stuck, BLOCKED, WAITING))
-        if not self._has_tasks:
+        if self._has_tasks:
+            tasks = moment.tasks
+            row["state"][(row["state"] == WAITING) & ((tasks.current < 0) | tasks.serving)] = AT_GOAL
+        else:
             row["state"][~moving & np.isfinite(state.waits.goal_s)] = AT_GOAL
         row["waits"] = state.grants.other
         for cause, code in REASONS.items():

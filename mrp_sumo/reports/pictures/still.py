@@ -16,10 +16,10 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
-from mrp_sumo.io.record import STATE_NAMES, RunRecord
+from mrp_sumo.io.record import RunRecord
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor, name_places, write_name
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix
-from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, level_corners, view_record, view_states
+from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, level_corners, state_names, view_record, view_states
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
@@ -177,8 +177,9 @@ def _write_head_and_foot(figure: Figure, ax: Axes, record: RunRecord, at_s: floa
         color=LIGHT["muted"],
         va="center",
     )
+    names = state_names(record.execution.tasks is not None)
     style = {"marker": "s", "ls": "", "ms": 7, "mec": "none"}
-    keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, STATE_NAMES, counts) if n]
+    keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, names, counts) if n]
     if record.plan is not None and record.fleet.num_robots <= NAMED and not planned:
         keys.append(Line2D([], [], marker="s", ls="", ms=7, mfc="none", mec=LIGHT["muted"], label="where the plan has it"))
     where = {"loc": "lower left", "bbox_to_anchor": (0.1 / width, 0.02 / height)}

@@ -14,7 +14,7 @@ from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.record import MOVING, WAITING, RunRecord, robot_states
+from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 
 if TYPE_CHECKING:
     from mrp_sumo.core.fleet import Fleet
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.io.outline import Outline
 
 ABSENT = 4  # a state in addition to those of io.record: not on the floor
+AT_REST = "idle or served"  # what AT_GOAL is called in runs with tasks
 TURNING_RAD = 0.02  # a sample
 MARGIN_M = 0.6  # around all that is drawn
 BESIDE_M = 3.0  # walls this far beside a level's vertices are its own; the next level is farther
@@ -109,14 +110,39 @@ def view_record(run: AnyRun) -> RunRecord:
 
 
 def view_states(execution: Execution) -> NDArray[np.int8]:
-    """[T, R] the state of each robot at each sample: `robot_states`, with ABSENT, and turning in place counted as moving."""
+    """[T, R] the state of each robot at each sample: `robot_states`, with ABSENT, and turning in place counted as moving.
+
+    In runs with tasks, who stands without a task, or is being served, does not wait: that is AT_GOAL there.
+    """
     state = robot_states(execution, execution.t_s)
     turning = np.zeros(state.shape, np.bool_)
     with np.errstate(invalid="ignore"):
         turning[1:] = np.abs(2 * np.sin(np.diff(execution.yaw_rad, axis=0) / 2)) > TURNING_RAD
     state[turning & (state == WAITING)] = MOVING
+    if execution.tasks is not None:
+        state[(state == WAITING) & _at_rest(execution)] = AT_GOAL
     state[np.isnan(execution.x_m) | np.isnan(execution.y_m)] = ABSENT
     return state
+
+
+def state_names(has_tasks: bool) -> tuple[str, ...]:
+    """What states are called to people."""
+    return (*STATE_NAMES[:AT_GOAL], AT_REST) if has_tasks else STATE_NAMES
+
+
+def _at_rest(execution: Execution) -> NDArray[np.bool_]:
+    """[T, R] who has no task, or is being served at a stop."""
+    tasks, stops, t_s = execution.tasks, execution.stops, execution.t_s
+    assert tasks is not None
+    rest = np.ones((len(t_s), execution.num_robots), np.bool_)
+    done_s = np.where(np.isnan(tasks.done_s), np.inf, tasks.done_s)
+    for robot, begin_s, end_s in zip(tasks.robot.tolist(), tasks.assigned_s, done_s):
+        if robot >= 0 and np.isfinite(begin_s):
+            rest[slice(*np.searchsorted(t_s, (begin_s, end_s))), robot] = False
+    if stops is not None:
+        for robot, begin_s, end_s in zip(stops.robot.tolist(), stops.begin_s, stops.end_s):
+            rest[slice(*np.searchsorted(t_s, (begin_s, end_s))), robot] = True
+    return rest
 
 
 def is_grid_map(record: RunRecord) -> bool:

@@ -10,7 +10,7 @@ from mrp_sumo.io import record
 from mrp_sumo.reports.pictures.view import ABSENT
 
 NEVER = 2**32 - 1  # in columns of times and of indices
-STATE_NAMES = (*record.STATE_NAMES, "not on the floor")
+OFF_THE_FLOOR = "not on the floor"  # a state
 THEMES: Mapping[str, Mapping[str, str]] = {
     "light": {
         "paper": "#eef1f5",
@@ -68,7 +68,6 @@ def constants_module() -> str:
         "BLOCKED": record.BLOCKED,
         "AT_GOAL": record.AT_GOAL,
         "ABSENT": ABSENT,
-        "STATE_NAMES": STATE_NAMES,
         "STATE_COLORS": STATE_COLOURS,
         "NEVER": NEVER,
         "THEMES": THEMES,

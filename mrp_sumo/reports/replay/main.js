@@ -1,5 +1,6 @@
 /* The page: what the user does, and the loop that shows it. */
-import { AT_GOAL, BLOCKED, MOVING, NEVER, STATE_NAMES, WAITING } from "./constants.js";
+import { AT_GOAL, BLOCKED, MOVING, NEVER, WAITING } from "./constants.js";
+import { aisleAt } from "./aisles.js";
 import { CanvasPainter } from "./canvas.js";
 import { bytesOfBase64, inflate, readRun } from "./data.js";
 import { STATE_VARIABLES, clockText, make, spanText } from "./elements.js";
@@ -20,7 +21,7 @@ class App {
     this.scene = new Scene(run, this.motion, this.events);
     const few = this.motion.numRobots <= 60;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: false, labels: true, follow: false, found: null, still };
+    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, aisle: null, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: "", labels: true, follow: false, found: null, still };
     this.live = this.events.live = run.live ? window.liveOf(this) : null;
     this.speeds = run.live ? this.live.speeds : SPEEDS;
     if (run.live) Object.assign(this.view, { playing: true, speed: 1 });
@@ -60,9 +61,9 @@ class App {
     $("status").textContent = run.status_text;
     $("status").style.setProperty("--chip", run.is_good ? "var(--goal)" : "var(--blocked)");
     $("legend").replaceChildren(...[MOVING, WAITING, BLOCKED, AT_GOAL].map((state) => {
-      const count = make("b"), button = make("button", { "aria-pressed": "false", style: { "--dot": `var(${STATE_VARIABLES[state]})` }, title: `Only robots that are ${STATE_NAMES[state]}`,
+      const count = make("b"), button = make("button", { "aria-pressed": "false", style: { "--dot": `var(${STATE_VARIABLES[state]})` }, title: `Only robots that are ${run.state_names[state]}`,
         onclick: () => { this.view.only = this.view.only === state ? -1 : state; this.showToggles(); this.touch(); } }, count,
-        make("span", { style: { display: "flex", gap: "6px", "align-items": "center", order: "-1" } }, make("span", { className: "dot" }), STATE_NAMES[state]));
+        make("span", { style: { display: "flex", gap: "6px", "align-items": "center", order: "-1" } }, make("span", { className: "dot" }), run.state_names[state]));
       button.count = count;
       button.dataset.state = state;
       return button;
@@ -139,6 +140,7 @@ class App {
       motion.seek(view.t);
       this.scene.centreOn(motion.pose[3 * view.selected], motion.pose[3 * view.selected + 1]);
     }
+    view.showsAisle = this.panel.tab === "aisles";
     this.scene.draw(view, this.clock);
     this.frames++;
     this.timeline.showTime($("head"), view.t);
@@ -200,7 +202,8 @@ class App {
     view.found = null;
     if (robot < 0) view.follow = false;
     this.showToggles();
-    if (robot >= 0 || this.panel.tab === "robots") this.panel.open("robots");
+    if (this.panel.tab === "aisles") this.panel.open("aisles");
+    else if (robot >= 0 || this.panel.tab === "robots") this.panel.open("robots");
     if (this.isPhone()) this.openSheet(robot >= 0);
     if (robot >= 0 && show) {
       const [x, y] = scene.toScreen(motion.pose[3 * robot], motion.pose[3 * robot + 1]);
@@ -262,6 +265,15 @@ class App {
     this.panel.open("tasks");
   }
 
+  /* The aisle under a point of the screen is the one whose diagram is shown. */
+  chooseAisle(px, py) {
+    const { camera } = this.scene, aisle = aisleAt(this.aisles, (px - camera.x) / camera.scale, (camera.y - py) / camera.scale, 14 / camera.scale);
+    if (!aisle) return false;
+    this.view.aisle = aisle;
+    this.panel.open("aisles");
+    return true;
+  }
+
   step(direction) {
     const { events, view, panel } = this;
     const own = view.selected;
@@ -299,13 +311,13 @@ class App {
     const { view } = this;
     if (what === "follow" && view.selected < 0) return;
     if (what === "ghosts" && (!this.motion.hasPlan || this.motion.isPlanOnly)) return;
-    view[what] = !view[what];
     if (what === "heat") {
-      if (this.live && !this.live.over) this.scene.heat = null;
+      view.heat = { "": "waiting", waiting: "density", density: "" }[view.heat];
       this.scene.showHeat(view.heat);
       if (view.heat) $("heat-top").textContent = `up to ${spanText(this.scene.heat.raw)}`;
+      $("heat-what").textContent = view.heat === "density" ? "driving" : "waiting";
       $("heat-key").hidden = !view.heat;
-    }
+    } else view[what] = !view[what];
     this.showToggles();
     this.touch();
   }
@@ -421,7 +433,7 @@ class App {
       Home: () => this.seek(0), End: () => this.seek(motion.end), n: () => this.step(1), p: () => this.step(-1),
       "+": () => this.do("zoom-in"), "=": () => this.do("zoom-in"), "-": () => this.do("zoom-out"), f: () => this.do("fit"),
       t: () => this.toggle("trails"), g: () => this.toggle("ghosts"), h: () => this.toggle("heat"), l: () => this.toggle("labels"), c: () => this.toggle("follow"),
-      d: () => $("theme").click(), e: () => this.savePicture(), "/": () => $("search").focus(), "?": () => $("keys").showModal(),
+      a: () => this.panel.open("aisles"), d: () => $("theme").click(), e: () => this.savePicture(), "/": () => $("search").focus(), "?": () => $("keys").showModal(),
       Escape: () => { view.only = -1; this.select(-1); },
     };
     if (e.key === " " && e.target.closest("button")) return; // the button's own key
@@ -479,6 +491,7 @@ class App {
       floor.classList.remove("dragging");
       if (e.type !== "pointerup" || down.size || moved >= 5) return;
       const robot = scene.pick(...at(e), e.pointerType === "touch" ? 22 : 10);
+      if (robot < 0 && this.panel.tab === "aisles" && this.chooseAisle(...at(e))) return;
       this.select(robot);
       this.live?.offer(at(e), robot, e.pointerType === "touch" ? 16 : 9);
     };
@@ -561,7 +574,7 @@ class App {
       at = Math.min(at, Math.max(0, results.length - 1));
       list.replaceChildren(...results.map((result, i) => make("div", { role: "option", "aria-selected": String(i === at), onpointerdown: (e) => { e.preventDefault(); choose(result); } },
         make("span", { className: "dot", style: { "--dot": `var(${result.robot !== undefined ? STATE_VARIABLES[motion.now[result.robot]] : "--other"})`, "border-radius": result.robot !== undefined ? "3px" : "50%" } }),
-        make("span", { textContent: result.name }), make("small", { textContent: result.robot !== undefined ? STATE_NAMES[motion.now[result.robot]] : result.station.kind || "station" }))));
+        make("span", { textContent: result.name }), make("small", { textContent: result.robot !== undefined ? run.state_names[motion.now[result.robot]] : result.station.kind || "station" }))));
       if (!results.length) list.replaceChildren(make("p", { textContent: "Nothing of that name." }));
       list.hidden = false;
       input.setAttribute("aria-expanded", "true");

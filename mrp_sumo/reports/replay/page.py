@@ -35,14 +35,16 @@ from mrp_sumo.reports.pictures.view import (
     furniture_and_walls,
     is_grid_map,
     level_corners,
+    state_names,
     subtitle_of,
     view_record,
     view_states,
 )
-from mrp_sumo.reports.replay.constants import NEVER, constants_module, css_variables
+from mrp_sumo.reports.replay.constants import NEVER, OFF_THE_FLOOR, constants_module, css_variables
 
 SOURCES = Path(__file__).parent
 SCRIPTS = (
+    "aisles.js",
     "canvas.js",
     "data.js",
     "elements.js",
@@ -54,6 +56,7 @@ SCRIPTS = (
     "rows.js",
     "scene.js",
     "shaders.js",
+    "spacetime.js",
     "tasks.js",
     "timeline.js",
 )
@@ -218,6 +221,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         "facts": about.facts,
         "metrics": about.metrics,
         "plan_only": about.is_plan_only,
+        "state_names": (*state_names(execution.tasks is not None), OFF_THE_FLOOR),
         "robots": record.fleet.robot_name,
         "length": record.fleet.length_m.round(4),
         "width": record.fleet.width_m.round(4),

@@ -1,7 +1,8 @@
 /* The side panel: the run, its robots, its tasks, its events, one robot. */
-import { BLOCKED, NEVER, STATE_NAMES, WAITING } from "./constants.js";
+import { BLOCKED, NEVER, WAITING } from "./constants.js";
 import { STATE_VARIABLES, clockText, cssColor, icon, kindColor, make, spanText } from "./elements.js";
 import { Rows } from "./rows.js";
+import { showAisles } from "./spacetime.js";
 import { showTasks } from "./tasks.js";
 
 export class Panel {
@@ -27,6 +28,7 @@ export class Panel {
 
   open(tab) {
     this.tab = tab;
+    this.app.touch(); // an aisle is shown on the floor with its tab
     for (const button of document.querySelectorAll(".tabs button")) button.setAttribute("aria-selected", String(button.dataset.tab === tab));
     this.lists = [];
     this.update = () => {};
@@ -34,6 +36,7 @@ export class Panel {
     if (tab === "run") this.showRun();
     else if (tab === "events") this.showEvents();
     else if (tab === "tasks") showTasks(this);
+    else if (tab === "aisles") showAisles(this);
     else if (this.app.view.selected >= 0) this.showRobot(this.app.view.selected);
     else this.showRobots();
     this.lists.forEach((list) => list.draw());
@@ -198,7 +201,7 @@ export class Panel {
     this.redraw();
     this.update = (force) => {
       const state = m.now[r];
-      chip.textContent = STATE_NAMES[state];
+      chip.textContent = run.state_names[state];
       chip.style.setProperty("--chip", `var(${STATE_VARIABLES[state]})`);
       head.style.left = `${m.end ? (100 * view.t) / m.end : 0}%`;
       const pairs = [["Speed", `${m.speedAt(r, view.t).toFixed(2)} m/s`]];

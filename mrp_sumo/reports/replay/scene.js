@@ -138,16 +138,16 @@ export class Scene {
     for (const side of [-1, 1]) this.lanes.add(x, y, x - 1.6 * ux * s - side * uy * s, y - 1.6 * uy * s + side * ux * s, 0.05, 1.5, true, color);
   }
 
-  /* ---- the heat map of waiting ---- */
+  /* ---- heat maps ---- */
 
-  /* Seconds waited per cell over the whole run, smoothed. */
-  waitingByCell() {
+  /* Seconds that robots waited, or drove, in each cell over the whole run, smoothed. */
+  timeByCell(what) {
     const [w, h] = this.map.size_m, m = this.motion;
     const cell = Math.max(0.2, Math.sqrt((w * h) / 160000)), columns = Math.ceil(w / cell) + 1, rows = Math.ceil(h / cell) + 1;
     let sum = new Float32Array(columns * rows);
     for (let r = 0; r < m.numRobots; r++) for (let i = r * m.stride, end = i + m.numSamples; i < end; i++) {
       const s = m.state[i];
-      if (s === WAITING || s === BLOCKED) sum[Math.min(rows - 1, ((m.y[i] * m.unit) / cell) | 0) * columns + Math.min(columns - 1, ((m.x[i] * m.unit) / cell) | 0)] += m.period;
+      if (what === "density" ? s === MOVING : s === WAITING || s === BLOCKED) sum[Math.min(rows - 1, ((m.y[i] * m.unit) / cell) | 0) * columns + Math.min(columns - 1, ((m.x[i] * m.unit) / cell) | 0)] += m.period;
     }
     const raw = sum.reduce((a, b) => Math.max(a, b), 0);
     for (let pass = 0; pass < 2; pass++) { // binomial blur, along x then y
@@ -163,11 +163,11 @@ export class Scene {
     return { sum, columns, rows, cell, raw };
   }
 
-  showHeat(on) {
-    if (on) {
-      this.heat ??= this.waitingByCell();
-      this.drawHeat();
-    } else this.painter.setHeat(null);
+  /* `what`: "waiting", "density" (of robots that drive), or "" for none. */
+  showHeat(what) {
+    if (!what) return this.painter.setHeat((this.heat = null));
+    this.heat = this.timeByCell(what);
+    this.drawHeat();
   }
 
   drawHeat() {
@@ -254,6 +254,7 @@ export class Scene {
     const { motion: m, ties, theme } = this, { pose, ghost: g } = m, one = view.selected;
     const visits = one >= 0 && m.hasPlan ? m.first[one + 1] - m.first[one] : 0;
     ties.begin(2 * m.numRobots + visits + 16);
+    if (view.aisle && view.showsAisle) ties.add(view.aisle.ax, view.aisle.ay, view.aisle.bx, view.aisle.by, 0.3, 9, true, packed(theme.accent, 0.3));
     if (visits) {
       const at = m.visitAt(one, view.t), { vertex } = m.visit;
       const past = packed(theme.accent, 0.28), future = packed(theme.accent, 0.8);

@@ -12,9 +12,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.io.record import AT_GOAL, BLOCKED, STATE_NAMES
+from mrp_sumo.io.record import AT_GOAL, BLOCKED
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor
-from mrp_sumo.reports.pictures.view import ABSENT
+from mrp_sumo.reports.pictures.view import ABSENT, state_names
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Canvas, Pixels, font, shortened_to
 from mrp_sumo.reports.video.scene import Moment, Scene
@@ -179,9 +179,7 @@ class Film:
         x, y = pane.left, pane.bottom + pane.foot_px - 28 * u
         room = len(str(pane.scene.record.fleet.num_robots)) * font(round(18 * u), True).getlength("0")
         tasks = pane.scene.tasks_at(moment.t_s)
-        for state, name in enumerate(STATE_NAMES):
-            if tasks is not None and state == AT_GOAL:
-                continue
+        for state, name in enumerate(state_names(tasks is not None)):
             self.canvas.fill(_rectangle(x, y - 8 * u, 16 * u, 16 * u), STATES[state])
             self.canvas.write(str(counts[state]), x + 24 * u + room, y, 18 * u, LIGHT["ink"], bold=True, align="right")
             self.canvas.write(name, x + 32 * u + room, y, 18 * u, LIGHT["muted"])

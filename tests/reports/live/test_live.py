@@ -40,7 +40,7 @@ def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
     live.finish(result)
     viewer.join()
 
-    files = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name != "result.json")
+    files = sorted(path.name for path in (tmp_path / "run").iterdir() if path.is_file() and path.name != "result.json")
     different = [name for name in files if (tmp_path / "run" / name).read_bytes() != (folder / name).read_bytes()]
     assert not different and "trajectory.parquet" in files
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from worlds import record_of_two
 
+from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
-from mrp_sumo.reports.pictures.view import ABSENT, furniture_and_walls, plan_as_execution, view_states
+from mrp_sumo.reports.pictures.view import ABSENT, furniture_and_walls, plan_as_execution, state_names, view_states
 
 
 def test_states_are_those_of_the_run():
@@ -16,6 +17,19 @@ def test_states_are_those_of_the_run():
     assert state[15].tolist() == [MOVING, WAITING]
     assert state[25].tolist() == [MOVING, MOVING]
     assert state[-1].tolist() == [AT_GOAL, ABSENT]
+
+
+def test_who_has_no_task_or_is_served_does_not_wait():
+    execution, none, long_s = record_of_two().execution, np.zeros(0), float(record_of_two().execution.t_s[-1]) + 1
+    quiet = replace(execution, speed_mps=np.zeros_like(execution.speed_mps), yaw_rad=np.zeros_like(execution.yaw_rad), events=())
+    quiet = replace(quiet, goal_s=np.full(2, np.nan), x_m=np.ones_like(execution.x_m), y_m=np.ones_like(execution.y_m))
+    once, robot = np.array([0.5]), np.array([0])
+    tasks = TaskLog(("order",), robot, none, once, np.array([1.0]), np.array([long_s]))
+    stops = StopLog(robot, robot, ("dock",), robot, once, np.array([1.0]), np.array([1.5]), *(np.zeros(1),) * 3)
+    state, t_s = view_states(replace(quiet, tasks=tasks, stops=stops)), execution.t_s
+    assert set(state[:, 1].tolist()) == {AT_GOAL}
+    assert [int(state[np.searchsorted(t_s, t), 0]) for t in (0.3, 0.7, 1.2, 1.7)] == [AT_GOAL, WAITING, AT_GOAL, WAITING]
+    assert (state_names(True)[AT_GOAL], state_names(False)[AT_GOAL]) == ("idle or served", "at goal")
 
 
 def test_a_robot_that_turns_in_place_does_not_wait():

@@ -125,6 +125,21 @@ try {
     say(`key ${key} switches`, before !== (await tab.evaluate(() => JSON.stringify(window.replay.view))));
     await tab.keyboard.press(key);
   }
+  await tab.keyboard.press("a");
+  const diagram = await tab.locator(".spacetime").boundingBox(), first = await tab.textContent(".aisle + .switch + div + section p");
+  await tab.locator(".spacetime").click({ position: { x: diagram.width - 20, y: diagram.height / 2 } });
+  say("an aisle's diagram leads to its time", Math.abs((await time(tab)) - end / 2) < end / 50, await time(tab));
+  const lane = await tab.evaluate(() => { // the middle of the shortest aisle: a click there takes it
+    const { scene, aisles } = window.replay, { ax, ay, bx, by } = aisles.at(-1), box = document.getElementById("floor").getBoundingClientRect(), [x, y] = scene.toScreen((ax + bx) / 2, (ay + by) / 2);
+    return [x + box.left, y + box.top];
+  });
+  await tab.evaluate(() => window.replay.seek(0));
+  await drawn(tab);
+  await tab.mouse.click(...lane);
+  const second = await tab.textContent(".aisle + .switch + div + section p");
+  say("a click on a lane shows its aisle", /robots? (is|are) there/.test(first) && first !== second, [first, second]);
+  await tab.screenshot({ path: `${folder}/aisle.png` });
+  await tab.locator("#floor").focus();
   await tab.keyboard.press("h");
   await drawn(tab);
   say("heat map shows", await tab.locator("#heat-key").isVisible());

@@ -41,6 +41,8 @@ CLAIMS = (
     "key t switches",
     "key g switches",
     "key l switches",
+    "an aisle's diagram leads to its time",
+    "a click on a lane shows its aisle",
     "heat map shows",
     "dark mode",
     "asks no network",
