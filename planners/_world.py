@@ -6,6 +6,7 @@ Refuses time limits that are not positive numbers.
 import math
 from dataclasses import replace
 from functools import cache
+from mmap import mmap
 from time import perf_counter
 
 import numpy as np
@@ -18,10 +19,11 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import goals_clash
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from mrp_sumo.traffic.clashes import clashes_of
-from planners._compass import extend_all
+from planners._compass import SLACK_STEPS, extend_all
 from planners.configuration._pibt_instance import PibtInstance, PibtScratch
 
-TABLE_BYTES = 400_000_000  # tables of steps larger than this are packed
+TABLE_CELLS = 10_000_000  # tables of steps larger than this are packed
+WHOLE_CELLS = 100_000_000  # and larger than this are begun only about the robots' ways
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes
 SLICE_S = 0.02  # how long a kernel runs until the clock is read
 
@@ -40,9 +42,13 @@ def checked_deadline(time_limit_s: float) -> float:
 
 
 def is_large(problem: Problem) -> bool:
-    """Whether tables of steps would take too much memory, and distances can be packed instead."""
-    size = 4 * problem.num_robots * problem.graph.num_vertices
-    return size > TABLE_BYTES and bool((problem.graph.reverse >= 0).all())
+    """Whether tables of steps would take much memory, and distances can be packed instead."""
+    return problem.num_robots * problem.graph.num_vertices > TABLE_CELLS and bool((problem.graph.reverse >= 0).all())
+
+
+def is_vast(problem: Problem) -> bool:
+    """Whether it would take long to pack distances everywhere."""
+    return problem.num_robots * problem.graph.num_vertices > WHOLE_CELLS
 
 
 def tiled(problem: Problem) -> tuple[Problem, IntArray]:
@@ -96,18 +102,18 @@ def build_world(
     two_way = bool((graph.reverse >= 0).all())
     steps = np.full(num_robots, -1, np.int64)
     table = frozen(np.zeros((1, 1), np.int32))
-    code = np.zeros((num_robots if packed else 1, (num_vertices + 3) // 4 if packed else 1), np.uint8)
+    code = _unwritten(num_robots, (num_vertices + 3) // 4) if packed else np.zeros((1, 1), np.uint8)
     first_packed = graph.first.astype(np.int32) if packed else np.zeros(1, np.int32)
     head_packed = graph.head.astype(np.int32) if packed else np.zeros(1, np.int32)
     queue = np.zeros(num_vertices if packed else 1, np.int32)
     bound = _bound(graph) if packed else np.zeros((1, 2), np.float32)
     if packed:
-        at_once = max(1, 2_000_000 // num_vertices)
+        at_once, slack = max(1, 2_000_000 // num_vertices), SLACK_STEPS if is_vast(problem) else num_vertices
         for a in range(0, num_robots, at_once):
             if perf_counter() > deadline_s:
                 return None
             b = min(a + at_once, num_robots)
-            extend_all(first_packed, head_packed, target, np.array(problem.start), a, b, code, queue, bound, steps)
+            extend_all(first_packed, head_packed, target, np.array(problem.start), a, b, code, queue, bound, slack, steps)
     else:
         found = steps_table(problem, deadline_s)
         if found is None:
@@ -120,6 +126,7 @@ def build_world(
         head=graph.head,
         tail=graph.tail,
         goal=target,
+        steps=steps,
         table=table,
         packed=packed,
         code=code,
@@ -139,16 +146,23 @@ def build_world(
     return world, steps
 
 
+def _unwritten(num_rows: int, num_columns: int) -> np.ndarray:
+    """[N, M] zeros of which only what is written takes memory; numpy's own arrays are laid out in large pages, mostly empty ones here."""
+    return np.frombuffer(mmap(-1, num_rows * num_columns), np.uint8).reshape(num_rows, num_columns)
+
+
 def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
     """[R, V] int32 steps from each vertex to each robot's goal, read-only; None when the deadline passes first."""
     known, target = distances(problem.graph), problem.target
     at_once = max(1, 4_000_000 // max(problem.graph.num_vertices, 1))
-    parts = []
+    if 0 < problem.num_robots <= at_once:
+        return known.to_all(target) if perf_counter() <= deadline_s else None
+    table = np.empty((problem.num_robots, problem.graph.num_vertices), np.int32)
     for a in range(0, problem.num_robots, at_once):
         if perf_counter() > deadline_s:
             return None
-        parts.append(known.to_all(target[a : a + at_once]))
-    return parts[0] if len(parts) == 1 else frozen(np.concatenate([np.zeros((0, problem.graph.num_vertices), np.int32), *parts]))
+        known.fill(target[a : a + at_once], table[a : a + at_once])
+    return frozen(table)
 
 
 def whole_table(problem: Problem) -> np.ndarray:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray, NavGraph, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.search._distance import UNREACHABLE, reversed_lanes, steps_to_all
+from mrp_sumo.search._distance import UNREACHABLE, reversed_lanes, steps_to, steps_to_all
 
 __all__ = ["UNREACHABLE", "Distances", "distances"]
 
@@ -57,6 +57,17 @@ class Distances:
         self._keep(missing, [found[int(g)] for g in missing])
         tables.setflags(write=False)
         return tables
+
+    def fill(self, goals: IntArray, tables: StepArray) -> None:
+        """Write [G, V] steps from each vertex to each goal to `tables`, which nobody may change afterwards."""
+        queue = np.empty(len(self.first) - 1, np.int64)
+        for goal, table in zip(goals.tolist(), tables):
+            if goal in self._table:
+                table[:] = self._table[goal]
+                continue
+            steps_to(goal, self.first_in, self.tail_in, table, queue)
+            table.setflags(write=False)
+            self._keep(np.array([goal]), [table])
 
     def _keep(self, goals: IntArray, tables: StepArray | list[StepArray]) -> None:
         room = KEPT_BYTES // (4 * (len(self.first) - 1)) - len(self._table)

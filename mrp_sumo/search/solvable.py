@@ -28,7 +28,7 @@ def order_broken(problem: Problem) -> tuple[int, int] | None:
         return None
     degree = np.diff(graph.first)
     junctions = np.flatnonzero(degree > 2)
-    if len(junctions) and (distances(graph).to_all(target)[:, junctions[0]] < UNREACHABLE).all():
+    if len(junctions) and (distances(graph).to(int(junctions[0]))[target] < UNREACHABLE).all():
         return None  # the common case, without looking for components
     narrow = np.ones(graph.num_components, np.bool_)
     narrow[graph.component[degree > 2]] = False

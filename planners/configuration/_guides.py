@@ -8,10 +8,12 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from planners.configuration import _flow, _ways
 from planners.configuration._flow import Flow
+from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration._ways import Ways
 
 BUSY = 2.25  # moves along shortest ways for each lane, from which on there is no way past the others, and flow guides better than ways
 MOST_MOVES = 10_000_000  # of all ways together; more take too much memory
+MOVES_GIVEN = 5_000_000  # of all ways in all rounds; more take too long
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow
 AT_ONCE = 64  # robots between looks at the clock
@@ -23,12 +25,37 @@ def are_thin(problem: Problem, steps: IntArray) -> bool:
     Not where they take more than every second vertex.
     """
     graph = problem.graph
-    return bool(2 * problem.num_robots <= graph.num_vertices and steps.sum() < min(BUSY * graph.num_lanes, MOST_MOVES))
+    return bool(2 * problem.num_robots <= graph.num_vertices and steps.sum() < BUSY * graph.num_lanes)
 
 
-def own_ways(
-    problem: Problem, rounds: int, table: np.ndarray, steps: IntArray, deadline_s: float, rng: np.random.Generator
-) -> np.ndarray | None:
+def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadline_s: float, rng: np.random.Generator) -> PibtInstance:
+    """The instance with ways where robots are thin or there is no room for the flow, else with flow; as it was without room for either.
+
+    Parameters
+    ----------
+    problem
+        With an assignment.
+    world
+        Without a guide.
+    ways, flow
+        Rounds of giving ways of their own, and ways for the flow; 0 for none.
+    deadline_s
+        On the clock of `perf_counter`.
+    rng
+        Chance.
+    """
+    room_for_flow = problem.num_robots * problem.graph.num_vertices <= GUIDE_CELLS
+    moves = int(world.steps.sum())
+    if ways and moves < MOST_MOVES and (are_thin(problem, world.steps) or not room_for_flow):
+        way = own_ways(problem, min(ways, max(1, MOVES_GIVEN // moves)), world, deadline_s, rng)
+        return world if way is None else world._replace(way=way)
+    if flow and room_for_flow:
+        guide = flow_guide(problem, flow, deadline_s, rng)
+        return world if guide is None else world._replace(guided=True, guide=guide)
+    return world
+
+
+def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:
     """[R, N + 1] int32 a shortest way for each robot that meets few others, see `_ways`; None when the deadline passes.
 
     Parameters
@@ -37,27 +64,31 @@ def own_ways(
         With an assignment.
     rounds
         Of giving all robots ways, 1 or more.
-    table, steps
-        [R, V] steps to each robot's goal, and [R] from its start.
+    world
+        What is known of distances.
     deadline_s
         On the clock of `perf_counter`.
     rng
         Chance: the order of robots, and among equally good ways.
     """
     graph, num_robots = problem.graph, problem.num_robots
-    start, goal = np.array(problem.start), np.array(problem.target)
+    start, goal, steps = np.array(problem.start), world.goal, world.steps
     held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
     slots = 1 << (2 * held).bit_length()
     ways = Ways(
         first=graph.first,
         head=graph.head,
         reverse=graph.reverse,
-        table=table,
+        steps=steps,
+        table=world.table,
+        packed=world.packed,
+        code=world.code,
         way=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
         key=np.full(slots, _ways.FREE, np.int64),
         num=np.zeros(slots, np.int32),
         held_from=np.full(graph.num_vertices, _ways.NEVER, np.int32),
         stamp=np.full(graph.num_vertices, -1, np.int64),
+        step=np.empty(graph.num_vertices, np.int32),
         met=np.empty(graph.num_vertices, np.int32),
         before=np.empty(graph.num_vertices, np.int32),
         bucket=np.empty(_ways.MOST_MET + 1, np.int64),
@@ -75,7 +106,7 @@ def own_ways(
 
 
 def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:
-    """[R, V] int32 what is left to each goal, see `_flow`; None when it would be too large, or the deadline passes.
+    """[R, V] int32 what is left to each goal, see `_flow`; None when the deadline passes.
 
     Parameters
     ----------
@@ -91,8 +122,6 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
     graph, num_robots = problem.graph, problem.num_robots
     start, goal = np.array(problem.start), np.array(problem.target)
     num_lanes, num_vertices = graph.num_lanes, graph.num_vertices
-    if num_robots * num_vertices > GUIDE_CELLS:
-        return None
     flow = Flow(
         first=graph.first,
         head=graph.head,

@@ -8,15 +8,17 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import without_effort
+from planners._compass import SLACK_STEPS, extend_all
 from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam
 from planners.configuration._lacam import LacamMemory
 from planners.configuration._search_start import SearchStart, search_start
-from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, task_of
+from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, packed_task, polishing_labels, room_bytes, task_of
 from planners.neighbourhood._traffic import Task
 
 CHANCE = 12  # purpose of the stream of chance
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
+MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
 
 
@@ -50,10 +52,9 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     path = search.path()
     cost = sum_of_costs(path, start.world.goal)
     stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
-    task = None if start.world.packed else task_of(start.problem, start.world.table)
-    if task and room_bytes(task, len(path) + SPARE_STEPS) > lacam.memory_mb * 1_000_000:
-        task = None
-    if task and lacam.polish and cost > lower_bound:
+    tables = _task(start)
+    task = tables if room_bytes(tables, len(path) + SPARE_STEPS) <= lacam.memory_mb * 1_000_000 else None
+    if task and lacam.polish and cost > lower_bound and (problem.num_robots <= MOST_POLISHED or lacam.anytime):
         polished = _refinement(lacam, task, path, start)
         labels = polishing_labels(lacam.polish, problem.num_robots, problem.window_steps)
         if problem.effort:
@@ -85,6 +86,16 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
         if done >= most:
             return search, USED_UP
         expansions *= 2
+
+
+def _task(start: SearchStart) -> Task:
+    """What to refine paths on. Codes may be known about other vertices than the start, where a robot was driven away."""
+    problem, world = start.problem, start.world
+    if not world.packed:
+        return task_of(problem, world.table)
+    at, again = np.array(problem.start), np.empty(problem.num_robots, np.int64)
+    extend_all(world.first_packed, world.head_packed, world.goal, at, 0, len(at), world.code, world.queue, world.bound, SLACK_STEPS, again)
+    return packed_task(problem, world.steps, world.code)
 
 
 def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) -> Refinement:
@@ -248,7 +259,8 @@ def _larger(search: LacamMemory, memory_mb: int) -> LacamMemory | None:
             old = getattr(search, name)
             if name in ("config", "order") and 2 * 2 * room * num_robots * 4 > memory_mb * 1_000_000:
                 return None
-            grown[name] = np.concatenate((old, np.empty_like(old)))
+            grown[name] = np.empty((2 * len(old), *old.shape[1:]), old.dtype)  # what is not written takes no memory
+            grown[name][: len(old)] = old
     if "config" in grown:
         grown["slot"] = np.empty(2 * len(search.slot), np.int64)
     larger = search._replace(**grown)

@@ -6,7 +6,7 @@ order. Where somebody waits until nobody is near, robots go last.
 """
 
 from mrp_sumo.search._kernel import kernel
-from planners._compass import UNKNOWN, extend, read_code
+from planners._compass import SLACK_STEPS, UNKNOWN, extend, read_code
 from planners.configuration._pibt_instance import nearer, next_on_way, prefers
 from planners.configuration._pibt_swap import swap_partner
 
@@ -24,7 +24,7 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
         for k in range(a, b):
             unknown = unknown or read_code(world.code, i, world.head[k]) == UNKNOWN
         if unknown:
-            extend(world.first_packed, world.head_packed, world.goal[i], i, v, world.code, world.queue, world.bound)
+            extend(world.first_packed, world.head_packed, world.goal[i], i, v, world.code, world.queue, world.bound, SLACK_STEPS)
     num = b - a + 1
     onward = next_on_way(world, i, v)
     for k in range(num):

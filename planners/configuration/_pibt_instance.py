@@ -6,7 +6,7 @@ import numpy as np
 
 from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._kernel import kernel
-from planners._compass import UNKNOWN, read_code
+from planners._compass import read_code, step_towards
 
 
 class PibtInstance(NamedTuple):
@@ -16,6 +16,7 @@ class PibtInstance(NamedTuple):
     head: np.ndarray  # [L] int64
     tail: np.ndarray  # [L] int64
     goal: np.ndarray  # [R] int64
+    steps: np.ndarray  # [R] int64 from each robot's start to its goal
     table: np.ndarray  # [R, V] steps to the robot's goal, or [1, 1] when packed
     packed: bool  # distances are looked up in `code` instead: only which way is nearer is known
     code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
@@ -53,11 +54,7 @@ def nearer(world, robot, u, v):
     """Steps to the goal of `robot` from u less those from v. u and v are neighbours or the same."""
     if not world.packed:
         return np.int64(world.table[robot, u]) - np.int64(world.table[robot, v])
-    a, b = read_code(world.code, robot, u), read_code(world.code, robot, v)
-    if a == UNKNOWN or b == UNKNOWN:
-        return np.int64(0)
-    d = (a - b + 3) % 3
-    return np.int64(d if d < 2 else -1)
+    return step_towards(world.code, robot, u, v)
 
 
 @kernel
@@ -71,8 +68,13 @@ def prefers(world, robot, u, v):
 @kernel
 def next_on_way(world, robot, v):
     """The vertex after v on the robot's way, -1 where v is not on it, or the robot has none."""
-    if len(world.way) != len(world.goal) or world.packed:
+    if len(world.way) != len(world.goal):
         return np.int64(-1)
     way = world.way[robot]
-    step = np.int64(world.table[robot, way[0]]) - np.int64(world.table[robot, v])
-    return np.int64(way[step + 1]) if 0 <= step < len(way) - 1 and way[step] == v else np.int64(-1)
+    if not world.packed:
+        step = world.steps[robot] - np.int64(world.table[robot, v])
+        return np.int64(way[step + 1]) if 0 <= step < len(way) - 1 and way[step] == v else np.int64(-1)
+    for step in range((world.steps[robot] - read_code(world.code, robot, v) + 1) % 3, world.steps[robot], 3):
+        if way[step] == v:
+            return np.int64(way[step + 1])
+    return np.int64(-1)

@@ -9,8 +9,8 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import order_clash
-from planners._world import build_world, checked_deadline, is_large, solved, sum_of_costs, tiled, timed_out, without_search
-from planners.configuration._guides import are_thin, flow_guide, own_ways
+from planners._world import build_world, checked_deadline, is_large, is_vast, solved, sum_of_costs, tiled, timed_out, without_search
+from planners.configuration._guides import guide_of
 from planners.configuration._pibt_instance import PibtInstance
 
 
@@ -71,22 +71,15 @@ def search_start(
     deadline_s = checked_deadline(time_limit_s)
     given, original = problem, None
     packed = is_large(problem) if packed is None else packed
-    if packed:
+    if packed and is_vast(problem):
         problem, original = tiled(problem)
     built = build_world(problem, deadline_s, packed=packed, following=following, rotations=rotations)
     if built is None:
         return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
     world, steps = built
-    known = without_search(given, steps, begin_s) or (None if packed else order_clash(given))
+    known = without_search(given, steps, begin_s) or order_clash(given)
     if known:
         return known
     rng = np.random.default_rng([problem.seed, chance])
-    guided = world
-    if not packed and problem.num_robots > 1:
-        if ways and are_thin(problem, steps):
-            way = own_ways(problem, ways, world.table, steps, deadline_s, rng)
-            guided = world if way is None else world._replace(way=way)
-        elif flow:
-            guide = flow_guide(problem, flow, deadline_s, rng)
-            guided = world if guide is None else world._replace(guided=True, guide=guide)
+    guided = guide_of(problem, world, ways, flow, deadline_s, rng) if problem.num_robots > 1 else world
     return SearchStart(given, problem, original, world, guided, steps, rng, begin_s, deadline_s)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
+from planners._compass import step_towards
 
 FREE = np.int64(-1)
 MOST_MET = 63  # beyond, ways are equally bad
@@ -23,12 +24,16 @@ class Ways(NamedTuple):
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
     reverse: np.ndarray  # [L] int64
-    table: np.ndarray  # [R, V] steps to each robot's goal
+    steps: np.ndarray  # [R] int64 from each robot's start to its goal
+    table: np.ndarray  # [R, V] steps to each robot's goal; [1, 1] when packed
+    packed: bool  # distances are in `code` instead
+    code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
     way: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
     key: np.ndarray  # [H] int64 what is held, by step: vertices, then lanes; FREE: nothing. A hash table that is never half full
     num: np.ndarray  # [H] int32 by how many
     held_from: np.ndarray  # [V] int32 the step at which the robot arrives that stays there
     stamp: np.ndarray  # [V] int64 search in which the rest was last written
+    step: np.ndarray  # [V] int32 steps to a vertex from the start
     met: np.ndarray  # [V] int32 others met on the best way to a vertex
     before: np.ndarray  # [V] int32 the vertex before it
     bucket: np.ndarray  # [MOST_MET + 1] int64 entries by others met
@@ -43,20 +48,19 @@ def give_ways(ways, start, goal, order, begin, end, search, rng):
     for k in range(begin, end):
         robot = order[k]
         if ways.way[robot, 0] >= 0:
-            _hold(ways, robot, goal[robot], -1)
+            _hold(ways, robot, -1)
         _find(ways, robot, start[robot], goal[robot], search + k, rng)
-        _hold(ways, robot, goal[robot], 1)
+        _hold(ways, robot, 1)
 
 
 @kernel
 def _find(ways, robot, start, goal, search, rng):
     """Write the shortest way that meets the fewest others, the deepest vertex first among equals."""
-    first, head, reverse, table, bucket = ways.first, ways.head, ways.reverse, ways.table[robot], ways.bucket
-    steps = np.int64(table[start])
+    first, head, reverse, bucket = ways.first, ways.head, ways.reverse, ways.bucket
     bucket[:] = -1
     bucket[0] = 0
     ways.entry_vertex[0], ways.entry_met[0], ways.entry_next[0] = start, 0, -1
-    ways.stamp[start], ways.met[start], ways.before[start] = search, 0, -1
+    ways.stamp[start], ways.step[start], ways.met[start], ways.before[start] = search, 0, 0, -1
     num, level = 1, 0
     while True:
         while bucket[level] < 0:
@@ -68,14 +72,13 @@ def _find(ways, robot, start, goal, search, rng):
             continue
         if v == goal:
             break
-        left = np.int64(table[v])
-        step = steps - left + 1
+        step = np.int64(ways.step[v]) + 1
         a, num_lanes = first[v], first[v + 1] - first[v]
         turn = np.int64(rng.random() * num_lanes)
         for n in range(num_lanes):
             lane = a + (n + turn) % num_lanes
             u = head[lane]
-            if table[u] != left - 1:
+            if not _leads_on(ways, robot, v, u):
                 continue
             others = met + _held(ways, u, step) + (1 if ways.held_from[u] <= step else 0)
             back = reverse[lane]
@@ -83,7 +86,7 @@ def _find(ways, robot, start, goal, search, rng):
                 others += _held(ways, len(first) - 1 + back, step)
             if ways.stamp[u] == search and ways.met[u] <= others:
                 continue
-            ways.stamp[u], ways.met[u], ways.before[u] = search, others, v
+            ways.stamp[u], ways.step[u], ways.met[u], ways.before[u] = search, step, others, v
             ways.entry_vertex[num], ways.entry_met[num] = u, others
             k = min(others, MOST_MET)
             ways.entry_next[num] = bucket[k]
@@ -91,16 +94,24 @@ def _find(ways, robot, start, goal, search, rng):
             level = min(level, k)
             num += 1
     at = np.int64(goal)
-    for back in range(steps + 1):
-        ways.way[robot, steps - back] = at
+    for step in range(ways.steps[robot], -1, -1):
+        ways.way[robot, step] = at
         at = np.int64(ways.before[at])
 
 
 @kernel
-def _hold(ways, robot, goal, change):
+def _leads_on(ways, robot, v, u):
+    """Whether the lane from v to u is on a shortest way."""
+    if ways.packed:
+        return step_towards(ways.code, robot, u, v) < 0
+    return ways.table[robot, u] < ways.table[robot, v]
+
+
+@kernel
+def _hold(ways, robot, change):
     """Enter the robot's way among what is held, or take it out."""
     way, first, head = ways.way[robot], ways.first, ways.head
-    steps = np.int64(ways.table[robot, way[0]])
+    steps = ways.steps[robot]
     for step in range(steps + 1):
         v = np.int64(way[step])
         ways.num[_slot(ways, v, step)] += change
@@ -110,20 +121,20 @@ def _hold(ways, robot, goal, change):
                 if head[lane] == v:
                     ways.num[_slot(ways, len(first) - 1 + lane, step)] += change
                     break
-    ways.held_from[goal] = steps if change > 0 else NEVER
+    ways.held_from[way[steps]] = steps if change > 0 else NEVER
 
 
 @kernel
-def _begin(wanted, mask):
-    """Where to look first, by Fibonacci hashing; 30 bits of the key, so that nothing overflows."""
-    return ((((wanted ^ (wanted >> 30)) & 0x3FFFFFFF) * np.int64(0x9E3779B1)) >> 16) & mask
+def _begin(place, step, mask):
+    """Where to look first: places near each other are near at the same time, which is placed by Fibonacci hashing."""
+    return 16 * np.int64(place) + (step & 15) + (((step >> 4) * np.int64(0x9E3779B1)) >> 8) & mask
 
 
 @kernel
 def _held(ways, place, step):
     """How many hold a vertex, or a lane beyond those, at a step."""
     wanted, mask = np.int64(place) * ways.way.shape[1] + step, len(ways.key) - 1
-    slot = _begin(wanted, mask)
+    slot = _begin(place, step, mask)
     while ways.key[slot] != FREE:
         if ways.key[slot] == wanted:
             return np.int64(ways.num[slot])
@@ -135,7 +146,7 @@ def _held(ways, place, step):
 def _slot(ways, place, step):
     """Where that is counted."""
     wanted, mask = np.int64(place) * ways.way.shape[1] + step, len(ways.key) - 1
-    slot = _begin(wanted, mask)
+    slot = _begin(place, step, mask)
     while ways.key[slot] != FREE and ways.key[slot] != wanted:
         slot = (slot + 1) & mask
     ways.key[slot] = wanted

@@ -61,7 +61,7 @@ def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
         slack = np.int64(0)
         for k in range(num):
             robot = hood.robot[k]
-            slack += traffic.end[robot] - task.steps[robot, task.start[robot]]
+            slack += traffic.end[robot] - task.least[robot]
         gain = np.int64(0)
         if slack > 0:
             _take_out(task, traffic, hood, num, rng)
@@ -69,11 +69,12 @@ def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
             planned = 0
             while planned < num:
                 robot = hood.robot[planned]
-                least = np.int64(task.steps[robot, task.start[robot]])
+                least = task.least[robot]
                 limit = min(least + gain, horizon - 2)
                 end = plan_one(
                     task.first, task.head, task.reverse, traffic, labels, robot,
-                    task.start[robot], task.goal[robot], task.steps[robot], limit, False, len(labels.vertex),
+                    task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
+                    limit, False, len(labels.vertex),
                 )  # fmt: skip
                 if end < 0:
                     break
@@ -95,7 +96,8 @@ def plan_all(task, traffic, labels, order, begin, end):
         robot = order[k]
         arrival = plan_one(
             task.first, task.head, task.reverse, traffic, labels, robot,
-            task.start[robot], task.goal[robot], task.steps[robot], traffic.at.shape[1] - 2, True, len(labels.vertex),
+            task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
+            traffic.at.shape[1] - 2, True, len(labels.vertex),
         )  # fmt: skip
         if arrival < 0:
             return False
@@ -130,7 +132,8 @@ def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
                 robot = hood.robot[planned]
                 end = plan_one(
                     task.first, task.head, task.reverse, traffic, labels, robot,
-                    task.start[robot], task.goal[robot], task.steps[robot], horizon - 2, True, len(labels.vertex),
+                    task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
+                    horizon - 2, True, len(labels.vertex),
                 )  # fmt: skip
                 if end < 0:
                     break

@@ -11,6 +11,7 @@ import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._cells import anyone_in, num_in
+from planners.neighbourhood._sipps import steps_from
 from planners.neighbourhood._traffic import Task, holds
 
 DECAY = 0.01  # of a neighbourhood kind's record
@@ -84,7 +85,7 @@ def around_late(task, traffic, hood, size, rng):
     late, latest = np.int64(0), np.int64(-1)
     for _ in range(1 + num_robots // 16):
         robot = np.int64(rng.random() * num_robots)
-        delay = traffic.end[robot] - task.steps[robot, task.start[robot]]
+        delay = traffic.end[robot] - task.least[robot]
         if delay > latest:
             late, latest = robot, delay
     num = _choose(hood, 0, late)
@@ -103,6 +104,7 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
         return num
     t = np.int64(rng.random() * traffic.end[robot])
     v = np.int64(traffic.at[robot, t])
+    to_go = _to_go(task, traffic, robot, t)
     for _ in range(traffic.at.shape[1]):
         if num >= size or t + 2 >= traffic.at.shape[1]:
             break
@@ -113,7 +115,8 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
         for k in range(count):
             at = a + (k + shift) % count
             u = task.head[at] if at < b else v
-            if t + 1 + task.steps[robot, u] >= before:
+            onward = steps_from(task.steps[robot], task.code[robot], v, u, to_go)
+            if t + 1 + onward >= before:
                 continue
             moved = True
             if (traffic.busy[u, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
@@ -122,12 +125,23 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
                 back = task.reverse[at]
                 if (traffic.along[back, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
                     num = _choose_on(traffic, hood, num, size, v, t + 1)
-            v = u
+            v, to_go = u, onward
             break
         if not moved:
             break
         t += 1
     return num
+
+
+@kernel(allocates=False)
+def _to_go(task, traffic, robot, t):
+    """Steps to a robot's goal from where it is at t."""
+    if task.steps.shape[1] > 0:
+        return np.int64(task.steps[robot, traffic.at[robot, t]])
+    to_go, at = task.least[robot], traffic.at[robot]
+    for step in range(t):
+        to_go = steps_from(task.steps[robot], task.code[robot], np.int64(at[step]), np.int64(at[step + 1]), to_go)
+    return to_go
 
 
 @kernel(allocates=False)
@@ -221,7 +235,7 @@ def around_failure(task, traffic, hood, size, rng):
         if num >= size:
             break
         end = traffic.end[other]
-        blocks = end <= traffic.end[robot] and task.steps[robot, task.start[robot]] == (
+        blocks = end <= traffic.end[robot] and task.least[robot] == (
             task.steps[robot, task.goal[other]] + task.steps[other, task.start[robot]]
         )
         if other != robot and blocks:

@@ -25,8 +25,20 @@ Room = tuple[Traffic, Labels, Neighbourhood]
 
 def task_of(problem: Problem, table: np.ndarray) -> Task:
     """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
+    robots = np.arange(problem.num_robots)
+    return _task(problem, table[robots, problem.start].astype(np.int64), table, np.zeros((len(robots), 0), np.uint8))
+
+
+def packed_task(problem: Problem, least: np.ndarray, code: np.ndarray) -> Task:
+    """The problem as arrays, to refine paths; `least` [R] is the steps from start to goal, `code` which way is nearer."""
+    return _task(problem, least, np.zeros((problem.num_robots, 0), np.int32), code)
+
+
+def _task(problem: Problem, least: np.ndarray, table: np.ndarray, code: np.ndarray) -> Task:
     graph = problem.graph
-    return Task(graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), table, clashes_of(problem))
+    return Task(
+        graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), least, table, code, clashes_of(problem)
+    )
 
 
 def room_to_repair(task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True, window: int = 0) -> Room:
@@ -108,7 +120,7 @@ class Refinement:
         self._labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
         self._hood = room_for_hood(task, horizon, size, with_hits=False)
         self._at_once = 1
-        self._least = int(task.steps[np.arange(len(task.goal)), task.start].sum())
+        self._least = int(task.least.sum())
 
     @property
     def cost(self) -> int:

@@ -11,8 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._cells import home, is_sparse, slots_for
+from planners._compass import UNKNOWN
+from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._traffic import closes_ring, run_end
+
+FAR = 1 << 30
 
 
 class Labels(NamedTuple):
@@ -34,20 +37,35 @@ class Labels(NamedTuple):
     stamp: np.ndarray  # [2] int64 number of searches, number of labels in all of them
 
 
+@kernel(allocates=False)
+def steps_from(steps, code, v, u, to_go):
+    """Steps to the goal from u, of which there are `to_go` from its neighbour v; FAR where that is not known."""
+    if len(steps) > 0:
+        return np.int64(steps[u])
+    a, b = (code[u >> 2] >> (2 * (u & 3))) & 3, (code[v >> 2] >> (2 * (v & 3))) & 3
+    if a == UNKNOWN or b == UNKNOWN:
+        return np.int64(FAR)
+    d = (np.int64(a) - np.int64(b) + 3) % 3
+    return to_go + (d if d < 2 else -1)
+
+
 @kernel(inline="always")
 def run_slot(labels, v, high):
     """Where what is known of a vertex's run with this last step is kept."""
     run = np.int64(v) * len(labels.queue) + high
     if len(labels.run) == 0:
         return run
-    return _hashed_run(labels.run, labels.run_stamp, labels.pushed, labels.closed, labels.stamp[0], run)
+    return _hashed_run(labels.run, labels.run_stamp, labels.pushed, labels.closed, labels.stamp[0], run, 8 * np.int64(v) + (high & 7))
 
 
 @kernel(allocates=False)
-def _hashed_run(runs, run_stamp, pushed, closed, stamp, run):
-    """Its slot among hashed ones; those of earlier searches are empty."""
+def _hashed_run(runs, run_stamp, pushed, closed, stamp, run, near):
+    """Its slot among hashed ones, looked for from `near` on; those of earlier searches are empty.
+
+    Runs of a vertex, and of those around it, are near each other in memory: searches stay in a few places.
+    """
     mask = len(runs) - 1
-    k = home(run, mask)
+    k = near & mask
     while run_stamp[k] == stamp:
         if runs[k] == run:
             return k
@@ -69,7 +87,7 @@ def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, un
 
 
 @kernel(allocates=False)
-def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, crossing, most):
+def plan_one(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, crossing, most):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 
     Parameters
@@ -80,8 +98,8 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, l
         The others, and room.
     robot, start, goal
         Who goes where.
-    steps
-        [V] steps to the goal.
+    least, steps, code
+        Steps to the goal: from the start, [V] from everywhere, and [ceil(V / 4)] packed where that is [0], if crossing is forbidden.
     limit
         Arrival at the latest, at most T - 1.
     crossing
@@ -97,15 +115,16 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, steps, l
     if crossing:
         end, num_labels = _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
     else:
-        end, num_labels = _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
+        end, num_labels = _search_free(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, most)
     labels.stamp[1] += num_labels
     return end
 
 
 @kernel(allocates=False)
-def _search_free(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
+def _search_free(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, most):
     """`plan_one` where nobody may be crossed: only arrivals count, so that a queue of lengths does for a heap.
 
+    What is left to the goal is the length of a label less its arrival. Where it is not known no path would be short enough.
     Of labels of one length the last is the first to be expanded, which goes straight on.
     """
     busy, along, following, barred, near = traffic.busy, traffic.along, traffic.following, traffic.barred, len(traffic.num_near) > 1
@@ -118,9 +137,9 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
     stamp = labels.stamp[0] << 32
     room = min(len(vertex), most)
     occupied, high = run_end(busy[start], 0)
-    if occupied or steps[start] > limit:
+    if occupied or least > limit:
         return np.int64(-1), 1
-    length = np.int64(steps[start])
+    length = least
     queue[length : limit + 1] = -1
     vertex[0], lows[0], highs[0], parent[0], link[0] = start, 0, high, -1, -1
     queue[length] = 0
@@ -142,7 +161,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, step
         leave = high if following else high + 1
         for lane in range(first[v], first[v + 1]):
             u = head[lane]
-            to_go = np.int64(steps[u])
+            to_go = steps_from(steps, code, v, u, length - low)
             t = low + 1
             last = min(leave, limit - to_go)
             back = reverse[lane]

@@ -29,7 +29,9 @@ class Task(NamedTuple):
     reverse: np.ndarray  # [L] int64
     start: np.ndarray  # [R] int64
     goal: np.ndarray  # [R] int64
-    steps: np.ndarray  # [R, V] int32 to each robot's goal
+    least: np.ndarray  # [R] int64 steps from each robot's start to its goal
+    steps: np.ndarray  # [R, V] int32 to each robot's goal; [R, 0] where only `code` is known
+    code: np.ndarray  # [R, ceil(V / 4)] uint8 which way is nearer, see _compass; [R, 0] where `steps` are
     clashes: Clashes
 
 

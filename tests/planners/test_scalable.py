@@ -12,6 +12,8 @@ from mrp_sumo.core.plan import Status
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
+from planners import _world
+from planners.configuration import _search_start
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
 from planners.neighbourhood.lns2 import Lns2
@@ -36,10 +38,20 @@ def test_crowded_grids_are_solved_and_repeat_themselves(planner, seed):
 
 
 @pytest.mark.parametrize("planner", [Pibt(), Lacam()])
-def test_packed_distances_lead_to_valid_plans(planner):
+def test_packed_distances_lead_to_the_same_plans(planner):
     problem = random_grid(40, 60, 2)
-    result = planner._plan(problem, 20.0, True)
-    assert judge(problem, result.plan).valid
+    packed, plain = planner._plan(problem, 20.0, True), planner._plan(problem, 20.0, False)
+    assert judge(problem, packed.plan).valid
+    assert (packed.plan.vertex == plain.plan.vertex).all() and (packed.plan.arrive_s == plain.plan.arrive_s).all()
+
+
+@pytest.mark.parametrize("planner", [Pibt(), Lacam()])
+@pytest.mark.parametrize("num_robots", [60, 400])
+def test_distances_about_the_ways_alone_lead_to_valid_plans(planner, num_robots, monkeypatch):
+    for module in (_world, _search_start):
+        monkeypatch.setattr(module, "is_vast", lambda problem: True)
+    problem = random_grid(40, num_robots, 2)
+    assert judge(problem, planner._plan(problem, 20.0, True).plan).valid
 
 
 STRICT = [made(**kind) for made in (Pibt, Lacam, Lns2) for kind in ({"following": True}, {"rotations": False})]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from worlds import random_grid
 
-from mrp_sumo.search.distance import distances
+from mrp_sumo.search.distance import UNREACHABLE, Distances, distances
+from planners import _world
 from planners._compass import UNKNOWN, read_code
 from planners._world import build_world, steps_table, tiled
 from planners.configuration.pibt import Pibt
@@ -16,7 +17,9 @@ def compiled():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_packed_distances_tell_which_neighbour_is_nearer(seed):
+@pytest.mark.parametrize("vast", [False, True])
+def test_packed_distances_tell_which_neighbour_is_nearer(seed, vast, monkeypatch):
+    monkeypatch.setattr(_world, "is_vast", lambda problem: vast)
     problem = random_grid(24, 6, seed)
     world, steps = build_world(problem, np.inf, packed=True)
     table, plain_steps = build_world(problem, np.inf, packed=False)
@@ -26,7 +29,8 @@ def test_packed_distances_tell_which_neighbour_is_nearer(seed):
         known = np.array([read_code(world.code, robot, v) for v in range(graph.num_vertices)])
         inside = known != UNKNOWN
         assert inside[problem.start[robot]]
-        assert (known[inside] == table.table[robot][inside] % 3).all()
+        assert (known[inside] == table.table[robot][inside] % 3 + 1).all()
+        assert vast or (inside == (table.table[robot] < UNREACHABLE)).all()
 
 
 def test_tiles_only_change_the_numbers():
@@ -40,7 +44,10 @@ def test_tiles_only_change_the_numbers():
     assert (renumbered.xy == graph.xy[original]).all()
 
 
-def test_tables_are_shared_with_others_on_the_graph():
-    problem = random_grid(8, 4, 0)
-    assert (steps_table(problem, np.inf)[2] == distances(problem.graph).to(int(problem.target[2]))).all()
+@pytest.mark.parametrize("size", [8, 200])  # of the larger one not all tables are made at once
+def test_tables_are_shared_with_others_on_the_graph(size):
+    problem = random_grid(size, 120 if size == 200 else 4, 0)
+    table, goal = steps_table(problem, np.inf), int(problem.target[2])
+    assert (table[2] == distances(problem.graph).to(goal)).all()
+    assert (table[2] == Distances(problem.graph.first, problem.graph.head).to(goal)).all()
     assert steps_table(problem, -np.inf) is None

@@ -8,7 +8,7 @@ from worlds import on_a_circle, problem_on, random_grid
 
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.traffic.referee import judge
-from planners._world import small_problem, steps_table
+from planners._world import build_world, small_problem
 from planners.configuration._guides import are_thin, own_ways
 from planners.configuration._search_start import search_start
 from planners.configuration.lacam import Lacam
@@ -17,10 +17,9 @@ from planners.configuration.pibt import Pibt
 pytestmark = pytest.mark.kernel
 
 
-def ways_of(problem, rounds=2):
-    table = steps_table(problem, np.inf)
-    steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
-    return own_ways(problem, rounds, table, steps, np.inf, np.random.default_rng(1)), table, steps
+def ways_of(problem, rounds=2, packed=False):
+    world, steps = build_world(problem, np.inf, packed=packed)
+    return own_ways(problem, rounds, world, np.inf, np.random.default_rng(1)), world.table, steps
 
 
 def meetings(ways, steps):
@@ -42,6 +41,7 @@ def test_ways_are_shortest_ways_along_lanes():
         assert (way[0], way[-1]) == (problem.start[robot], problem.target[robot])
         assert [int(table[robot, v]) for v in way] == list(range(int(steps[robot]), -1, -1))
         assert all(problem.graph.lane_between(u, v) >= 0 for u, v in pairwise(way))
+    assert (ways_of(problem, packed=True)[0] == ways).all()
 
 
 def test_ways_meet_fewer_than_ways_by_chance():

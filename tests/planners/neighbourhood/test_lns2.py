@@ -60,7 +60,8 @@ def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
                     onward.add(u)
         reached = onward
     found = _sipps.plan_one(
-        task.first, task.head, task.reverse, traffic, labels, robot, start, goal, task.steps[robot], 62, False, 10**6
+        task.first, task.head, task.reverse, traffic, labels, robot,
+        start, goal, task.least[robot], task.steps[robot], task.code[robot], 62, False, 10**6,
     )  # fmt: skip
     assert found == earliest
 
