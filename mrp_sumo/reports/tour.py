@@ -17,6 +17,7 @@ class Stop:
     page: str  # relative
     picture: str = ""  # relative
     command: str = ""
+    links: tuple[tuple[str, str], ...] = ()  # names and relative addresses of what belongs to it
 
 
 def tour_page(
@@ -27,11 +28,13 @@ def tour_page(
     """The page as text; everything from outside is escaped."""
     articles = []
     for stop in stops:
-        text = {name: html.escape(value) for name, value in vars(stop).items()}
+        text = {name: html.escape(value) for name, value in vars(stop).items() if isinstance(value, str)}
         picture = f'<a href="{text["page"]}"><img src="{text["picture"]}" alt="{text["title"]}"></a>' if stop.picture else ""
         command = f"<code>{text['command']}</code>" if stop.command else ""
+        named = ", ".join(f'<a href="{html.escape(address)}">{html.escape(name)}</a>' for name, address in stop.links)
+        links = f'<p class="lead">{named}</p>' if named else ""
         head = f'<h2><a href="{text["page"]}">{text["title"]}</a></h2>'
-        articles.append(f"<article>{picture}<div>{head}<p>{text['text']}</p>{command}</div></article>")
+        articles.append(f"<article>{picture}<div>{head}<p>{text['text']}</p>{command}{links}</div></article>")
     lines = [
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',

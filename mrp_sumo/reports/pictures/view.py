@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ABSENT = 4  # a state in addition to those of io.record: not on the floor
 AT_REST = "idle or served"  # what AT_GOAL is called in runs with tasks
+MAP_FILES = (".building.yaml", ".nav.yaml", ".yaml", ".map")  # ends of names
 TURNING_RAD = 0.02  # a sample
 MARGIN_M = 0.6  # around all that is drawn
 BESIDE_M = 3.0  # walls this far beside a level's vertices are its own; the next level is farther
@@ -80,7 +81,8 @@ def title_of(result: Mapping[str, Any]) -> str:
 
 def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
     """Map, robots and planner of a run in a line."""
-    map_name = Path(result["scenario"]["map"]["file"]).name.removesuffix(".building.yaml")
+    map_name = Path(result["scenario"]["map"]["file"]).name
+    map_name = next((map_name.removesuffix(end) for end in MAP_FILES if map_name.endswith(end)), map_name)
     return f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {result['scenario']['planner']['name']}"
 
 

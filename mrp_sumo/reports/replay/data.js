@@ -47,5 +47,6 @@ export async function readRun() {
   const bytes = await inflate(bytesOfBase64(take("run-data")));
   run.columns = {};
   for (const column of run.manifest) run.columns[column.name] = decodeColumn(column, bytes);
-  return run;
+  const { long, ...columns } = run.columns; // what is long of the head
+  return { ...run, ...JSON.parse(new TextDecoder().decode(long)), columns };
 }

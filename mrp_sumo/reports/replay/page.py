@@ -62,6 +62,7 @@ SCRIPTS = (
 )
 LIVE = 'import "replay/live.js"; '
 LIVE_SCRIPTS = (*SCRIPTS, "live.js")  # the one that asks the network
+LONG, LONG_PARTS = "long", ("event_text", "tasks", "vertices")  # of the head, as JSON in a column: deflated they are a tenth
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
 MAX_SIGHTINGS = 2_000_000  # of people, likewise
@@ -238,6 +239,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
     head |= used | _add_events(columns, record, index)
     if live_period_s is not None:
         head |= {"live": True, "period_s": round(live_period_s, 9)}
+    columns.add(LONG, np.frombuffer(_json({name: head.pop(name) for name in LONG_PARTS}).encode("utf-8", "replace"), np.uint8), "<u1")
     head["manifest"] = columns.manifest
     return filled(
         SOURCES / "page.html",
@@ -468,16 +470,19 @@ def _flat(values: NDArray[Any]) -> list[float]:
 
 def _script_json(value: Any) -> str:
     """JSON in which no tag can begin or end."""
+    text = _json(value)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text.encode("utf-8", "replace").decode("utf-8")
 
+
+def _json(value: Any) -> str:
     def plain(item: Any) -> Any:
         if isinstance(item, np.ndarray | np.generic):
             return item.tolist()
         raise TypeError(type(item))
 
-    text = json.dumps(value, default=plain, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return text.encode("utf-8", "replace").decode("utf-8")
+    return json.dumps(value, default=plain, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 def _packed_library() -> str:
