@@ -9,4 +9,5 @@ WAITED, STOOD_BLOCKED, ARRIVED_AT_GOAL, SET_OUT = range(4)
 
 ARRIVED_M = 0.002  # a robot this close to a vertex has arrived there: it stops MARGIN_M before
 MARGIN_M = 0.001  # a robot is stopped this far before the end of what it may drive
+GRAINS = 2.0**20  # in a metre or a second: as finely as robots, people and policies see each other; half a grain is no decimal
 TURNED_RAD = 1e-9  # a robot that has to turn by no more need not turn

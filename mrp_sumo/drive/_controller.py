@@ -10,6 +10,7 @@ from mrp_sumo.drive._causes import DISTURBED, FACILITY, FINISHED, FREE, LETTING_
 from mrp_sumo.drive._facilities import run_facilities
 from mrp_sumo.drive._observe import observe
 from mrp_sumo.drive._people import book_lost, heed
+from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._motion import stop_speed
 
@@ -99,7 +100,7 @@ def grant(now, kinematics, rules, visits, needs, state, closed, shut):
             if now < earliest[m] - lead - 1e-9:
                 cause[r] = PLANNED
                 break
-            if (rules.asks_late or not ordered) and allowed[r] - s_m[r] > reach[r]:
+            if (rules.asks_late or not ordered) and allowed[r] - s_m[r] > reach[r] + TIE_M:
                 break
             if closed[lane[k]] and not on_lane[r]:
                 cause[r] = DISTURBED
@@ -195,10 +196,10 @@ def command(now, dt, kinematics, rules, visits, state, conditions, changed):
     count = 0
     for r in range(len(s_m)):
         v = min(stop_speed(known[r] - s_m[r] - MARGIN_M, decel[r], dt), top[r] * factor[r])
-        if now < hold_until[r]:
+        if v < 1e-9 or now < hold_until[r]:  # what rounding leaves of no way at all is no speed
             v = 0.0
-            if cause[r] != FINISHED:
-                cause[r] = DISTURBED
+        if now < hold_until[r] and cause[r] != FINISHED:
+            cause[r] = DISTURBED
         k = following[reached[r]]
         if rules.paced and v > 0.0 and k >= 0 and due[k] > now:
             v = min(v, max((at[k] - s_m[r]) / (due[k] - now), SLOWEST * top[r]))
@@ -206,8 +207,6 @@ def command(now, dt, kinematics, rules, visits, state, conditions, changed):
             v = heed(r, v, now, dt, kinematics, visits, state.motion, people)
             if people.halted[r] and cause[r] != FINISHED:
                 cause[r] = DISTURBED
-        if v < 1e-9:
-            v = 0.0
         if abs(v - commanded[r]) > 1e-4 or (v == 0.0 and commanded[r] != 0.0):
             commanded[r] = v
             changed[count] = r

@@ -7,6 +7,7 @@ brake, and closes when nobody is near any more, nor comes before it could close 
 
 import numpy as np
 
+from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.search._kernel import kernel
 
 CLOSED, COMING, OPEN, TAKEN, HELD = range(5)  # lifts; one that is coming closes its doors, travels, and opens them again
@@ -46,7 +47,7 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
         k = following[reached[r]]
         while k >= 0:
             may_pass = rank[k] <= rank[granted[r]]
-            ahead_s = (from_m[k] - s_m[r] - reach[r]) / top[r] - dt  # until it has to brake, or is let through
+            ahead_s = (from_m[k] - s_m[r] - reach[r] - TIE_M) / top[r] - dt  # until it has to brake, or is let through
             if not may_pass and ahead_s > facilities.longest_s:
                 break
             door, lift = lane_door[lane[k]], lane_lift[lane[k]]

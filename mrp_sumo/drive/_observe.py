@@ -152,7 +152,7 @@ def arrive(now, dt, s_m, visits, state, log, count):
         if moved[r] > 0.0 and was[r] == 0.0:
             count = note(log, count, SET_OUT, r, FREE, visits.first[r], -1, now - dt, now - dt)
         k = following[reached[r]]
-        while k >= 0 and s_m[r] >= at[k] - ARRIVED_M:
+        while k >= 0 and s_m[r] >= at[k] - ARRIVED_M - TIE_M:
             late = (s_m[r] - at[k] + ARRIVED_M) / moved[r] * dt if moved[r] > 0.0 else 0.0
             arrived[k] = now - min(max(late, 0.0), dt)
             claims[lane[k]] -= 1

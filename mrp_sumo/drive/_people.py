@@ -8,9 +8,10 @@ all around.
 
 import numpy as np
 
+from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.search._kernel import kernel
 
-TIE_M = 1e-9  # so near the end of a field is outside
+TIE_M = 2.0 / GRAINS  # so near the end of a field is outside
 
 
 @kernel(allocates=False)
@@ -25,11 +26,12 @@ def heed(r, wanted, now, dt, kinematics, visits, motion, people):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
     halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
     v, turns = min(wanted, people.cap_mps[r]), motion.turning[r] and motion.moved_m[r] == 0.0
+    speed_mps = in_grains(motion.speed_mps[r])
     share[r] = 0.0
-    if people.watches and (v > 0.0 or motion.speed_mps[r] > 0.0 or turns):
+    if people.watches and (v > 0.0 or speed_mps > 0.0 or turns):
         decel, slowest = kinematics.decel_mps2[r], people.slowest_mps
-        if v > 0.0 or motion.speed_mps[r] > 0.0:
-            speed = slowest if halted[r] else max(motion.speed_mps[r], slowest)
+        if v > 0.0 or speed_mps > 0.0:
+            speed = slowest if halted[r] else max(speed_mps, slowest)
             most = reach(max(wanted, speed), decel, people) + max(wanted, speed) * dt
             room = room_ahead(r, most, visits, motion, people)
             is_free = room >= reach(speed, decel, people) - TIE_M
@@ -43,7 +45,7 @@ def heed(r, wanted, now, dt, kinematics, visits, motion, people):
             halted[r] = not (is_free and now - free_since[r] >= people.restart_s - 1e-9)
         elif not is_free:
             halted[r], since[r], free_since[r] = True, now, np.inf
-            people.in_motion[r] = turns or motion.speed_mps[r] > 0.0
+            people.in_motion[r] = turns or speed_mps > 0.0
         slowed = max(speed_within(room - people.extra_m, people.reaction_s + dt, decel), slowest)
         v = 0.0 if halted[r] else min(v, slowed)
     elif halted[r]:
@@ -81,7 +83,7 @@ def room_ahead(r, most, visits, motion, people):
     lane = visits.lane[k]
     if people.is_ride[lane]:
         return np.inf
-    before = visits.at_m[k] - motion.s_m[r]
+    before = visits.at_m[k] - in_grains(motion.s_m[r])
     x, y = people.head_x[lane] - before * people.along_x[lane], people.head_y[lane] - before * people.along_y[lane]
     size = np.hypot(people.along_x[lane], people.along_y[lane])
     ux, uy = people.along_x[lane] / size, people.along_y[lane] / size
@@ -109,7 +111,7 @@ def room_ahead(r, most, visits, motion, people):
 @kernel(allocates=False)
 def is_clear_around(r, visits, motion, people):
     """Whether nobody is where a robot that turns in place could touch them."""
-    x, y = place_of(r, motion.s_m[r], visits.reached[r], visits.next, visits.at_m, visits.lane, visits.vertex, people)
+    x, y = place_of(r, in_grains(motion.s_m[r]), visits.reached[r], visits.next, visits.at_m, visits.lane, visits.vertex, people)
     most = np.hypot(people.half_length_m[r], people.half_width_m[r]) + people.side_m + people.body_m
     for row in range(bin_row(y - most, people), bin_row(y + most, people) + 1):
         begin = people.first[row * people.columns + bin_column(x - most, people)]
@@ -147,15 +149,21 @@ def place_of(r, s, reached, following, at_m, lane, vertex, people):
     return people.head_x[on] - before * people.along_x[on], people.head_y[on] - before * people.along_y[on]
 
 
+@kernel(inline="always", allocates=False)
+def in_grains(where):
+    """A distance or a speed without what an engine's rounding adds: people would never again walk as with another engine."""
+    return np.rint(where * GRAINS) / GRAINS
+
+
 @kernel(allocates=False)
 def see_robots(dt, driven_m, visits, motion, people):
     """Where people see robots that have driven `driven_m` [R]: where these are when the step is over, headings one step old."""
     following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex
     for r in range(len(driven_m)):
-        reached, s = visits.reached[r], driven_m[r]
+        reached, s, was = visits.reached[r], in_grains(driven_m[r]), in_grains(motion.s_m[r])
         people.robot_x[r], people.robot_y[r] = place_of(r, s, reached, following, at_m, lane, vertex, people)
         people.robot_yaw[r] = motion.yaw_rad[r]
-        along = (s - motion.s_m[r]) / dt
+        along = (s - was) / dt
         k = following[reached]
         if k >= 0:
             on = lane[k]

@@ -8,6 +8,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.drive import _controller
 from mrp_sumo.drive._causes import ARRIVED_M
 from mrp_sumo.drive.state import State
+from mrp_sumo.search._bodies import TIE_M
 
 LOOK_EVERY_S = 0.5  # simulated; so a deadlock is in the log within a second of its making
 
@@ -20,7 +21,7 @@ class DeadlockWatch:
 
     def look(self, state: State) -> list[tuple[int, ...]]:
         """Wait-for cycles that were not there at the last look: robots, each waiting for the next, the lowest first."""
-        stands = state.motion.s_m >= state.grants.allowed_m - ARRIVED_M  # others go on when they have heard that they may
+        stands = state.motion.s_m >= state.grants.allowed_m - ARRIVED_M - TIE_M  # others go on when they have heard that they may
         other, since_s = state.grants.other, np.where(stands, state.waits.since_s, np.inf)
         if not (since_s < np.inf).any():
             self.known.clear()

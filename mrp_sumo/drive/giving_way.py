@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.drive.live_plan import in_grains
 from mrp_sumo.drive.reroute import Reroute
 from mrp_sumo.drive.state import State
 from mrp_sumo.drive.surroundings import Surroundings
@@ -86,7 +87,7 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
         avoid[around.still_needed(other)] = True
         goals[around.of_vertex(other, int(visits.vertex[visits.last[other]]))] = True
     start = int(visits.vertex[granted])
-    begin = float(around.state.motion.s_m[robot] - visits.at_m[granted]) if grants.on_lane[robot] else 0.0
+    begin = float(in_grains(around.state.motion.s_m[robot] - visits.at_m[granted])) if grants.on_lane[robot] else 0.0
     if not around.free_for(robot, around.of_vertex(robot, start)):
         return None
     came: dict[int, int] = {}

@@ -21,12 +21,13 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive._causes import DISTURBED, TURNED_RAD
-from mrp_sumo.drive.live_plan import LivePlan
+from mrp_sumo.drive.live_plan import LivePlan, in_grains
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
 from mrp_sumo.drive.policy import DecidingPolicy, Policy
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.state import NEVER, Kinematics, VisitNeeds, state_at_rest
 from mrp_sumo.errors import PlanError
+from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.traffic.passages import Needs, Schedule, in_places, order_of
 from mrp_sumo.traffic.resources import Resources
 from mrp_sumo.traffic.schedule import check_order
@@ -206,7 +207,7 @@ class Ledger:
                     m = int(cut[r])
                     k = int(following[m])
                     entered = m == of_robot["granted"][r] and grants.on_lane[r]
-                    if k < 0 or rank[m] >= pause[r] or (at_m[m] >= to_m[r] and not entered) or (closed[lane[k]] and not entered):
+                    if k < 0 or rank[m] >= pause[r] or (at_m[m] >= to_m[r] - TIE_M and not entered) or (closed[lane[k]] and not entered):
                         break
                     mine = slice(self._need_first[k], self._need_first[k + 1])
                     before = (
@@ -388,8 +389,8 @@ class Ledger:
         return LivePlan(
             **vars(plan),
             order=in_places(order_of(plan, needs), place) if len(self._passing) else None,
-            driven_m=frozen(motion.s_m - columns["at_m"][reached]),
-            late_s=frozen(np.where(ahead >= 0, np.maximum(late_s, now_s - columns["arrive_s"][ahead]), late_s)),
+            driven_m=frozen(in_grains(motion.s_m - columns["at_m"][reached])),
+            late_s=frozen(in_grains(np.where(ahead >= 0, np.maximum(late_s, now_s - columns["arrive_s"][ahead]), late_s))),
             held=frozen(self.state.grants.cause == DISTURBED),
         )
 

@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.traffic.passages import Schedule
 
 
@@ -18,3 +21,9 @@ class LivePlan(Plan):
     driven_m: FloatArray  # [R] beyond the last visit that it has reached
     late_s: FloatArray  # [R] how much later than planned each robot made its last visit, or will make its next one; below 0: earlier
     held: BoolArray  # [R] whether a disturbance keeps it from driving now; nobody knows for how long
+
+
+def in_grains(where: FloatArray | np.float64) -> FloatArray:
+    """Distances or times as those see them who decide by them: without what an engine's rounding adds."""
+    grains: FloatArray = np.rint(where * GRAINS) / GRAINS
+    return grains

@@ -13,6 +13,7 @@ from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.state import State
 from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
+from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.traffic.resources import Resources
 
 INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
@@ -113,4 +114,4 @@ class Surroundings:
         if self.enters_by_itself(robot) or motion.speed_mps[robot] > 0 or visits.reached[robot] != granted or visits.next[granted] < 0:
             return False
         beyond = float(motion.s_m[robot] - visits.at_m[granted])
-        return beyond > INTO_M and self.can_turn_back(robot) if self.state.grants.on_lane[robot] else abs(beyond) <= ARRIVED_M
+        return beyond > INTO_M and self.can_turn_back(robot) if self.state.grants.on_lane[robot] else abs(beyond) <= ARRIVED_M + TIE_M

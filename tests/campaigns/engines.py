@@ -1,19 +1,22 @@
 """The disturbed runs of the noise campaign, driven by SUMO and by the kinematic engine: they have to agree.
 
 At every sample, robots are within a centimetre of where the other engine has them; they make the same visits, in the same order at every
-vertex, within a step; the same things happen to the same robots at the same places, within a step. Both pass the audit.
+vertex, within a step; the same things happen to the same robots at the same places, within a step; people walk the same ways. Both
+pass the audit.
 """
 
 import json
 import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from campaigns.driver import Trial
-from campaigns.noise import Drawn, Worlds, draw, plain
+from campaigns.noise import BUILDINGS, SHARES, Drawn, Worlds, draw, plain
 
 from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import replanning
@@ -33,10 +36,11 @@ class Engines:
     """One plan a trial, driven twice."""
 
     size = None
+    shares: Mapping[str, float] = SHARES
 
     def __init__(self, seed: int) -> None:
         self._scratch = tempfile.TemporaryDirectory(prefix="engines-")
-        self._worlds, self._first = Worlds(None, Path(self._scratch.name)), seed * 10_000_000
+        self._worlds, self._first = Worlds(None, Path(self._scratch.name), self.shares), seed * 10_000_000
 
     def trial(self, number: int, folder: Path) -> Trial:
         replanning.EFFORT = EFFORT
@@ -46,7 +50,7 @@ class Engines:
         row, problem, network = drawn.row, drawn.problem, drawn.network
         kind, why = f"{row['family']}, {row['policy']}", ""
         rng = np.random.default_rng([self._first + number, 80])
-        if rng.random() < LIMITED:
+        if rng.random() < LIMITED and self.shares is SHARES:  # rides have limits already
             graph = replace(
                 problem.graph, speed_mps=np.where(rng.random(problem.graph.num_lanes) < 0.3, rng.choice([0.1, 0.15, 0.5]), np.inf)
             )
@@ -72,6 +76,12 @@ class Engines:
         return Trial(kind, "refused" if why else "no plan")
 
 
+class EnginesInBuildings(Engines):
+    """The same in whole buildings, among people."""
+
+    shares = BUILDINGS
+
+
 def differences(one: Execution, two: Execution, plan: Plan, drawn: Drawn) -> tuple[list[str], float]:
     """In what two executions of a plan do not agree, and how far robots are apart in them at most, in m."""
     problem, settings = drawn.problem, drawn.settings
@@ -87,8 +97,16 @@ def differences(one: Execution, two: Execution, plan: Plan, drawn: Drawn) -> tup
     if far_m > FAR_M:
         k, robot = np.argwhere(apart_m > FAR_M)[0].tolist()
         found.append(f"robot {robot} is {apart_m[k, robot]:.4f} m apart at {one.t_s[k]:g} s, at most {far_m:.4f} m")
+    if one.people is not None and two.people is not None and not _walk_alike(one.people, two.people):
+        found.append("people walk other ways")
     found += _visits(one, two, problem, plan, step_s) + _events(one, two, step_s)
     return found, far_m
+
+
+def _walk_alike(one: PeopleLog, two: PeopleLog) -> bool:
+    if not np.array_equal(one.first, two.first):
+        return False
+    return bool((np.hypot(one.x_m - two.x_m, one.y_m - two.y_m) < FAR_M).all())
 
 
 def _visits(one: Execution, two: Execution, problem: Problem, plan: Plan, step_s: float) -> list[str]:

@@ -56,6 +56,13 @@ def test_the_one_planned_first_crosses_first(tmp_path):
     assert kinds(run)["waited"] == [0]
 
 
+def test_rounding_in_an_engine_does_not_decide_when_a_robot_has_arrived(tmp_path):
+    """At full speed this robot is 3.498 m on its way after 159 steps: 2 mm before a vertex, where it has arrived, but for rounding."""
+    granted = [drive(tmp_path, line(12, 0.5), [range(12)], engine=name).grants for name in ("sumo", "kinematic")]
+    assert np.array_equal(granted[0].t_s, granted[1].t_s)
+    assert 15.9 in granted[0].t_s
+
+
 def test_a_platoon_drives_as_one(tmp_path):
     run = drive(tmp_path, line(8), [[3, 4, 5, 6, 7], [2, 3, 4, 5, 6], [1, 2, 3, 4, 5]])
     assert run.all_at_goal

@@ -148,3 +148,12 @@ def test_people_are_discs_in_the_gui_that_come_and_go(tmp_path, script, monkeypa
     (disc,) = seen[2.0]
     assert np.mean(disc[:12], axis=0) == pytest.approx((6.5, 1.0), abs=1e-2)
     assert np.ptp(np.array(disc)[:, 0]) == pytest.approx(0.5, abs=1e-2)
+
+
+def test_people_walk_alike_among_robots_of_either_engine(tmp_path):
+    """What engines round would show within seconds: who walks among others sees everything again in their steps."""
+    graph = line(12, 1.0)
+    people = corridor_of(graph, count=6, seed=3)
+    one, other = (drive(tmp_path, graph, [range(12)], robot=CART, engine=name, people=people, time_limit_s=40.0) for name in BOTH.args[1])
+    assert len(one.people.person) > 1000
+    assert np.array_equal(one.people.x_m, other.people.x_m) and np.array_equal(one.people.y_m, other.people.y_m)
