@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.search._conflicts import conflicts_of
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import install_all
-from mrp_sumo.search._records import MDD0, OK, ORIGIN, RECORDS, STORE_FULL, add_record
+from mrp_sumo.search._records import MDD0, OK, ORIGIN, PARENT, RECORDS, ROW0, ROW1, STORE_FULL, add_record
 from mrp_sumo.search._space_time import replan
 
 
@@ -39,6 +39,25 @@ def branch(instance, store, occupancy, scratch, records, conflicts, robot, row0,
         store.used[RECORDS] -= 1
         return code, np.int64(-1), conflicts
     return OK, record, conflicts_of(instance, store, occupancy, robot, record, conflicts)
+
+
+@kernel
+def all_rows(store, record):
+    """[N, 5] the constraints that a record's chain adds up to."""
+    count = 0
+    link = record
+    while link >= 0:
+        count += store.meta[link, ROW1] - store.meta[link, ROW0]
+        link = store.meta[link, PARENT]
+    rows = np.empty((count, 5), np.int32)
+    count = 0
+    link = record
+    while link >= 0:
+        for k in range(store.meta[link, ROW0], store.meta[link, ROW1]):
+            rows[count] = store.rows[k]
+            count += 1
+        link = store.meta[link, PARENT]
+    return rows
 
 
 @kernel

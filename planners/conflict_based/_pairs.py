@@ -1,19 +1,20 @@
 """Kernels of the weighted dependency graph heuristic: what each pair of robots costs more than its paths, and their cover.
 
 Source: Li, Felner, Boyarski, Ma, Koenig, "Improved heuristics for multi-agent path finding with conflict-based
-search", IJCAI 2019 (WDG). The cost of a pair is found by a small conflict-based search of the two alone.
+search", IJCAI 2019 (WDG). The cost of a pair is found by a small conflict-based search of the two alone, which ends as soon as
+their joint MDD says that there are paths without conflict.
 """
 
 import numpy as np
 
-from mrp_sumo.search._conflicts import A0, A1, B0, B1, WIDTH, conflicts_of
+from mrp_sumo.search._conflicts import A0, A1, B0, B1, PRIORITY, WIDTH, conflicts_of
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_of
 from mrp_sumo.search._occupancy import install_all
 from mrp_sumo.search._records import COST, MDD0, NO_PATH, OK, ROBOT, STORE_FULL, add_record
 from mrp_sumo.search._space_time import replan
-from planners.conflict_based._symmetry import choose
+from planners.conflict_based._symmetry import CARDINAL, choose
 
 PAIR_PATIENCE = 20
 IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its constraints
@@ -63,6 +64,8 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
     count = 1
     code = OK
     weight = np.int64(IMPOSSIBLE)
+    is_told = not instance.clashes.any  # the joint MDD knows all conflicts
+    patience = 0 if is_told else PAIR_PATIENCE  # it also finds what these paths miss
     for expanded in range(most_nodes + 1):
         if count == 0:
             break
@@ -79,10 +82,12 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
         conflicts = conflicts_of(instance, store, occupancy, i, records[i], nothing)
         if len(conflicts) == 0:
             break
-        code, chosen = choose(instance, store, scratch, records, conflicts, True)
+        code, chosen = choose(instance, store, scratch, records, conflicts, True, True)
         if code != OK:
             break
         row = conflicts[chosen]
+        if row[PRIORITY] < 4 * CARDINAL and is_told and store.meta[records[i], MDD0] >= 0 and store.meta[records[j], MDD0] >= 0:
+            break  # there are paths without conflict at this cost
         for side in range(2):
             robot = row[side]
             row0, row1 = (row[A0], row[A1]) if side == 0 else (row[B0], row[B1])
@@ -94,7 +99,7 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
             code = install_all(store, occupancy, records, robot)
             if code != OK:
                 break
-            code = replan(instance, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], PAIR_PATIENCE, budget)
+            code = replan(instance, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], patience, budget)
             if code == NO_PATH:
                 code = OK
                 continue

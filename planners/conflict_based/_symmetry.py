@@ -5,9 +5,10 @@ Sources: Boyarski et al., "ICBS: improved conflict-based search algorithm for mu
 path finding search", AIJ 2021 (rectangles with barrier constraints in section 4, targets in section 5, corridors
 in section 6). Every split is sound: each pair of paths without conflict keeps one side's constraints at least.
 
-Rectangles are looked for on 4-connected grids only. The barrier of a robot is restricted to the members of its
-MDD: a path through (vertex, step) of an MDD has come through the MDD's earlier levels of one member, so it has
-entered the rectangle where the reasoning needs it to.
+Where paths are shortest ones the joint MDD of two robots finds what no single conflict shows, see `_joint_mdd.py`; what is here is
+for those that are not cardinal, and for longer paths. Rectangles are looked for on 4-connected grids only. The barrier of a robot is
+restricted to the members of its MDD: a path through (vertex, step) of an MDD has come through the MDD's earlier levels of one member, so
+it has entered the rectangle where the reasoning needs it to.
 """
 
 import numpy as np
@@ -52,14 +53,16 @@ from mrp_sumo.search._records import (
     add_row,
     place,
 )
+from planners.conflict_based._joint_mdd import LOST, UNKNOWN_YET, breaks, joint_paths
 
 PLAIN, RECTANGLE, CORRIDOR, AT_TARGET = 0, 1, 2, 3  # in the order of preference among equally cardinal ones
+CARDINAL = 2  # the rank of a split that raises the cost of both
 MOST_CORNERS = 5  # levels of one member looked at for each corner of a rectangle
 CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
 
 
 @kernel
-def choose(instance, store, scratch, records, conflicts, symmetries):
+def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     """Fill in the priorities and splits that are unknown, and choose.
 
     Parameters
@@ -70,6 +73,8 @@ def choose(instance, store, scratch, records, conflicts, symmetries):
         [K, WIDTH], K > 0; priorities and splits are written.
     symmetries
         Whether to look for rectangles, corridors and targets.
+    shortest
+        Whether to ask the joint MDD, too, which tells most where paths are shortest ones.
 
     Returns
     -------
@@ -78,6 +83,8 @@ def choose(instance, store, scratch, records, conflicts, symmetries):
         kind, then the earliest.
     """
     chosen = -1
+    joint = np.empty((len(conflicts), 6), np.int64)  # pairs of robots asked, what was found, and the constraints
+    num_joint = 0
     for k in range(len(conflicts)):
         row = conflicts[k]
         if row[PRIORITY] == UNKNOWN:
@@ -88,7 +95,10 @@ def choose(instance, store, scratch, records, conflicts, symmetries):
                     if code != OK:
                         return code, -1
             code = _split(instance, store, scratch, one, other, row, symmetries)
+            if code == OK and symmetries and shortest and row[PRIORITY] < 4 * CARDINAL:
+                code, num_joint = _split_joint(instance, store, scratch, one, other, row, joint, num_joint)
             if code != OK:
+                row[PRIORITY] = UNKNOWN
                 return code, -1
         if (
             chosen < 0
@@ -97,6 +107,34 @@ def choose(instance, store, scratch, records, conflicts, symmetries):
         ):
             chosen = k
     return OK, chosen
+
+
+@kernel
+def _split_joint(instance, store, scratch, one, other, row, joint, num_joint):
+    """Where all shortest paths of the two are in conflict, write the split that raises the cost of both.
+
+    `joint` holds what was found of other pairs; (code, how many it holds) is returned.
+    """
+    low, high = min(row[ONE], row[OTHER]), max(row[ONE], row[OTHER])
+    k = 0
+    while k < num_joint and (joint[k, 0] != low or joint[k, 1] != high):
+        k += 1
+    if k == num_joint:
+        first, second = (one, other) if row[ONE] == low else (other, one)
+        code, found, row0, middle, row1 = joint_paths(instance, store, scratch, first, second, True)
+        if code != OK:
+            return code, num_joint
+        if found == LOST and not (breaks(store, first, row0, middle) and breaks(store, second, middle, row1)):
+            found = UNKNOWN_YET  # a path that is not among the shortest may go on as it is
+        joint[k, 0], joint[k, 1], joint[k, 2], joint[k, 3], joint[k, 4], joint[k, 5] = low, high, found, row0, middle, row1
+        num_joint += 1
+    if joint[k, 2] == LOST:
+        if row[ONE] == low:
+            row[A0], row[A1], row[B0], row[B1] = joint[k, 3], joint[k, 4], joint[k, 4], joint[k, 5]
+        else:
+            row[A0], row[A1], row[B0], row[B1] = joint[k, 4], joint[k, 5], joint[k, 3], joint[k, 4]
+        row[PRIORITY] = 4 * CARDINAL + RECTANGLE
+    return OK, num_joint
 
 
 @kernel

@@ -6,6 +6,7 @@ The clock is looked at between kernel calls, and a search that takes long is bro
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from hashlib import blake2b
 from time import perf_counter
 from typing import Any
 
@@ -23,7 +24,7 @@ from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._buffers import Buffers
-from planners.conflict_based._nodes import branch, same_path
+from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import cover, pair_weight
 from planners.conflict_based._symmetry import choose
 
@@ -124,8 +125,8 @@ class Tree:
         longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
         self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = like._weights if like else {}
-        # (robot, goal) -> its record without constraints: what is known of one tree's serves the others
-        self._free: dict[tuple[int, int], int] = like._free if like else {}
+        # (robot, goal, its constraints) -> the first record with them: what is known of that one serves all others, in every tree
+        self._alike: dict[tuple[int, int, bytes], int] = like._alike if like else {}
         self.generated = 0
         self.problem, self._num_split, self._unsolvable = problem, 0, False
 
@@ -156,19 +157,17 @@ class Tree:
             if child is None:
                 return None
             node = child
-            record = int(node.records[robot])
-            meta = self._buffers.store.meta
-            free = self._free.setdefault((robot, int(self.instance.goal[robot])), record)
-            meta[record, st.ORIGIN], meta[record, st.MDD0] = free, meta[free, st.MDD0]
         node.depth = 0
         return node
 
-    def choose(self, node: Node) -> int:
+    def choose(self, node: Node, w: float = 1.0) -> int:
         """The row of the conflict to split on."""
         while True:
             self.check_clock()
             buffers = self._buffers
-            code, chosen = choose(self.instance, buffers.store, buffers.scratch, node.records, node.conflicts, self.symmetries)
+            code, chosen = choose(
+                self.instance, buffers.store, buffers.scratch, node.records, node.conflicts, self.symmetries, self.symmetries and w == 1
+            )
             if code == st.OK:
                 return int(chosen)
             self._enlarge(code, 0)
@@ -211,7 +210,7 @@ class Tree:
         if self._unsolvable:
             return []
         while True:
-            children = self.split(node, self.choose(node), w, disjoint)
+            children = self.split(node, self.choose(node, w), w, disjoint)
             if not bypass or disjoint:
                 return children
             better = [c for c in children if len(c.conflicts) < len(node.conflicts) and self._may_adopt(node, c, w, lower)]
@@ -306,6 +305,7 @@ class Tree:
             conflicts = conflicts[conflicts[:, STEP] <= self._window]
         self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
         store = self._buffers.store
+        self._share(record, robot)
         records = node.records.copy()
         records[robot] = record
         cost = node.cost + int(store.meta[record, st.COST]) - (int(store.meta[old, st.COST]) if old >= 0 else 0)
@@ -365,7 +365,21 @@ class Tree:
     def _record(self, parent: int, robot: int, path_of: int, like: int, row0: int, row1: int) -> int:
         while (record := int(same_path(self._buffers.store, parent, robot, path_of, like, row0, row1))) < 0:
             self._buffers.grow_store()
+        if like < 0:
+            self._share(record, robot)
         return record
+
+    def _share(self, record: int, robot: int) -> None:
+        """Let a new record have the MDD, and the pairs' weights, of an earlier one with the same constraints."""
+        meta = self._buffers.store.meta
+        rows = all_rows(self._buffers.store, record)
+        text, width = rows.tobytes(), rows.itemsize * rows.shape[1]
+        different = sorted({text[k : k + width] for k in range(0, len(text), width)})
+        key = (robot, int(self.instance.goal[robot]), blake2b(b"".join(different), digest_size=16).digest())
+        first = self._alike.setdefault(key, record)
+        if first != record:
+            meta[record, st.ORIGIN], meta[record, st.MDD0] = first, meta[first, st.MDD0]
+            meta[record, st.BOUND] = max(meta[record, st.BOUND], min(meta[first, st.BOUND], meta[record, st.COST]))
 
     def _pair_weight(self, one: int, other: int) -> int:
         buffers = self._buffers
