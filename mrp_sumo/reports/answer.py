@@ -49,11 +49,11 @@ def _about_values(study: Study, best: str, others: list[str]) -> str:
         if not found:
             continue
         name, (ratio, p_value) = min(found.items(), key=lambda item: item[1][0].value)
-        both = f"Where both succeed ({ratio.count} instances)"
+        both = f"Where {best} and {name} both succeed ({ratio.count} instances)"
         if p_value > SURE or ratio.low <= 0 <= ratio.high:
             return f"{both}, it is undecided who has the lower {what}: that of {name} differs from that of {best} by {_signed(ratio)}."
         if ratio.value > 0:
-            return f"{both}, {best} has the lower {what}, too: that of {name}, the nearest, is {_percent(ratio)} higher."
+            return f"{both}, {best} has the lower {what}: that of {name}, the nearest, is {_percent(ratio)} higher."
         return f"{both}, {name} has the lower {what}, by {_percent(ratio)}."
     return ""
 

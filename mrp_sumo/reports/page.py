@@ -33,6 +33,7 @@ class Section:
     title: str
     text: str = ""
     parts: list[Table | Chart] = field(default_factory=list)
+    is_folded: bool = False  # opens at a click, by its link at the top, and on paper
 
 
 def page(
@@ -76,11 +77,15 @@ def page(
     if gaps:
         lines.append('<ul class="gaps">' + "".join(f"<li>{html.escape(line)}</li>" for line in gaps) + "</ul>")
     for section in sections:
-        lines.append(f'<section aria-labelledby="{section.name}">\n<h2 id="{section.name}">{html.escape(section.title)}</h2>')
-        if section.text:
-            lines.append(f'<p class="lead">{html.escape(section.text)}</p>')
-        lines += _parts(section.parts)
-        lines.append("</section>")
+        title, text = html.escape(section.title), f'<p class="lead">{html.escape(section.text)}</p>' if section.text else ""
+        if section.is_folded:  # a link to what is inside opens it
+            lines.append(
+                f'<section class="folded" aria-label="{title}">\n<details><summary><h2>{title}</h2></summary>\n<div id="{section.name}">'
+            )
+            lines += [text, *_parts(section.parts), "</div></details>", "</section>"]
+        else:
+            lines.append(f'<section aria-labelledby="{section.name}">\n<h2 id="{section.name}">{title}</h2>')
+            lines += [text, *_parts(section.parts), "</section>"]
     lines.append("</main>")
     lines.append("<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in about) + "</footer>")
     return document(title, GENERATOR, lines)

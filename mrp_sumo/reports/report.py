@@ -100,7 +100,10 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     limit = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all."
     if len(study.series) > MANY_SERIES:
         overview.text = limit
-    return study.name, [overview, success, planning, cost, execution, tasks, compared, maps, runs, *drawn]
+    sections = [overview, success, planning, cost, execution, tasks, compared, maps, runs, *drawn]
+    for section in (planning, cost, maps, runs, *drawn) if study.is_executed else (maps, runs, *drawn):
+        section.is_folded = True  # the question is how robots drove; what is open fits on three screens
+    return study.name, sections
 
 
 def _kept_runs(study: Study) -> list[Section]:

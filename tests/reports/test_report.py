@@ -146,6 +146,14 @@ def test_every_link_of_the_page_leads_to_a_file(study):
             assert (page.parent / reference).stat().st_size > 0
 
 
+def test_what_is_beside_the_question_is_folded_and_its_link_leads_inside(study):
+    _, page = study
+    folded = re.findall(r"<details><summary><h2>([^<]+)</h2></summary>\n<div id=\"(\w+)\">", page)
+    assert [title for title, _ in folded][:3] == ["Planning", "Cost", "Maps"]
+    assert all(f'<a href="#{name}">{title}</a>' in page for title, name in folded)
+    assert '<h2 id="success">' in page and '<h2 id="execution">' in page
+
+
 def test_every_figure_is_there_as_svg_and_png_and_every_table_in_three_forms(study):
     page, _ = study
     for folder, kinds in (("figures", {".svg", ".png"}), ("tables", {".csv", ".md", ".tex"})):
