@@ -2,7 +2,8 @@
 
     mrp-sumo query DIR "select planner, avg(makespan_s) from results group by planner"
 
-Columns with dots are quoted: "robots.count". Without SQL the columns and the suite's views are listed.
+Needs the extra `query`: pip install 'mrp-sumo[query]'. Columns with dots are quoted: "robots.count". Without SQL the columns and the
+suite's views are listed.
 """
 
 import argparse
