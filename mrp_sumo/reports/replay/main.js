@@ -21,7 +21,7 @@ class App {
     this.scene = new Scene(run, this.motion, this.events);
     const few = this.motion.numRobots <= 60;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, aisle: null, hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: "", labels: true, follow: false, found: null, still };
+    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, aisle: null, apart: [], hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: "", labels: true, follow: false, found: null, still };
     this.live = this.events.live = run.live ? window.liveOf(this) : null;
     this.speeds = run.live ? this.live.speeds : SPEEDS;
     if (run.live) Object.assign(this.view, { playing: true, speed: 1 });

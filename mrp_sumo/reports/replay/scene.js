@@ -55,7 +55,7 @@ export class Scene {
   fit() {
     const [w, h] = this.map.size_m;
     const narrow = this.width < 600 || this.height < 420;
-    const left = narrow ? 14 : 36, right = narrow ? 14 : 76, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
+    const left = narrow ? 14 : 36, right = this.width < 420 ? 14 : narrow ? 64 : 76, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
     const scale = Math.min((this.width - left - right) / w, (this.height - top - bottom) / h);
     this.minScale = scale / 4;
     this.maxScale = Math.max(600, 4 * scale);
@@ -208,13 +208,14 @@ export class Scene {
   drawRobots(view) {
     const { motion: m, run, robots, colors, least } = this, { pose, now } = m;
     const dimmed = view.only >= 0;
-    robots.begin(m.numRobots + 2);
+    robots.begin(m.numRobots + view.apart.length + 2);
     for (let r = 0; r < m.numRobots; r++) {
       const state = now[r];
       if (state === ABSENT) continue;
       const opacity = dimmed && state !== view.only ? 0.18 : 1;
       robots.add(pose[3 * r], pose[3 * r + 1], pose[3 * r + 2], run.length[r], run.width[r], least, 0, state === BLOCKED ? 0.9 * opacity : 0, opacity, colors[state]);
     }
+    for (const r of view.apart) robots.add(pose[3 * r], pose[3 * r + 1], pose[3 * r + 2], run.length[r], run.width[r], least, 2, 0, 1, packed(this.theme.special));
     for (const [robot, color] of [[view.hovered, this.theme.muted], [view.selected, this.theme.accent]]) {
       if (robot < 0 || now[robot] === ABSENT || (robot === view.selected && color === this.theme.muted)) continue;
       robots.add(pose[3 * robot], pose[3 * robot + 1], pose[3 * robot + 2], run.length[robot], run.width[robot], least, 2, 0, 1, packed(color));

@@ -1,8 +1,8 @@
-/* node browser.mjs CHROMIUM PAGE NASTY_PAGE FOLDER: uses a replay page as people do, and prints what came of it as lines of JSON
+/* node browser.mjs CHROMIUM PAGE NASTY_PAGE TWO_RUNS FOLDER: uses a replay page as people do, and prints what came of it as lines of JSON
    {"claim", "holds", "found"}. Screenshots go to FOLDER. Needs playwright-core. */
 import { createRequire } from "node:module";
 
-const [, , executablePath, page, nasty, folder] = process.argv;
+const [, , executablePath, page, nasty, beside, folder] = process.argv;
 const { chromium } = createRequire(import.meta.url)("playwright-core");
 const browser = await chromium.launch({
   executablePath,
@@ -175,6 +175,16 @@ try {
   await odd.locator(".rows .row").first().click();
   say("names are text", shown.includes("<img src=x") && (await odd.locator("img").count()) === 0 && odd.problems.length === 0, [shown, odd.problems]);
   await odd.context().close();
+
+  const pair = await (await browser.newContext({ viewport: { width: 1400, height: 800 } })).newPage();
+  await pair.goto(`file://${beside}#t=8&robot=1`);
+  const marked = await pair.waitForFunction(() => {
+    const apps = [...document.querySelectorAll("iframe")].map((frame) => frame.contentWindow.replay), [one, two] = apps;
+    return apps.every((app) => app?.view?.selected === 1 && app.view.t === 8) && one.view.apart.length > 0 && [one.view.apart, two.view.apart, document.getElementById("apart").textContent];
+  }, null, { timeout: 20000 }).then((found) => found.jsonValue(), () => null);
+  say("two runs open at a moment, and what differs is marked", marked && String(marked[0]) === String(marked[1]) && marked[2].startsWith(`${marked[0].length} of 5 robots`), marked);
+  await pair.screenshot({ path: `${folder}/pair.png` });
+  await pair.context().close();
 
   const blind = await browser.newContext();
   const dull = await blind.newPage();

@@ -13,8 +13,10 @@ import pytest
 from worlds import NASTY, record_of_two
 
 from mrp_sumo.experiments.run import run_scenario
+from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import find_scenario
 from mrp_sumo.io.scenario.read import read_scenario
+from mrp_sumo.reports.replay.beside import page_of_two
 from mrp_sumo.reports.replay.page import About, replay_page, write_replay
 
 PROJECT = Path(__file__).resolve().parents[3]
@@ -53,6 +55,7 @@ CLAIMS = (
     "a pinch zooms",
     "no console error on a phone",
     "names are text",
+    "two runs open at a moment, and what differs is marked",
     "says that it needs WebGL",
 )
 
@@ -66,7 +69,10 @@ def test_page_does_what_people_expect(tmp_path):  # one test: the browser is sta
     run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run")
     page = write_replay(tmp_path / "run", tmp_path / "page.html")
     (tmp_path / "nasty.html").write_text(replay_page(record_of_two(names=(NASTY, "b")), About(NASTY, note=NASTY)), encoding="utf-8")
-    command = [node, Path(__file__).with_name("browser.mjs"), chromium, page, tmp_path / "nasty.html", tmp_path]
+    late = overrides | {("execution", "disturbances", "start_delay_s"): ("", 20.0), ("execution", "disturbances", "seed"): ("", 1)}
+    run_scenario(read_scenario(find_scenario("office_5"), late), tmp_path / "late")
+    (tmp_path / "both.html").write_text(page_of_two(load_run(tmp_path / "run"), load_run(tmp_path / "late")), encoding="utf-8")
+    command = [node, Path(__file__).with_name("browser.mjs"), chromium, page, tmp_path / "nasty.html", tmp_path / "both.html", tmp_path]
     told = subprocess.run(command, capture_output=True, text=True, timeout=240, env={**os.environ, "NODE_PATH": MODULES})
     found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
     assert not [line for line in found.values() if not line["holds"]]
