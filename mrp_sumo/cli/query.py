@@ -2,8 +2,7 @@
 
     mrp-sumo query DIR "select planner, avg(makespan_s) from results group by planner"
 
-Needs the extra `query`: pip install 'mrp-sumo[query]'. Columns with dots are quoted: "robots.count". Without SQL the columns and the
-suite's views are listed.
+Columns with dots are quoted: "robots.count". Without SQL the columns and the suite's views are listed.
 """
 
 import argparse

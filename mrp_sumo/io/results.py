@@ -304,10 +304,7 @@ def query(path: str | Path, sql: str, report: Callable[[str], None] | None = Non
     BatchError
         When there are no results, or the query is refused.
     """
-    try:
-        import duckdb
-    except ImportError:
-        raise BatchError("a query needs DuckDB: pip install 'mrp-sumo[query]'") from None
+    import duckdb
 
     results = _load_table(Path(path), report or (lambda line: None))
     with duckdb.connect(config=_LOCKED) as connection:

@@ -1,7 +1,5 @@
 """Suites from the front door."""
 
-import sys
-
 import pytest
 
 import mrp_sumo as ms
@@ -16,7 +14,7 @@ def suite(tmp_path):
     return path
 
 
-def test_suite_is_made_once_and_read_as_a_table(suite, tmp_path, capsys, monkeypatch):
+def test_suite_is_made_once_and_read_as_a_table(suite, tmp_path, capsys):
     heard = []
     batch = ms.run_suite(suite, tmp_path / "out", workers=1, progress=lambda done, of: heard.append((done, of)))
     assert heard == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
@@ -28,9 +26,6 @@ def test_suite_is_made_once_and_read_as_a_table(suite, tmp_path, capsys, monkeyp
     again = ms.run_suite(suite, tmp_path / "out", workers=1, progress=lambda done, of: heard.append((done, of)))
     assert heard[5:] == [(4, 4)] and again.counts == batch.counts
     assert capsys.readouterr() == ("", "")
-    monkeypatch.setitem(sys.modules, "duckdb", None)
-    with pytest.raises(ms.MrpSumoError, match=r"a query needs DuckDB: pip install 'mrp-sumo\[query\]'"):
-        again.query("select 1 from results")
 
 
 def test_folder_is_that_of_the_command_line(suite, tmp_path, monkeypatch):
