@@ -5,6 +5,7 @@ what exists is not replaced.
 """
 
 import argparse
+import json
 from math import inf
 from pathlib import Path
 
@@ -41,6 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repeat-latched", type=float, default=0.0, metavar="S", help="say map and markers again every S seconds (for play --start-offset)"
     )
+    parser.add_argument("--json", action="store_true", help="print the path as a line of JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -92,5 +94,5 @@ def run(options: argparse.Namespace) -> int:
             "fcd": exports.write_fcd,
             "viewers": exports.write_viewers,
         }[options.format](out, record)
-    print(out)
+    print(json.dumps({"file": str(out)}) if options.json else out)
     return 0

@@ -6,6 +6,7 @@ it goes on where it was. Exit code 0 when every run has a result, 1 when some cr
 """
 
 import argparse
+import json
 import os
 import shlex
 import sys
@@ -22,6 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--seeds", type=int, metavar="N", help="only the first N seeds of every study, for a result sooner (default: all, 54 and 100)")
     add("--maps", type=Path, metavar="DIR", help="an MRP-Bench checkout: use its maps instead of our drawings of them")
     add("--workers", type=int, metavar="N", help="processes (default: one a core)")
+    add("--json", action="store_true", help="print the page, how many numbers agree, and how many runs there were as a line of JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -42,6 +44,10 @@ def run(options: argparse.Namespace) -> int:
     found = compare_with_paper(campaign)
     page = write_paper(campaign, found, made)
     agree = sum(bool(row.agrees) for row in found.compared)
+    if options.json:
+        said = {"file": str(page), "agree": agree, "compared": len(found.compared), "runs": made.num_runs, "broken": made.num_broken}
+        print(json.dumps(said))
+        return 1 if made.num_broken else 0
     print(f"{agree} of {len(found.compared)} numbers of the paper lie in our 95 % intervals")
     print(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {_duration(made.seconds)}")
     return 1 if made.num_broken else 0

@@ -35,6 +35,9 @@ def test_paper_and_ours_stand_side_by_side_and_the_command_goes_on(tmp_path, cap
         assert (tmp_path / "out" / name).stat().st_size > 500, name
     assert main(["paper", "--out", str(tmp_path / "out"), "--seeds", "1", "--workers", "1"]) == 0
     assert f"{found['runs']} runs, 0 made now" in capsys.readouterr().out
+    assert main(["paper", "--out", str(tmp_path / "out"), "--seeds", "1", "--workers", "1", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["file"], said["runs"], said["broken"]) == (str(tmp_path / "out" / "index.html"), found["runs"], 0)
 
 
 def check(folder):

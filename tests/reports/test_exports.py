@@ -117,7 +117,7 @@ def folder(tmp_path_factory):
     [
         (["--csv"], "trajectory.csv"),
         (["--geojson"], "run.geojson"),
-        (["--fcd"], "fcd.xml"),
+        (["--fcd", "--json"], "fcd.xml"),
         (["--ros1"], "run.bag"),
         (["--viewers"], "viewers"),
         (["--bag", "--out", "OUT", "--storage", "sqlite3", "--rmf", "galactic", "--robots", "robot_0,robot_1"], "OUT"),
@@ -127,7 +127,8 @@ def test_command_makes_each_format_once(folder, tmp_path, capsys, arguments, mad
     arguments = [str(tmp_path / "bag") if a == "OUT" else a for a in arguments]
     path = tmp_path / "bag" if made == "OUT" else folder / made
     assert main(["export", str(folder), *arguments]) == 0
-    assert path.exists() and capsys.readouterr().out == f"{path}\n"
+    said = json.dumps({"file": str(path)}) if "--json" in arguments else path
+    assert path.exists() and capsys.readouterr().out == f"{said}\n"
     assert not [p for p in path.parent.iterdir() if p.name.startswith(".")]
     if made == "OUT":
         with AnyReader([path]) as reader:
