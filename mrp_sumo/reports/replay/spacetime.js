@@ -45,8 +45,9 @@ export function showAisles(panel) {
     tip.style.top = `${Math.max(0, y - 26)}px`;
   });
   canvas.addEventListener("pointerleave", () => (tip.hidden = true));
+  panel.redraw = () => panel.update(false); // of a run under way
   panel.update = (force) => {
-    const [from, to] = windowOf(view.t, panel.span, motion.end), wanted = `${from} ${to} ${view.selected} ${motion.numSamples} ${canvas.clientWidth}`;
+    const [from, to] = windowOf(view.t, panel.span, motion.end), wanted = `${from} ${to} ${view.selected} ${Math.floor(motion.numSamples / 10)} ${canvas.clientWidth}`;
     if (force || wanted !== drawn) {
       drawn = wanted;
       picture = drawAisle(canvas, app, from, to);
