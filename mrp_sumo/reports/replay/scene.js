@@ -338,7 +338,8 @@ export class Scene {
     const write = (text, x, y, color, font, must) => {
       if (x < -80 || y < -20 || x > this.width + 80 || y > this.height + 20 || (drawn >= MAX_LABELS && !must)) return false;
       context.font = font;
-      const w = context.measureText(text).width + 6 + 2 * airy, h = 7 + airy, cells = [];
+      const half = context.measureText(text).width / 2, w = 2 * half + 6 + 2 * airy, h = 7 + airy, cells = [];
+      if (!must && (x < half || x > this.width - half)) return false; // half a name is none
       for (let gx = Math.floor((x - w / 2) / 8); gx <= Math.floor((x + w / 2) / 8); gx++) {
         for (let gy = Math.floor((y - h) / 8); gy <= Math.floor((y + h) / 8); gy++) cells.push(gx * 65536 + gy);
       }
