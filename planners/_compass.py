@@ -16,13 +16,13 @@ UNKNOWN = 0
 SLACK_STEPS = 10
 
 
-@kernel
+@kernel(allocates=False)
 def read_code(code, robot, v):
     """Distance modulo 3 and 1, or UNKNOWN."""
     return np.int64((code[robot, v >> 2] >> (2 * (v & 3))) & 3)
 
 
-@kernel
+@kernel(allocates=False)
 def step_towards(code, robot, u, v):
     """Steps to the goal of `robot` from u less those from v, neighbours or the same: -1, 0 or 1; 0 where one is not known."""
     a, b = read_code(code, robot, u), read_code(code, robot, v)
@@ -32,7 +32,7 @@ def step_towards(code, robot, u, v):
     return np.int64(d if d < 2 else -1)
 
 
-@kernel
+@kernel(allocates=False)
 def extend(first, head, goal, robot, at, code, queue, bound, slack):
     """Search again for a robot at vertex `at`, with four times the room each time until it and its neighbours are known.
 
@@ -69,7 +69,7 @@ def extend(first, head, goal, robot, at, code, queue, bound, slack):
         slack = slack * 4 if slack < num_vertices else 4 * num_vertices
 
 
-@kernel
+@kernel(allocates=False)
 def _search(first, head, goal, robot, at, code, queue, bound, slack):
     """One breadth-first search in the region of `slack`; (steps from `at` or -1, whether the region was everything)."""
     row = code[robot]
@@ -106,7 +106,7 @@ def _search(first, head, goal, robot, at, code, queue, bound, slack):
     return found, whole
 
 
-@kernel
+@kernel(allocates=False)
 def extend_all(first, head, goal, at, begin, end, code, queue, bound, slack, steps):
     """`extend` for those of robots begin to end - 1 whose own vertices are not known, with their steps to the goal in `steps`."""
     for robot in range(begin, end):

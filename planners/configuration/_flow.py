@@ -37,7 +37,7 @@ class Flow(NamedTuple):
     left: np.ndarray  # [V] int32 scratch
 
 
-@kernel
+@kernel(allocates=False)
 def give_ways(flow, start, goal, order, begin, end):
     """Give robots order[begin:end] the cheapest ways, in the place of those they have."""
     first, head, cost, left = flow.first, flow.head, flow.cost, flow.left
@@ -61,7 +61,7 @@ def give_ways(flow, start, goal, order, begin, end):
             _count(flow, flow.way[robot, m], 1)
 
 
-@kernel
+@kernel(allocates=False)
 def _count(flow, lane, change):
     flow.num[lane] += change
     back = flow.reverse[lane]
@@ -69,14 +69,14 @@ def _count(flow, lane, change):
         flow.cost[back] = min(STEP + AGAINST * flow.num[lane], MOST)
 
 
-@kernel
+@kernel(allocates=False)
 def write_guide(flow, goal, guide, begin, end):
     """[R, V] what is left to each robot's goal from everywhere, for robots begin to end - 1."""
     for robot in range(begin, end):
         write_left(flow, goal[robot], np.int64(-1), guide[robot])
 
 
-@kernel
+@kernel(allocates=False)
 def write_left(flow, goal, until, left):
     """Least costs [V] from every vertex to the goal, or from those that are nearer than `until`; FAR where there is no way.
 

@@ -12,8 +12,7 @@ from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration._ways import Ways
 
 BUSY = 2.25  # moves along shortest ways for each lane, from which on there is no way past the others, and flow guides better than ways
-MOST_MOVES = 10_000_000  # of all ways together; more take too much memory
-MOVES_GIVEN = 5_000_000  # of all ways in all rounds; more take too long
+MOST_MOVES = 10_000_000  # of all ways in all rounds; more take too much memory
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow
 AT_ONCE = 64  # robots between looks at the clock
@@ -40,14 +39,14 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
     ways, flow
         Rounds of giving ways of their own, and ways for the flow; 0 for none.
     deadline_s
-        On the clock of `perf_counter`.
+        On the clock of `perf_counter`; half of the time until then is left to the search.
     rng
         Chance.
     """
     room_for_flow = problem.num_robots * problem.graph.num_vertices <= GUIDE_CELLS
-    moves = int(world.steps.sum())
-    if ways and moves < MOST_MOVES and (are_thin(problem, world.steps) or not room_for_flow):
-        way = own_ways(problem, min(ways, max(1, MOVES_GIVEN // moves)), world, deadline_s, rng)
+    few = ways * int(world.steps.sum()) < MOST_MOVES
+    if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
+        way = own_ways(problem, ways, world, 0.5 * (perf_counter() + deadline_s), rng)
         return world if way is None else world._replace(way=way)
     if flow and room_for_flow:
         guide = flow_guide(problem, flow, deadline_s, rng)
@@ -73,8 +72,8 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     """
     graph, num_robots = problem.graph, problem.num_robots
     start, goal, steps = np.array(problem.start), world.goal, world.steps
-    held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
-    slots = 1 << (2 * held).bit_length()
+    num_held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
+    slots = 1 << (2 * num_held).bit_length()
     ways = Ways(
         first=graph.first,
         head=graph.head,
@@ -84,8 +83,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
         packed=world.packed,
         code=world.code,
         way=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
-        key=np.full(slots, _ways.FREE, np.int64),
-        num=np.zeros(slots, np.int32),
+        held=np.zeros(slots, np.int64),
         held_from=np.full(graph.num_vertices, _ways.NEVER, np.int32),
         stamp=np.full(graph.num_vertices, -1, np.int64),
         step=np.empty(graph.num_vertices, np.int32),

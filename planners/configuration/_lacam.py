@@ -179,7 +179,7 @@ def insert_path(world, scratch, search, path, base_order):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def _full(scratch, search):
     """Whether the next visit may need more room than there is: a node, an edge, a branch a candidate, some of open."""
     n = search.count
@@ -191,7 +191,7 @@ def _full(scratch, search):
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _digest(config):
     """31 bits; a product of 31 and 25 bits stays within an int64."""
     digest = np.int64(0x11C9DC5)
@@ -252,7 +252,7 @@ def _create(search, config, digest, h):
     return node
 
 
-@kernel
+@kernel(allocates=False)
 def _grow_tree(world, search, node, branch, rng):
     """Append what may come after a branch: one more robot on each of its vertices, in random order."""
     depth = search.branch_depth[branch]
@@ -299,7 +299,7 @@ def _generate(world, scratch, search, node, branch, to, best, num_tries, hindran
     return least >= 0
 
 
-@kernel
+@kernel(allocates=False)
 def _transition(world, here, to):
     """(robots not at their goals before and after, change of the sum of steps to go). The sum of both is never negative."""
     cost, h_change = np.int64(0), np.int64(0)
@@ -312,7 +312,7 @@ def _transition(world, here, to):
     return cost, h_change
 
 
-@kernel
+@kernel(allocates=False)
 def _connect(search, node, other, cost):
     e = search.first_edge[node]
     while e >= 0:
@@ -328,7 +328,7 @@ def _connect(search, node, other, cost):
     search.first_edge[node] = e
 
 
-@kernel
+@kernel(allocates=False)
 def _relax_from(search, node):
     """Lower the costs of what is reached from a node, as far as that helps; open again what has become promising."""
     n = search.count

@@ -65,7 +65,9 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": float(cost)}
     if lacam.anytime and cost > lower_bound and not problem.effort:
         path = _improved(lacam, search, task, path, start)
-    return start.solved(path, **stats, **search.counters())
+    stats |= search.counters()
+    del search  # the plan may take as much memory
+    return start.solved(path, **stats)
 
 
 def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":

@@ -16,7 +16,7 @@ from planners.configuration._pibt_candidates import sort_candidates
 NOBODY, CHOSEN = -1, -2  # who is too close
 
 
-@kernel
+@kernel(allocates=False)
 def step(world, scratch, here, to, order, hindrance, rng):
     """Choose every robot's next vertex.
 
@@ -65,7 +65,7 @@ def step(world, scratch, here, to, order, hindrance, rng):
     return valid
 
 
-@kernel
+@kernel(allocates=False)
 def _pibt(world, scratch, here, to, root, hindrance, rng):
     """Find a next vertex for `root`, and for whoever it pushes (the function PIBT). False when `root` cannot even stay."""
     now, reserved, stack, choice = scratch.now, scratch.next, scratch.stack, scratch.choice
@@ -116,7 +116,7 @@ def _pibt(world, scratch, here, to, root, hindrance, rng):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _pull_partner(world, scratch, here, to, i):
     """Have the robot that i swaps with follow at once, so that the two can turn round at the fork ahead."""
     p = scratch.partner[i]
@@ -129,7 +129,7 @@ def _pull_partner(world, scratch, here, to, i):
         to[p] = here[i]
 
 
-@kernel
+@kernel(allocates=False)
 def _impose(world, scratch, here, to):
     """Reserve the vertices that are imposed on robots. False when they collide."""
     for i in range(len(here)):
@@ -144,7 +144,7 @@ def _impose(world, scratch, here, to):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def _refused(world, scratch, here, to, i, u):
     """Whether i may not go to u, given who has chosen already: taken, a swap, following, a ring or a clash."""
     if _taken(world, scratch, here, to, i, u):
@@ -152,7 +152,7 @@ def _refused(world, scratch, here, to, i, u):
     return world.near and u != here[i] and _too_close(world, scratch, here, to, i, u) == CHOSEN
 
 
-@kernel
+@kernel(allocates=False)
 def _taken(world, scratch, here, to, i, u):
     """`_refused` by the rules of MAPF."""
     if scratch.next[u] >= 0 and scratch.next[u] != i:
@@ -175,7 +175,7 @@ def _taken(world, scratch, here, to, i, u):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _too_close(world, scratch, here, to, i, u):
     """Who keeps i from going to u by being too close: NOBODY, robots that have CHOSEN, or else one that can be pushed away.
 
@@ -205,7 +205,7 @@ def _too_close(world, scratch, here, to, i, u):
     return standing
 
 
-@kernel
+@kernel(allocates=False)
 def _wish(world, scratch, move, robot):
     """Let nobody come near a move for which a robot waits; -1 lifts that."""
     clashes = world.clashes
@@ -214,7 +214,7 @@ def _wish(world, scratch, move, robot):
         scratch.wished[clashes.vertex[k]] = robot
 
 
-@kernel
+@kernel(allocates=False)
 def _wait_all(scratch, here, to, depth):
     """Let all on the stack stay for this step; False where somebody else is to come where the first of them stands."""
     first = scratch.stack[0]
@@ -227,7 +227,7 @@ def _wait_all(scratch, here, to, depth):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def run(world, scratch, path, begin, end, order, base_order, hindrance, rng):
     """PIBT over time: fill rows begin + 1 to end of `path` [T, R], or up to where all are at their goals.
 
@@ -246,7 +246,7 @@ def run(world, scratch, path, begin, end, order, base_order, hindrance, rng):
     return end, False
 
 
-@kernel
+@kernel(allocates=False)
 def reorder(world, here, order, base_order, out):
     """Priorities after a step: elapsed time since a robot was last at its goal. `out` may be `order`."""
     k = 0

@@ -14,7 +14,7 @@ IN_THE_WAY = 1e12  # beyond any other key
 ON_WAY = 32.0  # more than any hindrance, less than a step
 
 
-@kernel
+@kernel(allocates=False)
 def sort_candidates(world, scratch, here, to, i, hindrance, rng):
     """List the candidates of robot i, the preferred first, and find its partner for a swap."""
     v = here[i]
@@ -56,7 +56,7 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
                 scratch.candidate[i, num - 1 - k] = u
 
 
-@kernel
+@kernel(allocates=False)
 def _num_hindered(world, scratch, i, u):
     """How many other robots prefer u to where they are."""
     num = 0

@@ -49,7 +49,7 @@ class PibtScratch(NamedTuple):
     key: np.ndarray  # [D + 1] what candidates are sorted by
 
 
-@kernel
+@kernel(allocates=False)
 def nearer(world, robot, u, v):
     """Steps to the goal of `robot` from u less those from v. u and v are neighbours or the same."""
     if not world.packed:
@@ -57,7 +57,7 @@ def nearer(world, robot, u, v):
     return step_towards(world.code, robot, u, v)
 
 
-@kernel
+@kernel(allocates=False)
 def prefers(world, robot, u, v):
     """Whether a robot prefers u to v, which are neighbours or the same."""
     if world.guided:
@@ -65,7 +65,7 @@ def prefers(world, robot, u, v):
     return nearer(world, robot, u, v) < 0
 
 
-@kernel
+@kernel(allocates=False)
 def next_on_way(world, robot, v):
     """The vertex after v on the robot's way, -1 where v is not on it, or the robot has none."""
     if len(world.way) != len(world.goal):

@@ -9,7 +9,7 @@ from mrp_sumo.search._kernel import kernel
 from planners.configuration._pibt_instance import prefers
 
 
-@kernel
+@kernel(allocates=False)
 def swap_partner(world, scratch, here, to, i):
     """The robot that i has to change places with in a corridor, and can; -1 for none."""
     v, best = here[i], scratch.candidate[i, 0]
@@ -28,7 +28,7 @@ def swap_partner(world, scratch, here, to, i):
     return -1
 
 
-@kernel
+@kernel(allocates=False)
 def _swap_required(world, scratch, pusher, puller, at, ahead):
     """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?"""
     steps = 0
@@ -46,7 +46,7 @@ def _swap_required(world, scratch, pusher, puller, at, ahead):
     return prefers(world, puller, at, ahead) and (pusher_there or prefers(world, pusher, ahead, at))
 
 
-@kernel
+@kernel(allocates=False)
 def _swap_possible(world, scratch, begin, at):
     """Follow the corridor the other way: is there a fork where one of the two can step aside?"""
     before, here = begin, at
@@ -62,7 +62,7 @@ def _swap_possible(world, scratch, begin, at):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _ways_on(world, scratch, before, at):
     """How many ways lead on from `at`, and the last of them; not back to `before`, nor into a dead end whose robot is at its goal."""
     num, onward = 0, np.int64(-1)

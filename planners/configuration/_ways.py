@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.search._kernel import kernel
 from planners._compass import step_towards
 
-FREE = np.int64(-1)
+COUNT = 16  # bits of a slot that count who holds it
 MOST_MET = 63  # beyond, ways are equally bad
 NEVER = 1 << 30
 
@@ -29,8 +29,9 @@ class Ways(NamedTuple):
     packed: bool  # distances are in `code` instead
     code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
     way: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
-    key: np.ndarray  # [H] int64 what is held, by step: vertices, then lanes; FREE: nothing. A hash table that is never half full
-    num: np.ndarray  # [H] int32 by how many
+    held: (
+        np.ndarray
+    )  # [H] int64 what is held at which step (vertices, then lanes) and by how many; 0: nothing. A hash table, never half full
     held_from: np.ndarray  # [V] int32 the step at which the robot arrives that stays there
     stamp: np.ndarray  # [V] int64 search in which the rest was last written
     step: np.ndarray  # [V] int32 steps to a vertex from the start
@@ -42,7 +43,7 @@ class Ways(NamedTuple):
     entry_next: np.ndarray  # [L + 1] int64
 
 
-@kernel
+@kernel(allocates=False)
 def give_ways(ways, start, goal, order, begin, end, search, rng):
     """Give robots order[begin:end] ways in the place of those they have; `search` is a number that grows from call to call."""
     for k in range(begin, end):
@@ -53,7 +54,7 @@ def give_ways(ways, start, goal, order, begin, end, search, rng):
         _hold(ways, robot, 1)
 
 
-@kernel
+@kernel(allocates=False)
 def _find(ways, robot, start, goal, search, rng):
     """Write the shortest way that meets the fewest others, the deepest vertex first among equals."""
     first, head, reverse, bucket = ways.first, ways.head, ways.reverse, ways.bucket
@@ -82,7 +83,7 @@ def _find(ways, robot, start, goal, search, rng):
                 continue
             others = met + _held(ways, u, step) + (1 if ways.held_from[u] <= step else 0)
             back = reverse[lane]
-            if back >= 0:
+            if back >= 0 and _held(ways, u, step - 1) > 0:  # looked up for nothing elsewhere, and far from the rest
                 others += _held(ways, len(first) - 1 + back, step)
             if ways.stamp[u] == search and ways.met[u] <= others:
                 continue
@@ -99,7 +100,7 @@ def _find(ways, robot, start, goal, search, rng):
         at = np.int64(ways.before[at])
 
 
-@kernel
+@kernel(allocates=False)
 def _leads_on(ways, robot, v, u):
     """Whether the lane from v to u is on a shortest way."""
     if ways.packed:
@@ -107,47 +108,54 @@ def _leads_on(ways, robot, v, u):
     return ways.table[robot, u] < ways.table[robot, v]
 
 
-@kernel
+@kernel(allocates=False)
 def _hold(ways, robot, change):
     """Enter the robot's way among what is held, or take it out."""
     way, first, head = ways.way[robot], ways.first, ways.head
     steps = ways.steps[robot]
     for step in range(steps + 1):
         v = np.int64(way[step])
-        ways.num[_slot(ways, v, step)] += change
+        ways.held[_slot(ways, v, step)] += change
         if step > 0:
             u = np.int64(way[step - 1])
             for lane in range(first[u], first[u + 1]):
                 if head[lane] == v:
-                    ways.num[_slot(ways, len(first) - 1 + lane, step)] += change
+                    ways.held[_slot(ways, len(first) - 1 + lane, step)] += change
                     break
     ways.held_from[way[steps]] = steps if change > 0 else NEVER
 
 
-@kernel
+@kernel(allocates=False)
 def _begin(place, step, mask):
     """Where to look first: places near each other are near at the same time, which is placed by Fibonacci hashing."""
     return 16 * np.int64(place) + (step & 15) + (((step >> 4) * np.int64(0x9E3779B1)) >> 8) & mask
 
 
-@kernel
+@kernel(allocates=False)
 def _held(ways, place, step):
     """How many hold a vertex, or a lane beyond those, at a step."""
-    wanted, mask = np.int64(place) * ways.way.shape[1] + step, len(ways.key) - 1
+    wanted, mask = _key(ways, place, step), len(ways.held) - 1
     slot = _begin(place, step, mask)
-    while ways.key[slot] != FREE:
-        if ways.key[slot] == wanted:
-            return np.int64(ways.num[slot])
+    while ways.held[slot] != 0:
+        if ways.held[slot] >> COUNT == wanted:
+            return ways.held[slot] & ((1 << COUNT) - 1)
         slot = (slot + 1) & mask
     return np.int64(0)
 
 
-@kernel
+@kernel(allocates=False)
 def _slot(ways, place, step):
     """Where that is counted."""
-    wanted, mask = np.int64(place) * ways.way.shape[1] + step, len(ways.key) - 1
+    wanted, mask = _key(ways, place, step), len(ways.held) - 1
     slot = _begin(place, step, mask)
-    while ways.key[slot] != FREE and ways.key[slot] != wanted:
+    while ways.held[slot] != 0 and ways.held[slot] >> COUNT != wanted:
         slot = (slot + 1) & mask
-    ways.key[slot] = wanted
+    if ways.held[slot] == 0:
+        ways.held[slot] = wanted << COUNT
     return slot
+
+
+@kernel(allocates=False)
+def _key(ways, place, step):
+    """A number above 0."""
+    return np.int64(place) * ways.way.shape[1] + step + 1
