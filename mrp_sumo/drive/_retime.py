@@ -6,6 +6,7 @@ from mrp_sumo.drive._causes import FACILITY, PLANNED
 from mrp_sumo.drive._controller import command, grant
 from mrp_sumo.drive._facilities import run_facilities
 from mrp_sumo.drive._observe import arrive, is_turned, move, release
+from mrp_sumo.search._arrays import write_over
 from mrp_sumo.search._bodies import lane_limits, move_bodies
 from mrp_sumo.search._kernel import kernel
 
@@ -50,15 +51,15 @@ def drive_out(dt, most_steps, lag, accel, limit_mps, kinematics, rules, visits, 
     for step in range(most_steps):
         now = step * dt
         if step > 0:
-            was_mps[:] = speed
+            write_over(was_mps, speed)
             move(dt, s_m, kinematics, visits, facing, conditions.people.halted, motion)
             depart(now - dt, motion.s_m, motion.moved_m, was_mps, visits, left_s)
-            before[:] = reached
+            write_over(before, reached)
             arrive(now, dt, s_m, visits, state, log, 0)
             pass_through(now, before, visits, left_s)
             look_late(step, s_m, rank, reached, lag, past_m, past_lag, seen, left_m)
             release(left_m, visits, needs, grants)
-            motion.s_m[:] = s_m
+            write_over(motion.s_m, s_m)
         if facilities.any:
             run_facilities(now, dt, kinematics, visits, needs, state, facilities)
         grant(now, kinematics, rules, visits, needs, state, conditions.closed, facilities.shut)

@@ -7,6 +7,7 @@ aside, or halved, until nothing in it can matter.
 
 import numpy as np
 
+from mrp_sumo.search._arrays import write_over
 from mrp_sumo.search._kernel import kernel
 
 TOUCH_M = 1e-6  # rectangles that share less than this are not called overlapping
@@ -109,7 +110,7 @@ def closeness(x, y, yaw, level, radius, half_length, half_width):
                 begin[bucket[r] + 1] += 1
         for b in range(size):
             begin[b + 1] += begin[b]
-        free[:] = begin[:-1]
+        write_over(free, begin)
         for r in range(num_robots):
             if reach[r] >= 0.0:
                 order[free[bucket[r]]] = r

@@ -6,6 +6,7 @@ choose between conflicts, its priority and the constraints to split on: rows A0.
 
 import numpy as np
 
+from mrp_sumo.search._arrays import write_over
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import steps_known, visitor
@@ -22,7 +23,7 @@ CLASH_AT_TARGET = 5  # ONE stays at AT, its goal, when OTHER makes a move that c
 UNKNOWN = -1  # a priority not yet looked at
 
 
-@kernel
+@kernel(apart=True)
 def conflicts_of(instance, store, occupancy, robot, record, old):
     """The conflicts of a robot on a new record with all installed others, after those of `old` that are not its own.
 
@@ -40,18 +41,19 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
     kept = 0
     for k in range(len(old)):
         if old[k, ONE] != robot and old[k, OTHER] != robot:
-            found[kept] = old[k]
+            write_over(found[kept], old[k])
             kept += 1
     count = _find(instance, store, occupancy, robot, record, found, kept)
     if count > len(found):
         longer = np.empty((count, WIDTH), np.int32)
-        longer[:kept] = found[:kept]
+        for k in range(kept):
+            write_over(longer[k], found[k])
         found = longer
         count = _find(instance, store, occupancy, robot, record, found, kept)
     return found[:count]
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, apart=True)
 def _find(instance, store, occupancy, robot, record, found, count):
     """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
     path0, cost, following, near = store.meta[record, PATH0], store.meta[record, COST], instance.following, instance.clashes.any

@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
+from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -24,11 +25,12 @@ from mrp_sumo.core.imports import without
 with without("scipy", "coverage"):  # for BLAS, which no kernel calls, and for lines that it cannot see
     import numba
 import llvmlite
-from llvmlite.binding import parse_bitcode
+from llvmlite.binding import parse_assembly, parse_bitcode
 from numba.core import event
 from numba.core.caching import Cache, CompileResultCacheImpl, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.dispatcher import Dispatcher
+from numba.core.funcdesc import default_mangler
 from numba.core.runtime import rtsys
 from numba.core.types import unliteral
 
@@ -39,12 +41,14 @@ MOST_FOLDERS = 8  # of different sources that are kept for a room; the least rec
 _LOOKED_UP = re.compile(rb"_ZN(?:7cpython|08NumbaEnv)[^\0]+")  # symbols in machine code: its entry, and the constants of its functions
 
 _defined: list[Path] = []  # index files of the kernels that this process has defined
+_apart: set[str] = set()  # full names of kernels whose machine code their callers share
 
 
-def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, apart: bool = False) -> Any:
     """Compile a function when it is called, and store it.
 
-    It is compiled once for each set of argument types; numba alone would also do so for each constant argument.
+    It is compiled once for each set of argument types; numba alone would also do so for each constant argument. One whose name
+    begins with `_` is for other kernels: the way in from Python, which takes long to compile, is left out.
 
     Parameters
     ----------
@@ -55,12 +59,21 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never",
     allocates
         Whether it makes arrays, or calls a kernel that does. References of arrays are counted only where it does: without,
         to hand tuples of arrays from stage to stage costs nothing.
+    apart
+        Whether kernels that call it share its machine code. Otherwise each has a copy of its own, fitted in and compiled with
+        it: right for what is short and called often, slow to compile for what is long. Only at the top level of a module.
     """
     if function is None:
-        return partial(kernel, inline=inline, allocates=allocates)
-    compiled = numba.njit(inline=inline, _nrt=allocates)(function)
+        return partial(kernel, inline=inline, allocates=allocates, apart=apart)
+    inner = function.__name__.startswith("_")
+    compiled = numba.njit(inline=inline, _nrt=allocates, no_cpython_wrapper=inner, no_cfunc_wrapper=True)(function)
     if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
         return compiled
+    if inner:
+        compiled._compile_for_args = partial(_refuse, function.__name__)
+    if apart:
+        _apart.add(f"{function.__module__}.{function.__qualname__}")
+    compiled.add_overload = partial(_add_overload, compiled, inner, apart)
     if folder(room_of(function.__module__)):
         compiled._cache = _KernelCache(function)
         _defined.append(Path(compiled._cache._cache_file._index_path))
@@ -70,6 +83,25 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never",
 
 def _template_without_constants(template_of, args, kws):
     return template_of([unliteral(a) for a in args], {key: unliteral(a) for key, a in kws.items()})
+
+
+def _refuse(name, *_, **__):
+    raise TypeError(f"{name} is called by kernels only: its name begins with '_'")
+
+
+def _add_overload(compiled, inner, apart, found):
+    arguments = tuple(found.signature.args)
+    if apart:
+        found.library.apart = (compiled.py_func.__module__, compiled.py_func.__qualname__, arguments)
+    if inner:
+        compiled.overloads[arguments] = found  # not for calls from Python, which would look for their way in
+    else:
+        type(compiled).add_overload(compiled, found)
+
+
+def _mangled(name, types, *, abi_tags=(), uid=None):
+    """As numba's, but the same in all processes for a kernel that others call by its name: there is no other of its name."""
+    return default_mangler(name, types, abi_tags=abi_tags, uid=None if name.removeprefix(".NumbaEnv.") in _apart else uid)
 
 
 class Missing:
@@ -211,6 +243,7 @@ class _KernelCache(Cache):
         """As numba's, but what only the compiler needs is loaded when there is something to compile."""
         rtsys.initialize(target_context)
         target_context.codegen()._library_class = _Library
+        target_context.mangler = _mangled
         with without("scipy.linalg"):
             with self._guard_against_spurious_io_errors():
                 found = self._load_overload(sig, target_context)
@@ -220,9 +253,26 @@ class _KernelCache(Cache):
 
 
 class _Library(JITCodeLibrary):
-    """Machine code; what a caller of it is compiled from is parsed when there is a caller to compile, for it takes longer than loading."""
+    """Machine code; what a caller of it is compiled from is parsed when there is a caller to compile, for it takes longer than loading.
 
+    A kernel that is kept apart gives its callers nothing to be compiled from. They hold its name, which the linker finds in the machine
+    code that is loaded, so it is loaded before them.
+    """
+
+    apart: tuple[str, str, tuple[Any, ...]] | None = None  # module, name and argument types of the kernel, if it is kept apart
     _bitcode: bytes | None = None
+    _loaded_before: tuple[Any, ...] = ()
+
+    def serialize_using_object_code(self):
+        name, kind, data = super().serialize_using_object_code()
+        return name, kind, (*data, self._callees_apart())
+
+    def _callees_apart(self):
+        found = set(self._loaded_before)
+        for library in self._linking_libraries:
+            if isinstance(library, _Library):
+                found |= {library.apart} if library.apart else set(library._callees_apart())
+        return tuple(sorted(found, key=str))
 
     @classmethod
     def _unserialize(cls, codegen, state):
@@ -230,7 +280,9 @@ class _Library(JITCodeLibrary):
         if kind != "object":
             return super()._unserialize(codegen, state)
         library = codegen.create_library(name)
-        machine_code, library._bitcode = data
+        machine_code, library._bitcode, library._loaded_before = data
+        for module, kernel_name, arguments in library._loaded_before:
+            getattr(import_module(module), kernel_name).compile(arguments)
         library.enable_object_caching()
         library._set_compiled_object(machine_code)
         library._finalize_final_module()
@@ -238,6 +290,9 @@ class _Library(JITCodeLibrary):
         return library
 
     def _get_module_for_linking(self):
+        self._ensure_finalized()
+        if self.apart:
+            return parse_assembly(str(self._codegen._create_empty_module(self.name)))
         if self._bitcode is not None:
             self._shared_module = parse_bitcode(self._bitcode)
             self._codegen._engine._load_defined_symbols(self._shared_module)

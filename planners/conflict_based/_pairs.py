@@ -7,6 +7,7 @@ their joint MDD says that there are paths without conflict.
 
 import numpy as np
 
+from mrp_sumo.search._arrays import write_over
 from mrp_sumo.search._conflicts import A0, A1, B0, B1, PRIORITY, WIDTH, conflicts_of
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
@@ -45,11 +46,11 @@ def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, bud
                 return code, np.int64(0)
     mark = store.used.copy()
     code, weight = _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget)
-    store.used[:] = mark  # what the search appended is dropped
+    write_over(store.used, mark)  # what the search appended is dropped
     return code, weight
 
 
-@kernel
+@kernel(apart=True)
 def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget):
     num_robots = len(instance.start)
     i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]
