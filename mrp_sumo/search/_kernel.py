@@ -32,7 +32,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.dispatcher import Dispatcher
 from numba.core.funcdesc import default_mangler
 from numba.core.runtime import rtsys
-from numba.core.types import unliteral
+from numba.core.types import int32, int64, unliteral
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ("mrp_sumo/core", "mrp_sumo/search")  # kernels of all rooms may import from here
@@ -47,8 +47,9 @@ _apart: set[str] = set()  # full names of kernels whose machine code their calle
 def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, apart: bool = False) -> Any:
     """Compile a function when it is called, and store it.
 
-    It is compiled once for each set of argument types; numba alone would also do so for each constant argument. One whose name
-    begins with `_` is for other kernels: the way in from Python, which takes long to compile, is left out.
+    It is compiled once for each set of argument types; numba alone would also do so for each constant argument, and for each width of
+    integer that another kernel hands over. One whose name begins with `_` is for other kernels: the way in from Python, which
+    takes long to compile, is left out.
 
     Parameters
     ----------
@@ -77,12 +78,17 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never",
     if folder(room_of(function.__module__)):
         compiled._cache = _KernelCache(function)
         _defined.append(Path(compiled._cache._cache_file._index_path))
-    compiled.get_call_template = partial(_template_without_constants, compiled.get_call_template)
+    compiled.get_call_template = partial(_template_of_few_types, compiled.get_call_template)
     return compiled
 
 
-def _template_without_constants(template_of, args, kws):
-    return template_of([unliteral(a) for a in args], {key: unliteral(a) for key, a in kws.items()})
+def _template_of_few_types(template_of, args, kws):
+    return template_of([_widened(a) for a in args], {key: _widened(a) for key, a in kws.items()})
+
+
+def _widened(argument):
+    argument = unliteral(argument)
+    return int64 if argument == int32 else argument
 
 
 def _refuse(name, *_, **__):
