@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from mrp_sumo.search import _kernel
@@ -86,6 +87,21 @@ def test_caller_is_compiled_from_a_loaded_callee_and_loaded_without_it(copied, t
 
 
 @pytest.mark.slow
+def test_caller_of_a_kernel_kept_apart_is_loaded_with_it_and_compiles_it_where_it_is_gone(copied, tmp_path):
+    root = copied("one")
+    callee = root / "planners/_callee.py"
+    callee.write_text(callee.read_text().replace("@kernel", "@kernel(apart=True)"))
+    call = CALL + "; from planners._callee import steps; print(sum(steps.stats.cache_hits.values()))"
+    other = "from planners._callee import steps; steps(); "  # compiled first here: its name must be the same all the same
+    assert printed(root, tmp_path / "cache", CALL) == "6 0\n"
+    assert printed(root, tmp_path / "cache", call) == "6 1\n1\n"
+    for file in (tmp_path / "cache").rglob("_callee*"):
+        file.unlink()
+    assert printed(root, tmp_path / "cache", other + call) == "6 1\n0\n"
+    assert printed(root, tmp_path / "cache", call) == "6 1\n1\n"
+
+
+@pytest.mark.slow
 def test_loaded_kernel_makes_arrays_and_raises_errors(copied, tmp_path):
     root = copied("one")
     (root / "planners/_callee.py").write_text(
@@ -141,8 +157,28 @@ def test_constants_as_arguments_make_no_further_copies(monkeypatch, tmp_path):
     assert len(inner.signatures) == 1
 
 
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+def test_narrow_integers_make_no_further_copies_and_private_kernels_are_for_kernels_only(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    from mrp_sumo.search._kernel import kernel
+
+    inner = kernel(_inner)
+    first_of = kernel(_first_of(inner))
+    assert [first_of(np.array([2], dtype)) for dtype in (np.int64, np.int32)] == [3, 3]
+    assert len(inner.signatures) == 1
+    with pytest.raises(TypeError, match=r"^_inner is called by kernels only"):
+        inner(2)
+
+
 def _inner(x):
     return x + 1
+
+
+def _first_of(inner):
+    def first_of(values):
+        return inner(values[0])
+
+    return first_of
 
 
 def _outer_of(inner):
