@@ -86,7 +86,7 @@ def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, un
     return t
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, apart=True)
 def plan_one(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, crossing, most):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 
