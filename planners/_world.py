@@ -42,8 +42,12 @@ def checked_deadline(time_limit_s: float) -> float:
 
 
 def is_large(problem: Problem) -> bool:
-    """Whether tables of steps would take much memory, and distances can be packed instead."""
-    return problem.num_robots * problem.graph.num_vertices > TABLE_CELLS and bool((problem.graph.reverse >= 0).all())
+    """Whether tables of steps would take much memory, and distances can be packed instead.
+
+    Later than otherwise in a window: who plans again and again has most of the tables from before.
+    """
+    most = WHOLE_CELLS if problem.window_steps else TABLE_CELLS
+    return problem.num_robots * problem.graph.num_vertices > most and bool((problem.graph.reverse >= 0).all())
 
 
 def is_vast(problem: Problem) -> bool:

@@ -1,5 +1,7 @@
 """The arrays that PIBT, LaCAM and LNS2 plan on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from worlds import random_grid
@@ -7,7 +9,7 @@ from worlds import random_grid
 from mrp_sumo.search.distance import UNREACHABLE, Distances, distances
 from planners import _world
 from planners._compass import UNKNOWN, read_code
-from planners._world import build_world, steps_table, tiled
+from planners._world import build_world, is_large, steps_table, tiled
 from planners.configuration.pibt import Pibt
 
 
@@ -31,6 +33,12 @@ def test_packed_distances_tell_which_neighbour_is_nearer(seed, vast, monkeypatch
         assert inside[problem.start[robot]]
         assert (known[inside] == table.table[robot][inside] % 3 + 1).all()
         assert vast or (inside == (table.table[robot] < UNREACHABLE)).all()
+
+
+def test_who_plans_again_and_again_keeps_tables_for_longer(monkeypatch):
+    monkeypatch.setattr(_world, "TABLE_CELLS", 0)
+    problem = random_grid(8, 4, 0)
+    assert is_large(problem) and not is_large(replace(problem, window_steps=10))
 
 
 def test_tiles_only_change_the_numbers():
