@@ -31,6 +31,8 @@ class LiveMessages:
         self._at_outset = record
         self._facilities: FacilityRecorder | None = None
         self._num_states = 0
+        self._ways: list[tuple[FloatArray, FloatArray, IntArray]] = []  # of robots, as far as the ledger knew them when they last changed
+        self._ways_since = (-1, -1)
         self._until_s = -1.0  # to which lifts and doors have been reported
 
     def of(self, moment: Moment) -> Iterator[tuple[str, str, bytes]]:
@@ -55,7 +57,7 @@ class LiveMessages:
     def now(self, moment: Moment) -> Execution:
         """An execution that consists of this moment."""
         ledger, motion, execution = moment.ledger, moment.ledger.state.motion, self._at_outset.execution
-        x, y, level = _places(ledger)
+        x, y, level = self._places(ledger)
         none = np.zeros(0)
         return replace(
             execution,
@@ -71,13 +73,16 @@ class LiveMessages:
             batteries=BatteryLog(np.array([moment.now_s]), moment.tasks.level[None].copy(), none, none, 0.0),
         )
 
-
-def _places(ledger: Ledger) -> tuple[FloatArray, FloatArray, IntArray]:
-    """[R] x and y of robots, as they are recorded, and the levels on which they are."""
-    s_m = ledger.state.motion.s_m
-    x, y, level = np.empty_like(s_m), np.empty_like(s_m), np.empty(len(s_m), np.int64)
-    for r in range(len(s_m)):
-        at_m, xy, on = way_of(ledger, r)
-        x[r], y[r] = np.interp(s_m[r], at_m, xy[:, 0]), np.interp(s_m[r], at_m, xy[:, 1])
-        level[r] = on[max(int(np.searchsorted(at_m, s_m[r], side="right")) - 1, 0)]
-    return x, y, level
+    def _places(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, IntArray]:
+        """[R] x and y of robots, as they are recorded, and the levels on which they are."""
+        since = len(ledger.entries), len(ledger.turn_backs)
+        if since != self._ways_since:  # what the ledger forgets later does no harm
+            self._ways, self._ways_since = [way_of(ledger, r) for r in range(ledger.num_robots)], since
+        s_m = ledger.state.motion.s_m
+        x, y, level = np.empty_like(s_m), np.empty_like(s_m), np.empty(len(s_m), np.int64)
+        for r, (at_m, xy, on) in enumerate(self._ways):
+            k = max(int(at_m.searchsorted(s_m[r], side="right")) - 1, 0)
+            near = slice(k, k + 2)
+            x[r], y[r] = np.interp(s_m[r], at_m[near], xy[near, 0]), np.interp(s_m[r], at_m[near], xy[near, 1])
+            level[r] = on[k]
+        return x, y, level
