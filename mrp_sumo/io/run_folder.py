@@ -32,10 +32,10 @@ from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_reader import SCHEMA_VERSION
-from mrp_sumo.io.scenario.model import Recording, Scenario
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # of scenarios, too: what reads run folders needs no model of them
+    from mrp_sumo.io.scenario.model import Recording, Scenario
     from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
@@ -44,7 +44,7 @@ LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarro
 LISTED_CONFLICTS = 20
 FIRST_LOOK = 0.5  # of its time limit: before, no planner does anything that depends on the clock
 
-WriteBag = Callable[[Path, RunRecord, Recording], object]  # folder, run, what the scenario says of it
+WriteBag = Callable[[Path, RunRecord, "Recording"], object]  # folder, run, what the scenario says of it
 
 
 def check_replaceable(out: Path) -> None:
@@ -74,7 +74,7 @@ def write_run(
     *,
     status: str,
     note: str,
-    scenario: Scenario,
+    scenario: "Scenario",
     problem: Problem,
     result: PlanResult,
     verdict: Verdict | None,
@@ -156,7 +156,7 @@ def write_run(
 def result_document(
     status: str,
     note: str,
-    scenario: Scenario,
+    scenario: "Scenario",
     problem: Problem,
     result: PlanResult,
     verdict: Verdict | None,
@@ -225,7 +225,7 @@ def laid_out(value: Any, depth: int = 0) -> str:
 
 def _write_logs(
     folder: Path,
-    scenario: Scenario,
+    scenario: "Scenario",
     problem: Problem,
     result: PlanResult,
     execution: Execution,
@@ -290,7 +290,7 @@ def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> d
     }
 
 
-def _clock_limited(scenario: Scenario, result: PlanResult) -> bool:
+def _clock_limited(scenario: "Scenario", result: PlanResult) -> bool:
     """Whether the wall-clock limit may have shaped the answer, so that another machine or load need not give it again."""
     if scenario.planner.budget:
         return result.planning_time_s >= scenario.planner.time_limit_s

@@ -35,6 +35,7 @@ OF_TASKS = (  # metric, title, axis
 )
 MAX_MAPS = 6  # drawn one by one; more are drawn together
 ALL = "all maps"
+ROW_FILLED = 0.8  # of the height of a row, by the tallest bar
 
 Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x, y, low, high
 
@@ -247,26 +248,21 @@ def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) 
     bins = np.linspace(0, top, 25)
 
     def paint(figure: Figure) -> None:
-        axes = figure.subplots(len(values), 1, sharex=True, sharey=False, squeeze=False)[:, 0]
-        for i, (ax, (s, v)) in enumerate(zip(axes, values)):
+        ax = figure.add_subplot()  # one for all series: axes take longest to draw
+        floor = np.arange(len(values))[::-1] * 1.0
+        for i, (_, v) in enumerate(values):
             counts, _ = np.histogram(np.minimum(v, top), bins)
-            ax.stairs(counts, bins, fill=True, color=COLOURS[i % len(COLOURS)], alpha=0.85)
-            ax.set_ylabel(printable(s, 22), rotation=0, ha="right", va="center")
-            ax.set_yticks([])
-            ax.grid(axis="y", visible=False)
-            ax.spines["left"].set_visible(False)
-            ax.set_xlim(0, top)
+            tall = floor[i] + ROW_FILLED * counts / counts.max()
+            ax.stairs(tall, bins, baseline=floor[i], fill=True, color=COLOURS[i % len(COLOURS)], alpha=0.85)
             if (v <= 0).any():
-                ax.annotate(
-                    f"{int((v <= 0).sum())} with overlap",
-                    (0, counts.max()),
-                    xytext=(12, -1),
-                    textcoords="offset points",
-                    fontsize=8,
-                    color=INK,
-                    va="top",
-                )
-        axes[-1].set_xlabel("least clearance of two robots in a run (cm)")
+                words, above = f"{int((v <= 0).sum())} with overlap", floor[i] + ROW_FILLED
+                ax.annotate(words, (0, above), xytext=(12, -1), textcoords="offset points", fontsize=8, color=INK, va="top")
+        ax.hlines(floor[:-1], 0, top, color=MUTED, lw=0.8)
+        ax.set_yticks(floor + ROW_FILLED / 2, [printable(s, 22) for s, _ in values])
+        ax.tick_params(axis="y", length=0)
+        ax.grid(axis="y", visible=False)
+        ax.spines["left"].set_visible(False)
+        ax.set(xlim=(0, top), ylim=(0, len(values)), xlabel="least clearance of two robots in a run (cm)")
 
     caption = "Runs by the least distance between two footprints; 0 is an overlap. The last bin holds all that is farther."
     return draw(f"clearance_{tag}", f"Clearance{where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))

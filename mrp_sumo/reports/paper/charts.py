@@ -1,17 +1,19 @@
 """Figure 5 of the MRP-Bench paper, planning time, for any runs; and execution time and time blocked as its analysis script draws them."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.reports.charts.chart import COLOURS, MAX_SERIES, Chart, draw, file_name, key, log_seconds, printable, series_style
-from mrp_sumo.reports.paper.beside import Beside
 from mrp_sumo.reports.paper.tables import commonly_solved
 from mrp_sumo.reports.pictures.map_picture import INK, PAPER
 from mrp_sumo.reports.study import PLANNER_NAMES, Study, numbers
+
+if TYPE_CHECKING:
+    from mrp_sumo.reports.paper.beside import Beside
 
 
 def figure_5(study: Study) -> list[Chart]:
@@ -115,7 +117,7 @@ def _violins(figure: Figure, values: list[tuple[str, FloatArray]], label: str) -
     ax.grid(axis="y", visible=False)
 
 
-def arrivals_chart(name: str, rows: Sequence[Beside]) -> Chart:
+def arrivals_chart(name: str, rows: "Sequence[Beside]") -> Chart:
     """Table III on a map: shares of the experiments in which all robots arrive, by planner and way to drive, and the paper's."""
     together = [row for row in rows if " and " in row.labels["robots"]] or list(rows)
     planners = list(dict.fromkeys(row.labels["planner"] for row in together))

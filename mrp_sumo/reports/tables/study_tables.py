@@ -82,7 +82,9 @@ def main_figures(study: Study) -> Table | None:
         for column in ("execution_time_s", "blocked_s", "time_blocked_total_s", "lateness_mean_s"):
             mean = bootstrap_mean(numbers(done, column))
             row.append(between(mean))
-        ratio = numbers(done.assign(_r=done["driven_makespan_s"] / done["makespan_s"]), "_r")
+        driven_s, planned_s = (done[column].to_numpy(np.float64, na_value=np.nan) for column in ("driven_makespan_s", "makespan_s"))
+        ratio = driven_s[planned_s > 0] / planned_s[planned_s > 0]
+        ratio = ratio[np.isfinite(ratio)]
         row.append(float(np.median(ratio)) if len(ratio) else None)
         clearance = numbers(runs, "min_clearance_m")
         row.append(100 * float(clearance.min()) if len(clearance) else None)
