@@ -558,6 +558,9 @@ class App {
       if (result.robot !== undefined) {
         this.select(result.robot, true);
         if (motion.numRobots > 60) this.bring(motion.pose[3 * result.robot], motion.pose[3 * result.robot + 1], Math.max(scene.camera.scale, 50));
+      } else if (result.level) { // its upper left corner, where its name stands
+        const scale = Math.max(scene.camera.scale, 8 * scene.minScale);
+        this.bring(result.level.x + (0.5 * scene.width - 40) / scale, result.level.y - (0.5 * scene.height - 110) / scale, scale);
       } else {
         this.view.found = result.station;
         this.bring(result.station.x, result.station.y, Math.max(scene.camera.scale, 30));
@@ -570,11 +573,12 @@ class App {
       results = [];
       run.robots.forEach((name, robot) => name.toLowerCase().includes(wanted) && results.push({ name, robot }));
       run.map.stations.forEach((station) => station.name.toLowerCase().includes(wanted) && results.push({ name: station.name, station }));
+      run.map.levels.forEach((level) => level.name.toLowerCase().includes(wanted) && results.push({ name: level.name, level }));
       results = results.sort((a, b) => ranked(a.name) - ranked(b.name)).slice(0, 12);
       at = Math.min(at, Math.max(0, results.length - 1));
       list.replaceChildren(...results.map((result, i) => make("div", { role: "option", "aria-selected": String(i === at), onpointerdown: (e) => { e.preventDefault(); choose(result); } },
         make("span", { className: "dot", style: { "--dot": `var(${result.robot !== undefined ? STATE_VARIABLES[motion.now[result.robot]] : "--other"})`, "border-radius": result.robot !== undefined ? "3px" : "50%" } }),
-        make("span", { textContent: result.name }), make("small", { textContent: result.robot !== undefined ? run.state_names[motion.now[result.robot]] : result.station.kind || "station" }))));
+        make("span", { textContent: result.name }), make("small", { textContent: result.robot !== undefined ? run.state_names[motion.now[result.robot]] : result.level ? "level" : result.station.kind || "station" }))));
       if (!results.length) list.replaceChildren(make("p", { textContent: "Nothing of that name." }));
       list.hidden = false;
       input.setAttribute("aria-expanded", "true");
