@@ -170,7 +170,7 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
             to_go = np.int64(distance[v])
             if to_go >= UNREACHABLE or _banned(u, v, ban_u, ban_v):
                 continue
-            constrained = touched[v] == stamp or t < last_must
+            constrained = touched[v] == stamp or last_must >= 0  # a place that the robot had to be at ends intervals of all others
             first_rule = _first_rule(touched, rule_at, stamp, v)
             arrive, begin = t + 1, np.int64(0)
             while arrive <= latest:  # one interval of v after another

@@ -41,8 +41,11 @@ class BestFirst:
 
     def expand(self, node: Node) -> None:
         """See `Order`. No solution below a child costs less than below its parent."""
-        for child in node.tree.children(node, bypass=self._bypass, disjoint=self._disjoint):
-            child.h = max(0, node.f - child.cost)
+        children = node.tree.children(node, bypass=self._bypass, disjoint=self._disjoint)
+        if self._heuristic and node.tree.is_hard:
+            node.tree.learn(node, children)
+        for child in children:
+            child.h = max(child.h, node.f - child.cost)
             self._insert(child)
 
     def counters(self) -> dict[str, float]:

@@ -26,7 +26,7 @@ from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._buffers import Buffers
 from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import cover, pair_weight
-from planners.conflict_based._symmetry import choose
+from planners.conflict_based._symmetry import CARDINAL, choose
 
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000
@@ -35,6 +35,7 @@ NODE_BYTES = 500  # of a node besides its arrays
 NODE_WORK = 300  # expansions that take as long as a node does besides its search, about
 PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
 SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
+SPLITS_BEFORE_LEARNING = 20  # easier problems do without
 NO_CONFLICTS = np.empty((0, WIDTH), np.int32)
 
 
@@ -87,6 +88,7 @@ class Node:
     h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
     looked_at: bool = False  # h is the node's own, not its parent's
     depth: int = 0
+    split_on: tuple[int, int] | None = None  # the robots whose conflict its children came from
     ring: list[tuple[int, int, int, int]] | None = None  # see `Tree.ring`; None: not looked for yet
 
     @property
@@ -125,6 +127,7 @@ class Tree:
         longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
         self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = like._weights if like else {}
+        self._gain: dict[tuple[int, int], float] = {}  # of two robots, what splits on their conflicts raised f by, lately
         # (robot, goal, its constraints) -> the first record with them: what is known of that one serves all others, in every tree
         self._alike: dict[tuple[int, int, bytes], int] = like._alike if like else {}
         self.generated = 0
@@ -169,8 +172,32 @@ class Tree:
                 self.instance, buffers.store, buffers.scratch, node.records, node.conflicts, self.symmetries, self.symmetries and w == 1
             )
             if code == st.OK:
-                return int(chosen)
+                return self._most_promising(node, int(chosen))
             self._enlarge(code, 0)
+
+    def _most_promising(self, node: Node, chosen: int) -> int:
+        """Of cardinal conflicts that one whose robots' splits have raised f most so far, if any has."""
+        if self._gain and node.conflicts[chosen, PRIORITY] >= 4 * CARDINAL:
+            best = 0.0
+            for k in np.flatnonzero(node.conflicts[:, PRIORITY] >= 4 * CARDINAL).tolist():
+                gain = self._gain.get(_pair(node.conflicts[k]), 0.0)
+                if gain > best:
+                    best, chosen = gain, k
+        return chosen
+
+    def learn(self, node: Node, children: list[Node]) -> None:
+        """Look at children right away, and remember how much f rises where the robots of the split are split on."""
+        for child in children:
+            child.h = max(node.f - child.cost, self.heuristic(child))
+            child.looked_at = True
+        if len(children) == 2 and node.split_on is not None:
+            gain, known = min(child.f for child in children) - node.f, self._gain.get(node.split_on, 0.0)
+            self._gain[node.split_on] = (known + gain) / 2
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether so many splits have not been enough that it pays to learn from each."""
+        return self._num_split > SPLITS_BEFORE_LEARNING
 
     def split(self, node: Node, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[Node]:
         """The children: one side's constraints each."""
@@ -210,7 +237,9 @@ class Tree:
         if self._unsolvable:
             return []
         while True:
-            children = self.split(node, self.choose(node, w), w, disjoint)
+            chosen = self.choose(node, w)
+            node.split_on = _pair(node.conflicts[chosen])
+            children = self.split(node, chosen, w, disjoint)
             if not bypass or disjoint:
                 return children
             better = [c for c in children if len(c.conflicts) < len(node.conflicts) and self._may_adopt(node, c, w, lower)]
@@ -417,6 +446,12 @@ class Tree:
             left = self.limits.deadline - perf_counter()
             return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
+
+
+def _pair(row: NDArray[np.int32]) -> tuple[int, int]:
+    """The robots of a conflict, in order."""
+    one, other = int(row[ONE]), int(row[OTHER])
+    return (one, other) if one < other else (other, one)
 
 
 def first_ring(paths: list[IntArray]) -> list[tuple[int, int, int, int]]:

@@ -68,6 +68,10 @@ def test_cost_is_within_the_guarantee_on_thousands(name, parameters):
         compare(name, parameters, seed)
 
 
+def test_robot_that_must_be_elsewhere_in_between_may_return_to_a_vertex():
+    compare("cbs", {"disjoint": True}, 5_000_629)
+
+
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_assigning_costs_as_much_as_the_best_assignment(seed):
