@@ -1,16 +1,18 @@
 """The controller: turns what the ledger allows into speeds, step by step, and the kernels' log into events."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.visits import Visits
-from mrp_sumo.drive import _causes, _controller
+from mrp_sumo.drive import _causes, _controller, _onward
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Policy
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Conditions, Kinematics, Rules, empty_log, empty_news
+from mrp_sumo.drive.state import Conditions, Kinematics, Rules, Tape, empty_log, empty_news
+from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
 from mrp_sumo.search._entry import entry_for
 
@@ -47,8 +49,9 @@ class Controller:
         self.follow(policy)
         self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
         self._num_changed = self._num_due = 0
-        self._advance: Callable[..., tuple[int, int, int]] = _controller.advance
-        self._visits: Visits | None = None  # that `_advance` is for
+        self._visits: Visits | None = None  # for whose types `_entries` are
+        self._entries: dict[str, Callable[..., tuple[int, ...]]] = {}
+        self._entries_by_types: dict[tuple[Any, ...], dict[str, Callable[..., tuple[int, ...]]]] = {}
 
     def follow(self, policy: Policy) -> None:
         """Grant by this policy from now on."""
@@ -69,10 +72,36 @@ class Controller:
         ledger = self.ledger
         step = (observe, now_s, self.dt, bodies.driven_m, self.kinematics, self.rules)
         arrays = (ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news)
-        if self._visits is not ledger.visits:  # the ledger's arrays are new ones
-            self._advance, self._visits = entry_for(_controller.advance, *step, *arrays), ledger.visits
-        num_logged, self._num_changed, self._num_due = self._advance(*step, *arrays)
+        num_logged, self._num_changed, self._num_due = self._call(_controller.advance, *step, *arrays)
         return self._events(num_logged) if num_logged else []
+
+    def drive_on(
+        self, step: int, most: int, sample_every: int, bodies: KinematicEngine, conditions: Conditions, tape: Tape
+    ) -> tuple[list[Event], int, int, int]:
+        """`advance` for the step that bodies have made, and for as many more, at most, as nothing happens in but on the tape.
+
+        Returns
+        -------
+        events, made, num_samples, num_grants
+            What happened in the last of these steps, the steps made by bodies, and what of the tape has been filled in.
+        """
+        ledger = self.ledger
+        arrays = (ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news, tape)
+        arguments = (step, most, self.dt, sample_every, bodies.bodies, self.kinematics, self.rules, *arrays)
+        made, num_logged, self._num_changed, self._num_due, num_samples, num_grants = self._call(_onward.drive_on, *arguments)
+        return self._events(num_logged) if num_logged else [], made, num_samples, num_grants
+
+    def _call(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[int, ...]:
+        """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones."""
+        ledger = self.ledger
+        if self._visits is not ledger.visits:
+            arrays = ((column.dtype, column.flags.writeable, column.flags.c_contiguous) for column in (*ledger.visits, *ledger.needs))
+            self._entries = self._entries_by_types.setdefault((*map(type, self.rules), *arrays), {})
+            self._visits = ledger.visits
+        entry = self._entries.get(kernel.__name__)
+        if entry is None:
+            entry = self._entries[kernel.__name__] = entry_for(kernel, *arguments)
+        return entry(*arguments)
 
     def command(self, bodies: Engine) -> None:
         """Send the engine new speeds, and more of the way where it needs it."""

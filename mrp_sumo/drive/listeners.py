@@ -64,14 +64,22 @@ class Recorder:
         """See Listener."""
         if not moment.is_sample:
             return
-        row, motion = self._count % ROWS, moment.ledger.state.motion
-        if row == 0:
+        motion, row = moment.ledger.state.motion, self.room(moment.ledger)[0]
+        row[0], row[1], row[2] = motion.s_m, motion.yaw_rad, motion.speed_mps
+        self.add(1)
+
+    def room(self, ledger: Ledger) -> FloatArray:
+        """[K, 3, R] for the next samples, at least one: distances, yaws and speeds, to be `add`ed when they have been filled in."""
+        row = self._count % ROWS
+        if row == 0 and len(self._blocks) * ROWS == self._count:
             if len(self._blocks) == MOST_BLOCKS:
-                self.settle(moment.ledger)
-            self._blocks.append(np.empty((ROWS, 3, len(motion.s_m))))
-        block = self._blocks[-1][row]
-        block[0], block[1], block[2] = motion.s_m, motion.yaw_rad, motion.speed_mps
-        self._count += 1
+                self.settle(ledger)
+            self._blocks.append(np.empty((ROWS, 3, self._shape[1])))
+        return self._blocks[-1][row:]
+
+    def add(self, num_samples: int) -> None:
+        """Keep as many samples more."""
+        self._count += num_samples
 
     def settle(self, ledger: Ledger) -> None:
         """Work out the positions of what has been heard so far."""
@@ -165,21 +173,25 @@ class GrantRecorder:
     """Keeps when robots are granted more of their ways."""
 
     def __init__(self, num_robots: int) -> None:
-        self._granted = np.full(num_robots, -1, np.int64)
-        self._rows: list[tuple[float, IntArray, IntArray]] = []  # time, robots, numbers of their visits
+        self.known = np.full(num_robots, -1, np.int64)  # rank of the last visit that each robot has been granted
+        self._rows: list[tuple[FloatArray, IntArray, IntArray]] = []
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
         visits = moment.ledger.visits
         granted = visits.rank[visits.granted]
-        more = np.flatnonzero(granted != self._granted)
+        more = np.flatnonzero(granted != self.known)
         if len(more):
-            self._rows.append((moment.now_s, more, granted[more]))
-            self._granted = granted
+            self.add(np.full(len(more), moment.now_s), more, granted[more])
+            self.known[more] = granted[more]
+
+    def add(self, t_s: FloatArray, robot: IntArray, rank: IntArray) -> None:
+        """Keep some more: times, robots, ranks of the last visits that they were granted."""
+        self._rows.append((t_s, robot, rank))
 
     def log(self) -> GrantLog:
         """What was kept."""
-        t_s = np.repeat([now_s for now_s, _, _ in self._rows], [len(robots) for _, robots, _ in self._rows])
+        t_s = np.concatenate([np.zeros(0), *(row[0] for row in self._rows)])
         none = [np.zeros(0, np.int64)]
         robot, visit = (np.concatenate([row[k] for row in self._rows] or none) for k in (1, 2))
         return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit))
@@ -192,9 +204,14 @@ class Witness:
     t_s: list[float] = field(default_factory=list)
     xy_m: list[FloatArray] = field(default_factory=list)  # [R, 2] each, NaN in lifts
 
+    @property
+    def due_s(self) -> float:
+        """The time of the next sample that is compared, at the earliest."""
+        return len(self.t_s) * COMPARE_EVERY_S
+
     def hear(self, moment: Moment) -> None:
         """See Listener."""
-        if moment.is_sample and (moment.is_last or moment.now_s >= len(self.t_s) * COMPARE_EVERY_S):
+        if moment.is_sample and (moment.is_last or moment.now_s >= self.due_s):
             visits, graph = moment.ledger.visits, moment.ledger.graph
             xy_m = moment.bodies.positions()
             if graph.is_ride.any():

@@ -6,6 +6,7 @@ and robots that cannot be driven (`drive.fit`) before the first step. Robots at 
 obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
@@ -16,7 +17,7 @@ from typing import cast
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
@@ -39,6 +40,7 @@ from mrp_sumo.drive.recovery import Recovery
 from mrp_sumo.drive.reroute import Replan, first_of
 from mrp_sumo.drive.rolling import Rolling, steps_ahead
 from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.state import Tape
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
@@ -78,7 +80,7 @@ def simulate(
     gui
         Show it in sumo-gui, whatever the engine; everything else is the same.
     stopped
-        Called between steps; once it returns True the execution is over, with outcome INTERRUPTED.
+        Called at least twice a simulated second; once it returns True the execution is over, with outcome INTERRUPTED.
     listeners
         Hear every moment, beside those that record.
     engine
@@ -117,7 +119,8 @@ def simulate(
             bodies.place(ledger.visits)
             shown = PeopleInGui(around.crowd) if gui and around.crowd is not None else None
             also = [listener for listener in (facilities, people, shown) if listener is not None]
-            drive.run(bodies, [log, recorder, witness, grants, *reports, *listeners, *also], recorder.settle)
+            alone = None if listeners or also or asked or gui else Alone(recorder, grants, witness)
+            drive.run(bodies, [log, recorder, witness, grants, *reports, *listeners, *also], recorder.settle, alone)
         return _execution(drive, plan, log, recorder, witness, grants, facilities, people)
 
 
@@ -127,6 +130,15 @@ def _engine(
     if settings.engine == "kinematic" and not gui:
         return nullcontext(KinematicEngine(problem.graph, problem.fleet, settings.step_length_s))
     return sumo_engine(problem.graph, problem.fleet, network, settings.step_length_s, settings.seed, gui, ways=ways)
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Who hears of a run of which nobody else does, so that steps in which nothing happens need not be shown one by one."""
+
+    recorder: Recorder
+    grants: GrantRecorder
+    witness: Witness
 
 
 @dataclass
@@ -168,6 +180,7 @@ class Drive:
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.around, self.work, self.controller.kinematics)
         self._reported: set[str] = set()  # why there was no plan
+        self._tape_grants: tuple[FloatArray, IntArray, IntArray] | None = None  # room for what is granted in steps that nobody is shown
 
     def set_out(self) -> None:
         """Have the first plan in the ledger, in which all robots have their ways.
@@ -183,12 +196,18 @@ class Drive:
             if answer is not None:
                 self.ledger.append(answer, self.controller.policy, 0.0)
 
-    def run(self, bodies: Engine, listeners: Sequence[Listener], before_forgetting: Callable[[Ledger], None]) -> None:
-        """Until all tasks are done, or time is up. The ledger forgets what is over, once every listener that needs it has been called."""
+    def run(
+        self, bodies: Engine, listeners: Sequence[Listener], before_forgetting: Callable[[Ledger], None], alone: Alone | None = None
+    ) -> None:
+        """Until all tasks are done, or time is up. The ledger forgets what is over, once every listener that needs it has been called.
+
+        Where `alone` says that nobody wants every moment, bodies that are ours take the steps in which nothing happens by themselves.
+        """
         settings, dt, state, conditions = self.settings, self.settings.step_length_s, self.ledger.state, self.world.conditions
         look_every, sample_every = max(1, round(LOOK_EVERY_S / dt)), settings.steps_per_sample
         self.people.begin(dt, self.ledger, bodies.driven_m)
         wall, cpu, step = time.perf_counter(), time.process_time(), 0
+        seen: list[Event] | None = None  # what happened in this step, where the controller has seen it already
         while True:
             for wish in self.asked(self.now_s) if self.asked else ():
                 if isinstance(wish, Task):
@@ -196,7 +215,7 @@ class Drive:
                 else:
                     self.world.add(wish)
             self.events += self.world.update(self.now_s, state.grants)
-            self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0)
+            self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0) if seen is None else seen
             if self.people.any:
                 self.events += self.people.notice(self.now_s)
             is_sample = step % sample_every == 0
@@ -221,10 +240,37 @@ class Drive:
             found = bodies.step(moving)
             if self.people.any:
                 self.people.settle(self.now_s, dt, self.ledger, bodies.driven_m)
-            step += 1
+            step, seen = step + 1, None
+            if alone is not None and isinstance(bodies, KinematicEngine):
+                step, seen = self._drive_on(step, bodies, alone)
             self.now_s = round(step * dt, 9)
             self.findings += [f"{self.now_s:.2f} s: {finding}" for finding in found]
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
+
+    def _drive_on(self, step: int, bodies: KinematicEngine, alone: Alone) -> tuple[int, list[Event] | None]:
+        """Take steps from `step` on, as long as nothing happens in them. Returns the step that is to be shown next, and what happened in
+        it, None where the controller has not seen it.
+        """
+        settings, ledger, dt = self.settings, self.ledger, self.settings.step_length_s
+        sample_every, calm = settings.steps_per_sample, self.world.is_calm and not self.people.any
+        if not calm or self.outcome is not Outcome.TIME_LIMIT or self.work.finished(self.now_s, self.around):
+            return step, None
+        row, robots = alone.recorder.room(ledger), ledger.num_robots
+        periods_s = [LOOK_EVERY_S, 1.0, getattr(self.controller.policy, "decides_every_s", None) or LOOK_EVERY_S]
+        until = min(-(-step // every) * every for every in (max(1, round(period_s / dt)) for period_s in periods_s))
+        until = min(until, math.ceil(settings.time_limit_s / dt - 1e-9), math.ceil(alone.witness.due_s / dt - 1e-9))
+        most = min(until - step, len(row) * sample_every)
+        if most < 1:
+            return step, None
+        if self._tape_grants is None or len(self._tape_grants[0]) < most * robots:
+            self._tape_grants = np.zeros(most * robots), np.zeros(most * robots, np.int64), np.zeros(most * robots, np.int64)
+        tape = Tape(row, alone.grants.known, *self._tape_grants)
+        seen, made, num_samples, num_grants = self.controller.drive_on(step, most, sample_every, bodies, self.world.conditions, tape)
+        alone.recorder.add(num_samples)
+        if num_grants:
+            t_s, robot, rank = self._tape_grants
+            alone.grants.add(t_s[:num_grants].copy(), robot[:num_grants].copy(), rank[:num_grants].copy())
+        return step + made, seen
 
     def _close(self) -> None:
         """What is still going on ends with the run."""

@@ -241,6 +241,16 @@ class News(NamedTuple):
     due: IntArray  # whose route ends soon
 
 
+class Tape(NamedTuple):
+    """What is kept of steps in which nothing else happened."""
+
+    samples: FloatArray  # [K, 3, R] distance, heading, speed
+    known: IntArray  # [R] rank of the last visit that each robot is known to have been granted
+    grant_s: FloatArray  # [G] when robots were granted more
+    grant_robot: IntArray  # [G]
+    grant_rank: IntArray  # [G] rank of the last visit that they were granted then
+
+
 def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: IntArray) -> State:
     """Robots that stand on their first visits [R] and hold nothing yet."""
 

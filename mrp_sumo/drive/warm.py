@@ -18,28 +18,26 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import first_of
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.state import Tape
 from mrp_sumo.drive.world import World
-
-
-class Standstill:
-    """An engine in which nothing moves, as far as the controller sees one."""
-
-    def __init__(self, num_robots: int) -> None:
-        self.driven_m = np.zeros(num_robots)
-        self.routed = np.zeros(num_robots, np.int64)
+from mrp_sumo.engines.kinematic.engine import KinematicEngine
 
 
 @cache  # once a process, and not to push the resources of real graphs out of memory
 def prepare() -> None:
-    """Let the controller look at one robot on one lane, twice."""
+    """Let the controller look at one robot on one lane, twice, and drive it on by itself."""
     problem, plan = _one_robot()
     policy, settings = policy_of("adg"), ExecutionSettings()
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy, 0.0)
     controller = Controller(ledger, policy, settings)
     conditions = World(NONE, problem.graph, 1, 0.1, 1.0, 0.1, 0, facilities_of(problem.graph, ledger.resources)).conditions
+    bodies = KinematicEngine(problem.graph, problem.fleet, 0.1)
+    bodies.place(ledger.visits)
     for step in range(2):
-        controller.advance(step * 0.1, Standstill(1), conditions, observe=step > 0)
+        controller.advance(step * 0.1, bodies, conditions, observe=step > 0)
+    grants = np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.int64)
+    controller.drive_on(2, 0, 1, bodies, conditions, Tape(np.zeros((1, 3, 1)), np.zeros(1, np.int64), *grants))
     ledger.state.waits.since_s[:] = 0.0
     DeadlockWatch().look(ledger.state)
     prepare_retime()

@@ -82,7 +82,7 @@ class World:
         self._visitors = Visitors(what, self.facilities, self.seed)
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
-        self._is_calm = not what.any
+        self.is_calm = not what.any  # nothing comes up by itself
         around = self.people or nobody(self.num_robots)
         self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt, self.facilities, around)
 
@@ -93,7 +93,7 @@ class World:
 
     def update(self, now: float, grants: Grants) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
-        if self._is_calm:
+        if self.is_calm:
             return []
         what, dt, events = self.what, self.step_length_s, []
         if what.latency_s or what.message_loss:
@@ -124,7 +124,7 @@ class World:
 
     def add(self, what: Breakdown | Closure) -> None:
         """Have a disturbance that nobody knew of."""
-        self._is_calm = False
+        self.is_calm = False
         if isinstance(what, Breakdown):
             self._pending.append(what)
         else:

@@ -63,6 +63,27 @@ def test_rounding_in_an_engine_does_not_decide_when_a_robot_has_arrived(tmp_path
     assert 15.9 in granted[0].t_s
 
 
+class Listener:
+    def __init__(self):
+        self.steps = 0
+
+    def hear(self, moment):
+        self.steps += 1
+
+
+@pytest.mark.parametrize(("policy", "period_s"), [("adg", 0.1), ("adg_timed", 0.4), ("adg_switch", 0.3), ("open_loop", 1.0)])
+def test_steps_are_the_same_whether_somebody_is_shown_them_or_not(tmp_path, policy, period_s):
+    problem, plan = problem_of(cross(), [[1, 0, 7, 8], [4, 4, 0, 10, 11], [2, 2, 2, 2, 1, 0, 4, 5]], BURGER, 3.0)
+    settings = ExecutionSettings(policy=policy, engine="kinematic", record_period_s=period_s, time_limit_s=25.15)
+    heard = Listener()
+    alone, shown = (simulate(problem, plan, settings, tmp_path / "none.net.xml", listeners=who) for who in ((), (heard,)))
+    assert heard.steps > 100 and shown.events
+    for name in ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps", "arrived_s", "booked_s", "sumo_xy_m"):
+        assert getattr(alone, name).tobytes() == getattr(shown, name).tobytes(), name
+    assert alone.events == shown.events and (alone.outcome, alone.sim_time_s) == (shown.outcome, shown.sim_time_s)
+    assert all(one.tobytes() == other.tobytes() for one, other in zip(vars(alone.grants).values(), vars(shown.grants).values()))
+
+
 def test_a_platoon_drives_as_one(tmp_path):
     run = drive(tmp_path, line(8), [[3, 4, 5, 6, 7], [2, 3, 4, 5, 6], [1, 2, 3, 4, 5]])
     assert run.all_at_goal

@@ -5,6 +5,7 @@ controller keeps apart in both. Nothing is looked up in a network, so none is ne
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,18 @@ from mrp_sumo.core.visits import Visits
 from mrp_sumo.engines.protocol import WHOLE_WAY
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.search._bodies import lane_limits, move_bodies
+
+
+class Moving(NamedTuple):
+    """R bodies as kernels see them, on L lanes."""
+
+    s_m: FloatArray  # [R] driven
+    speed_mps: FloatArray  # [R]
+    wanted_mps: FloatArray  # [R] commanded
+    cap_mps: FloatArray  # [R] what lanes allow
+    accel_mps2: FloatArray  # [R]
+    limit_mps: FloatArray  # [L] of lanes
+    has_limits: bool
 
 
 class KinematicEngine:
@@ -55,6 +68,12 @@ class KinematicEngine:
             lane_limits(self._dt, limits, fleet.decel_mps2, *of_visits, speed, driven, self._cap_mps)
         move_bodies(self._dt, self._wanted_mps, fleet.accel_mps2, fleet.decel_mps2, self._cap_mps, speed, driven)
         return []
+
+    @property
+    def bodies(self) -> Moving:
+        """For whoever takes steps in the engine's place."""
+        fleet, limits = self._fleet, self._graph.speed_mps
+        return Moving(self.driven_m, self._speed_mps, self._wanted_mps, self._cap_mps, fleet.accel_mps2, limits, self._has_limits)
 
     def positions(self) -> FloatArray:
         """See Engine."""
