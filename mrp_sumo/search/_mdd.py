@@ -168,7 +168,7 @@ def only(store, record, step):
 
 @kernel(apart=True)
 def raises_cost(instance, store, scratch, record, row0, row1):
-    """Whether these constraints cut through all paths of the record's MDD. Unknown, told as False, when it is too large."""
+    """Whether these constraints cut through all paths of the record's MDD. False also when it is too large."""
     mdd = store.meta[record, MDD0]
     cost = mdd_cost(store, record)
     begin, end = FOREVER, -1

@@ -2,7 +2,7 @@
 
 A bit for every vertex and step says whether a robot on its way is there, another whether more than one is; only
 where these do not suffice is the list looked up that tells who. Lists hold what happens at a vertex within WORD
-steps. Robots at their goals are told apart.
+steps. Robots at their goals are kept apart from these.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """What constraint trees keep of each robot: its constraints and the path found under them.
 
 A *record* is one robot's set of constraints and its path. Records form chains: a record adds rows to those of
-its parent. Room is fixed; who appends is told when it does not suffice.
+its parent. Room is fixed; appending reports when it does not suffice.
 """
 
 from typing import NamedTuple

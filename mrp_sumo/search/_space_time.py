@@ -34,7 +34,7 @@ from mrp_sumo.search._records import BOUND, COST, FOREVER, NO_PATH, OK, OUT_OF_B
 
 PATIENCE = 500  # expansions that are always spent on disturbing few robots
 HURRY = 8  # steps of delay that a robot takes then to disturb one robot less
-MOST_DISTURBED = 255  # beyond, paths are not told apart by whom they disturb
+MOST_DISTURBED = 255  # beyond, paths count as equal, whomever they disturb
 
 # what a state's label ends in, after the number of robots disturbed
 WAITING, EXPANDED, FINISH = 0, 1, 2

@@ -215,7 +215,7 @@ def _find(search, config, digest):
 
 @kernel
 def fill_slots(search):
-    """Make the hash table anew after it has grown."""
+    """Rebuild the hash table after the store has grown."""
     search.slot[:] = NONE
     mask = len(search.slot) - 1
     for node in range(search.count[NODES]):

@@ -73,7 +73,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
 def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
     """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING, USED_UP.
 
-    Where it wanders about it begins anew with other chances, each time after twice as many expansions, so that it
+    Where it wanders about it restarts with other random choices, each time after twice as many expansions, so that it
     stays complete.
     """
     expansions, done, effort = 200 + 10 * start.num_guided, 0, start.given.effort

@@ -8,12 +8,12 @@ from mrp_sumo.search._constraints import EXPANSIONS, Scratch
 from mrp_sumo.search._occupancy import WORD, Occupancy, empty_occupancy
 from mrp_sumo.search._records import Store
 
-DELAYS = 256  # states of a vertex that can be told apart, at first
+DELAYS = 256  # distinct states of a vertex, at first
 MOST_VISITED = 1 << 24  # states of all vertices, at first
 
 
 class Buffers:
-    """Tables by what makes them too small; what is in the store stays, the rest begins anew when it grows."""
+    """Tables by what makes them too small; what is in the store stays, the rest is reallocated when it grows."""
 
     def __init__(self, num_vertices: int, num_robots: int, horizon: int) -> None:
         self._num_vertices, self._num_robots, self._horizon = num_vertices, num_robots, -(-horizon // WORD) * WORD

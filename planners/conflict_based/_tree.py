@@ -341,7 +341,7 @@ class Tree:
         return Node(self, records, conflicts, cost, self._bound(records), depth=node.depth + 1)
 
     def _bound(self, records: IntArray) -> int:
-        """Sum of the lower bounds: asked anew, since building an MDD may raise a record's."""
+        """Sum of the lower bounds: computed again, since building an MDD may raise a record's."""
         return int(self._buffers.store.meta[records[records >= 0], st.BOUND].sum())
 
     def _split_disjoint(self, node: Node, row: NDArray[np.int32], w: float) -> list[Node]:

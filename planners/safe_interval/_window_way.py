@@ -16,7 +16,7 @@ from mrp_sumo.search._kernel import kernel
 
 NOBODY, SEVERAL = -1, -2
 NO_WAY = 1 << 40
-MOST_CROSSED = 31  # ways that cross more others are not told apart
+MOST_CROSSED = 31  # ways that cross more others count as equal
 
 
 class Task(NamedTuple):
