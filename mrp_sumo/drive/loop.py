@@ -119,7 +119,7 @@ def simulate(
             bodies.place(ledger.visits)
             shown = PeopleInGui(around.crowd) if gui and around.crowd is not None else None
             also = [listener for listener in (facilities, people, shown) if listener is not None]
-            alone = None if listeners or also or asked or gui else Alone(recorder, grants, witness)
+            alone = None if listeners or also or asked or gui or engine else Alone(recorder, grants, witness)
             drive.run(bodies, [log, recorder, witness, grants, *reports, *listeners, *also], recorder.settle, alone)
         return _execution(drive, plan, log, recorder, witness, grants, facilities, people)
 

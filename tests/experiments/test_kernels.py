@@ -10,7 +10,7 @@ from mrp_sumo.search._kernel import kernel
 pytestmark = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
 
 
-def _twice(x):
+def double(x):
     return 2 * x
 
 
@@ -18,7 +18,7 @@ def test_kernels_are_counted_while_they_are_compiled(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     shown = []
     with compiling(lambda *progress: shown.append(progress), execute=False):
-        twice = kernel(_twice)
+        twice = kernel(double)
         assert twice(2) == 4
     assert shown[0][0].startswith("compiling kernels, once: ")
     assert shown[-1][1] == shown[0][1] + 1 <= shown[-1][2]
