@@ -17,6 +17,8 @@ from mrp_sumo.core.task import StopLog, TaskLog
 # what a robot's second can be spent on, the columns of `Execution.booked_s`
 BOOKINGS = ("moving", "turning", "planned_wait", "dependency_wait", "yielding", "blocked", "disturbed", "at_goal")
 
+RECORDED = "recorded"  # in the place of a policy: the run was not driven here, but read from a log
+
 
 class Outcome(StrEnum):
     """How an execution ended."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
-from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.execution import RECORDED, Event, Execution, Outcome
 from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
@@ -222,7 +222,7 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
         arrived_s=frozen(plan.arrive_s.copy()),
         goal_s=frozen(t_s[last_moved]),
         outcome=Outcome.COMPLETED,
-        policy="recorded",
+        policy=RECORDED,
         sim_time_s=float(t_s[-1]),
         wall_time_s=0.0,
         cpu_time_s=0.0,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.digraph import weak_components
-from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.execution import RECORDED, Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
@@ -80,10 +80,11 @@ def title_of(result: Mapping[str, Any]) -> str:
 
 
 def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
-    """Map, robots and planner of a run in a line."""
+    """Map, robots and planner of a run in a line; nobody knows who planned what is read from a log."""
     map_name = Path(result["scenario"]["map"]["file"]).name
     map_name = next((map_name.removesuffix(end) for end in MAP_FILES if map_name.endswith(end)), map_name)
-    return f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {result['scenario']['planner']['name']}"
+    by = RECORDED if result.get("policy") == RECORDED else result["scenario"]["planner"]["name"]
+    return f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {by}"
 
 
 def view_record(run: AnyRun) -> RunRecord:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.execution import RECORDED, Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.task import StopLog, TaskLog
@@ -257,27 +257,27 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
     """A run in words, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
     status = run.result["status"].replace("_", " ")
-    planner, map_name = scenario["planner"]["name"], Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
+    is_planned, map_name = run.result.get("policy") != RECORDED, Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
     num_robots = record.fleet.num_robots
     facts: dict[str, Any] = {
         "Status": status,
         "Map": map_name,
         "Robots": f"{num_robots}",
-        "Planner": planner,
-        "Assignment": scenario["assignment"]["mode"],
+        "Planner": scenario["planner"]["name"] if is_planned else None,
+        "Assignment": scenario["assignment"]["mode"] if is_planned else None,
         "Policy": run.result.get("policy"),
-        "Seed": run.result["seed"],
+        "Seed": run.result["seed"] if is_planned else None,
         "Tasks": f"{metrics['tasks_done']} done, {metrics['tasks_open']} open" if metrics.get("tasks_done") is not None else None,
         "Throughput": f"{metrics['throughput_per_h']:.0f} an hour" if metrics.get("throughput_per_h") is not None else None,
         "Service time": _seconds(metrics.get("service_time_mean_s")),
         "People": f"{metrics['num_people']}" if metrics.get("num_people") is not None else None,
         "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
-        "Planned makespan": _seconds(metrics.get("makespan_s")),
+        "Planned makespan": _seconds(metrics.get("makespan_s")) if is_planned else None,
         "Driven makespan": _seconds(metrics.get("driven_makespan_s")),
     }
     bound, in_steps = metrics.get("lower_bound_steps"), metrics.get("soc_steps") is not None  # plans in seconds have no such bound
     numbers = {
-        "Planning time": _seconds(metrics.get("planning_time_s")),
+        "Planning time": _seconds(metrics.get("planning_time_s")) if is_planned else None,
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
         "Lower bound": f"{bound:.0f} steps" if bound and in_steps else None,
         "Execution, MRP-Bench": _seconds(metrics.get("execution_time_s")),
