@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FEW = 64  # points of which all pairs are looked at
-
 
 def pairs_within(xy: FloatArray, distance_m: float) -> IntArray:
     """[P, 2] pairs of points that are at most `distance_m` apart, the lower first, in no order.
@@ -40,12 +38,11 @@ def pairs_within(xy: FloatArray, distance_m: float) -> IntArray:
 
 def least_distance_m(xy: FloatArray) -> float:
     """The least distance between two of the points [N, 2], inf where there are not two."""
-    if len(xy) < 2:
-        return np.inf
-    if len(xy) > FEW:
-        from scipy.spatial import cKDTree
-
-        return float(cKDTree(xy).query(xy, k=2)[0][:, 1].min())
-    one, other = np.triu_indices(len(xy), 1)
-    apart = xy[one] - xy[other]
-    return float(np.sqrt((apart**2).sum(axis=1).min()))
+    xy = xy[np.argsort(xy[:, 0])]
+    least = np.inf  # squared
+    for k in range(1, len(xy)):  # each point and the k-th after it, until even along x all are farther apart
+        apart = xy[k:] - xy[:-k]
+        if apart[:, 0].min() ** 2 >= least:
+            break
+        least = min(least, float((apart**2).sum(axis=1).min()))
+    return float(np.sqrt(least))
