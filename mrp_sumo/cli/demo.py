@@ -4,6 +4,8 @@ Everything is made on this machine as `run`, `replay`, `render`, `batch` and `re
 """
 
 import argparse
+import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo demo`."""
     parser.add_argument("--out", metavar="DIR", default="runs/demo", help="where everything goes (default: runs/demo)")
     parser.add_argument("--no-open", action="store_true", help="do not open the page in a browser")
+    parser.add_argument("--json", action="store_true", help="print what was made as a line of JSON, the rest as messages, and open nothing")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,19 +35,19 @@ def run(options: argparse.Namespace) -> int:
 
     out = Path(options.out)
     out.mkdir(parents=True, exist_ok=True)
-    _say(f"run office_9 --out {out / 'office'} --replay", "nine robots cross an office")
+    _say(f"\nnine robots cross an office\n  $ mrp-sumo run office_9 --out {out / 'office'} --replay", options)
     office = _run("office_9", out / "office", at_s=15.0)
-    _say(
-        f"run warehouse_lifelong --set execution.time_limit_s=300 --out {out / 'warehouse'} --replay",
-        "orders come in while nine robots work",
-    )
+    _say(f"  {office.status}", options)
+    command = f"run warehouse_lifelong --set execution.time_limit_s=300 --out {out / 'warehouse'} --replay"
+    _say(f"\norders come in while nine robots work\n  $ mrp-sumo {command}", options)
     warehouse = _run("warehouse_lifelong", out / "warehouse", at_s=200.0, limit_s=300.0)
+    _say(f"  {warehouse.status}", options)
     suite = out / "planners.yaml"
     suite.write_text(SUITE, encoding="utf-8")
-    _say(f"batch {suite} --out {out / 'planners'}", "two planners on the same draws")
+    _say(f"\ntwo planners on the same draws\n  $ mrp-sumo batch {suite} --out {out / 'planners'}", options)
     with stoppable() as stop, watcher() as shown:
         batch = run_batch(read_suite(suite), out / "planners", shown, workers=2, stop=stop)
-    _say(f"report {out / 'planners'}", "who is better, and is it certain?")
+    _say(f"\nwho is better, and is it certain?\n  $ mrp-sumo report {out / 'planners'}", options)
     write_report(out / "planners", None)
     done = warehouse.metrics
     stops = (
@@ -72,14 +75,19 @@ def run(options: argparse.Namespace) -> int:
         ),
     )
     page = write_page(tour_page(stops), out / "index.html")
+    if options.json:
+        folders = {name: str(out / name) for name in ("office", "warehouse", "planners")}
+        print(json.dumps({"page": str(page), **folders, "runs": 2 + len(batch.runs)}))
+        return 0
     print(page)
     if not options.no_open:
         webbrowser.open(page.resolve().as_uri())
     return 0
 
 
-def _say(command: str, about: str) -> None:
-    print(f"\n{about}\n  $ mrp-sumo {command}", flush=True)
+def _say(text: str, options: argparse.Namespace) -> None:
+    """Tell people what is being done, beside what is printed for machines."""
+    print(text, file=sys.stderr if options.json else sys.stdout, flush=True)
 
 
 def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> "RunResult":
@@ -96,5 +104,4 @@ def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> 
         result = run_scenario(read_scenario(find_scenario(name), overrides), out, progress=progress)
     write_replay(out)
     render_still(result, min(at_s, result.metrics["sim_time_s"]), out / "still.png", dpi=80)
-    print(f"  {result.status}")
     return result

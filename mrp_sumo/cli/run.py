@@ -85,8 +85,7 @@ def run(options: argparse.Namespace) -> int:
         watches = _watches(options, stack)
         result = (_run_live if options.live else _run)(file, out, options, watches)
     if options.json:
-        said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
-        print(json.dumps(said, allow_nan=False))
+        print_json(result, out)
     else:
         print_result(result, out, options.verbose)
         _print_next(result, out, options.scenario)
@@ -187,6 +186,12 @@ def progress_bar() -> "Iterator[StageReport | None]":
             bar.update(task, description=stage, completed=done, total=of or None, clock=clock)
 
         yield show
+
+
+def print_json(result: "RunResult", out: Path) -> None:
+    """Print what came of a run as a line of JSON."""
+    said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
+    print(json.dumps(said, allow_nan=False))
 
 
 def print_result(result: "RunResult", out: Path, verbose: bool) -> None:

@@ -6,6 +6,7 @@ folder is written. This program calls the broker and listens nowhere. See docs/f
 """
 
 import argparse
+import json
 import math
 import sys
 import time
@@ -71,6 +72,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--key", type=Path, metavar="FILE", help="its key")
     add("--user", default="", metavar="NAME", help="user name at the broker, and")
     add("--password-file", type=Path, metavar="FILE", help="a file whose first line is the password")
+    add("--json", action="store_true", help="print what came of it as a line of JSON")
     scenario_choice.arguments(parser)
 
 
@@ -123,9 +125,8 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
         vehicles.join(vehicle.sender.serial, online, will)
         if isinstance(link, Logged):
             link.note(vehicle.sender.serial, "connection", online)
-    print(
-        f"{len(fleet.vehicles)} vehicles at {connections.broker}, {dialect.topic('+', '+', options.manufacturer)} (Ctrl+C ends)", flush=True
-    )
+    where = f"{len(fleet.vehicles)} vehicles at {connections.broker}, {dialect.topic('+', '+', options.manufacturer)} (Ctrl+C ends)"
+    print(where, file=sys.stderr if options.json else sys.stdout, flush=True)
     stack.enter_context(fleet)
     stopped = stack.enter_context(interrupts())
     until_s, pace = options.duration or math.inf, Pace(options.speed)
@@ -134,7 +135,18 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
         fleet.step(pace.wait(fleet.now_s, link.receive))
     fleet.leave()
     share = (time.process_time() - cpu_s) / max(time.monotonic() - begun_s, 1e-9)
-    print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
+    if options.json:
+        said = {
+            "vehicles": len(fleet.vehicles),
+            "sim_time_s": fleet.now_s,
+            "sent": fleet.sent,
+            "lost": connections.lost,
+            "share_of_a_core": share,
+            "behind_s": pace.behind_s,
+        }
+        print(json.dumps(said))
+    else:
+        print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
     if pace.behind_s > 0.5:
         print(f"mrp-sumo: up to {pace.behind_s:.1f} s behind the clock", file=sys.stderr)
     return 0
@@ -142,7 +154,7 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
 
 def _drive(session: Session, stack: ExitStack) -> int:
     """Be the master of vehicles, and write the run."""
-    from mrp_sumo.cli.run import print_result, progress_bar
+    from mrp_sumo.cli.run import print_json, print_result, progress_bar
     from mrp_sumo.experiments.run import finish
     from mrp_sumo.experiments.solve import solve
     from mrp_sumo.formats.vda.messages import serials_of
@@ -167,7 +179,10 @@ def _drive(session: Session, stack: ExitStack) -> int:
     with progress_bar() as progress:
         result = finish(setup, solve(setup, progress=progress), session.maps, progress=progress, keeps_interrupted=True, engine=engine)
     result.write(out, session.maps)
-    print_result(result, out, False)
+    if options.json:
+        print_json(result, out)
+    else:
+        print_result(result, out, False)
     return 0 if result.status == "completed" else 1
 
 

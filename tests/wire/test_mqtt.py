@@ -208,9 +208,10 @@ def test_broker_with_tls_is_trusted_by_its_own_authority_alone(tmp_path, capsys)
     with running(tmp_path, one_user(tmp_path), ssl=True, certfile=str(trusted), keyfile=str(key)) as port:
         who = ["--user", "fleet", "--password-file", str(tmp_path / "password"), "--duration", "2", "--speed", "10"]
         at = ["vda5050", str(tmp_path / "carts.yaml"), "--broker", f"127.0.0.1:{port}"]
-        assert main([*at, *who, "--tls", "--ca", str(trusted)]) == 0
-        said = capsys.readouterr().out
-        assert "2 vehicles" in said and " 0 lost" in said
+        assert main([*at, *who, "--tls", "--ca", str(trusted), "--json"]) == 0
+        told = capsys.readouterr()
+        said = json.loads(told.out)
+        assert said["vehicles"] == 2 and said["sent"] > 0 and said["lost"] == 0 and "2 vehicles at" in told.err
         why = f"mrp-sumo: no connection to the broker 127.0.0.1:{port}: "
         refused = "its certificate is not trusted: self"  # "-signed", or " signed", as OpenSSL has it
         cases = {
