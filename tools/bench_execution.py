@@ -310,7 +310,7 @@ def main() -> None:
     if options.against:
         compare(options.against, options.robots or WAREHOUSE)
         return
-    warm.prepare()
+    warm.prepare("kinematic")
     other = {"startup": rows_of_starts, "schedule": rows_of_schedules, "retime": rows_of_retiming, "memory": rows_of_memory}
     rows = next((made for name, made in other.items() if getattr(options, name)), rows_of_drives)
     header = False

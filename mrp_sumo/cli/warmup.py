@@ -71,7 +71,7 @@ def _warm(name: str) -> float:
     began = perf_counter()
     distance.prepare()
     if name == EXECUTION:
-        warm.prepare()
+        warm.prepare("kinematic")
         audit.prepare()
         referee_in_seconds.prepare()
     else:

@@ -17,7 +17,7 @@ from mrp_sumo.search._motion import stop_speed
 SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
 
-@kernel
+@kernel(apart=True)
 def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditions, routed, log, news):
     """All between two steps of the engine: observe, run lifts and doors, grant, command.
 

@@ -24,8 +24,8 @@ from mrp_sumo.engines.kinematic.engine import KinematicEngine
 
 
 @cache  # once a process, and not to push the resources of real graphs out of memory
-def prepare() -> None:
-    """Let the controller look at one robot on one lane, twice, and drive it on by itself."""
+def prepare(engine: str = "sumo") -> None:
+    """Let the controller look at one robot on one lane, twice, and with the engine `kinematic` drive it on by itself."""
     problem, plan = _one_robot()
     policy, settings = policy_of("adg"), ExecutionSettings()
     ledger = Ledger(problem, resources_for(problem, plan))
@@ -36,8 +36,9 @@ def prepare() -> None:
     bodies.place(ledger.visits)
     for step in range(2):
         controller.advance(step * 0.1, bodies, conditions, observe=step > 0)
-    grants = np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.int64)
-    controller.drive_on(2, 0, 1, bodies, conditions, Tape(np.zeros((1, 3, 1)), np.zeros(1, np.int64), *grants))
+    if engine == "kinematic":
+        grants = np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.int64)
+        controller.drive_on(2, 0, 1, bodies, conditions, Tape(np.zeros((1, 3, 1)), np.zeros(1, np.int64), *grants))
     ledger.state.waits.since_s[:] = 0.0
     DeadlockWatch().look(ledger.state)
     prepare_retime()

@@ -265,7 +265,7 @@ def _execute(
     from mrp_sumo.drive import warm
     from mrp_sumo.drive.loop import simulate
 
-    warm.prepare()
+    warm.prepare(setup.settings.engine)
     plan, verdict, settings = solution.result.plan, solution.verdict, setup.settings
     name = setup.scenario.execution.policy.name
     with setup.file.located("execution", "policy"):

@@ -1,7 +1,10 @@
 """The drive without SUMO that gets kernels loaded."""
 
+import pytest
+
 from mrp_sumo.drive import warm
 
 
-def test_controller_is_ready_without_sumo():
-    warm.prepare()
+@pytest.mark.parametrize("engine", ["sumo", "kinematic"])
+def test_controller_is_ready_without_sumo(engine):
+    warm.prepare(engine)
