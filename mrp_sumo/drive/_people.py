@@ -11,7 +11,7 @@ import numpy as np
 from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.search._kernel import kernel
 
-TIE_M = 2.0 / GRAINS  # so near the end of a field is outside
+EDGE_M = 2.0 / GRAINS  # so near the end of a field is outside
 
 
 @kernel(allocates=False)
@@ -34,7 +34,7 @@ def heed(r, wanted, now, dt, kinematics, visits, motion, people):
             speed = slowest if halted[r] else max(speed_mps, slowest)
             most = reach(max(wanted, speed), decel, people) + max(wanted, speed) * dt
             room = room_ahead(r, most, visits, motion, people)
-            is_free = room >= reach(speed, decel, people) - TIE_M
+            is_free = room >= reach(speed, decel, people) - EDGE_M
         else:
             room, is_free = np.inf, is_clear_around(r, visits, motion, people)
         if halted[r]:

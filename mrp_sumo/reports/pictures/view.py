@@ -75,16 +75,19 @@ def title_of(result: Mapping[str, Any]) -> str:
         return str(scenario["name"])
     robots = scenario["robots"]
     count = robots["count"] or len(robots["starts"])
-    map_name = Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
-    return f"{map_name}, {count} robots, {scenario['planner']['name']}, seed {result['seed']}"
+    return f"{map_name_of(result)}, {count} robots, {scenario['planner']['name']}, seed {result['seed']}"
+
+
+def map_name_of(result: Mapping[str, Any]) -> str:
+    """What the map of a run is called: its file, without the ends that formats ask for."""
+    name = Path(result["scenario"]["map"]["file"]).name
+    return next((name.removesuffix(end) for end in MAP_FILES if name.endswith(end)), name)
 
 
 def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
     """Map, robots and planner of a run in a line; nobody knows who planned what is read from a log."""
-    map_name = Path(result["scenario"]["map"]["file"]).name
-    map_name = next((map_name.removesuffix(end) for end in MAP_FILES if map_name.endswith(end)), map_name)
     by = RECORDED if result.get("policy") == RECORDED else result["scenario"]["planner"]["name"]
-    return f"{map_name} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {by}"
+    return f"{map_name_of(result)} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {by}"
 
 
 def view_record(run: AnyRun) -> RunRecord:

@@ -35,6 +35,7 @@ from mrp_sumo.reports.pictures.view import (
     furniture_and_walls,
     is_grid_map,
     level_corners,
+    map_name_of,
     state_names,
     subtitle_of,
     view_record,
@@ -257,11 +258,11 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
     """A run in words, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
     status = run.result["status"].replace("_", " ")
-    is_planned, map_name = run.result.get("policy") != RECORDED, Path(scenario["map"]["file"]).name.removesuffix(".building.yaml")
+    is_planned = run.result.get("policy") != RECORDED
     num_robots = record.fleet.num_robots
     facts: dict[str, Any] = {
         "Status": status,
-        "Map": map_name,
+        "Map": map_name_of(run.result),
         "Robots": f"{num_robots}",
         "Planner": scenario["planner"]["name"] if is_planned else None,
         "Assignment": scenario["assignment"]["mode"] if is_planned else None,
