@@ -44,7 +44,9 @@ _defined: list[Path] = []  # index files of the kernels that this process has de
 _apart: set[str] = set()  # full names of kernels whose machine code their callers share
 
 
-def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, apart: bool = False) -> Any:
+def kernel(
+    function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, apart: bool = False, nogil: bool = False
+) -> Any:
     """Compile a function when it is called, and store it.
 
     It is compiled once for each set of argument types; numba alone would also do so for each constant argument, and for each width of
@@ -63,11 +65,13 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never",
     apart
         Whether kernels that call it share its machine code. Otherwise each has a copy of its own, fitted in and compiled with
         it: right for what is short and called often, slow to compile for what is long. Only at the top level of a module.
+    nogil
+        Whether other threads may run while Python waits for it. Two threads may then write the same array at once: give each its own.
     """
     if function is None:
-        return partial(kernel, inline=inline, allocates=allocates, apart=apart)
+        return partial(kernel, inline=inline, allocates=allocates, apart=apart, nogil=nogil)
     inner = function.__name__.startswith("_")
-    compiled = numba.njit(inline=inline, _nrt=allocates, no_cpython_wrapper=inner, no_cfunc_wrapper=True)(function)
+    compiled = numba.njit(inline=inline, _nrt=allocates, nogil=nogil, no_cpython_wrapper=inner, no_cfunc_wrapper=True)(function)
     if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
         return compiled
     if inner:
