@@ -26,7 +26,7 @@ from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._buffers import Buffers
 from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import cover, pair_weight
-from planners.conflict_based._symmetry import CARDINAL, choose
+from planners.conflict_based._symmetry import choose
 
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000
@@ -36,6 +36,8 @@ NODE_WORK = 300  # expansions that take as long as a node does besides its searc
 PATIENCE, MOST_PATIENCE = 30, 300  # low-level expansions a step of the path for the sake of others, more the harder the problem is
 SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can be solved at all
 SPLITS_BEFORE_LEARNING = 20  # easier problems do without
+UNKNOWN_GAIN = ((0.0, 0.0), (0.0, 1.0), (0.5, 1.0))  # by rank, what splits on robots that nothing is known of are taken to raise f by
+LEAST_GAIN, MOST_GAIN = 0.1, 8.0  # added to each of a split's two gains before they are multiplied; the most that counts of one
 NO_CONFLICTS = np.empty((0, WIDTH), np.int32)
 
 
@@ -127,7 +129,9 @@ class Tree:
         longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
         self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = like._weights if like else {}
-        self._gain: dict[tuple[int, int], float] = {}  # of two robots, what splits on their conflicts raised f by, lately
+        self._gain: dict[
+            tuple[int, int], tuple[float, float]
+        ] = {}  # of two robots, what splits on their conflicts raised f by lately, the lower child first
         # (robot, goal, its constraints) -> the first record with them: what is known of that one serves all others, in every tree
         self._alike: dict[tuple[int, int, bytes], int] = like._alike if like else {}
         self.generated = 0
@@ -176,23 +180,33 @@ class Tree:
             self._enlarge(code, 0)
 
     def _most_promising(self, node: Node, chosen: int) -> int:
-        """Of cardinal conflicts that one whose robots' splits have raised f most so far, if any has."""
-        if self._gain and node.conflicts[chosen, PRIORITY] >= 4 * CARDINAL:
-            best = 0.0
-            for k in np.flatnonzero(node.conflicts[:, PRIORITY] >= 4 * CARDINAL).tolist():
-                gain = self._gain.get(_pair(node.conflicts[k]), 0.0)
-                if gain > best:
-                    best, chosen = gain, k
-        return chosen
+        """The conflict whose splits promise to raise f most, by what those on its robots raised it so far; `chosen` where none is known."""
+        if not self._gain:
+            return chosen
+        best, promise = chosen, self._promise(node.conflicts[chosen])
+        for k in range(len(node.conflicts)):
+            if (other := self._promise(node.conflicts[k])) > promise + 1e-9:
+                best, promise = k, other
+        return best
+
+    def _promise(self, row: NDArray[np.int32]) -> float:
+        """The product of what the two children raised f by, as in branching by pseudo-costs (Achterberg, Koch, Martin, ORL 2005).
+
+        A split one of whose children is never the best adds no node to the tree, so that it comes before those that double it.
+        """
+        rank = int(row[PRIORITY]) >> 2
+        less, more = self._gain.get(_pair(row), UNKNOWN_GAIN[rank])
+        return (less + LEAST_GAIN) * (min(more, MOST_GAIN) + LEAST_GAIN) + 0.001 * rank
 
     def learn(self, node: Node, children: list[Node]) -> None:
         """Look at children right away, and remember how much f rises where the robots of the split are split on."""
         for child in children:
             child.h = max(node.f - child.cost, self.heuristic(child))
             child.looked_at = True
-        if len(children) == 2 and node.split_on is not None:
-            gain, known = min(child.f for child in children) - node.f, self._gain.get(node.split_on, 0.0)
-            self._gain[node.split_on] = (known + gain) / 2
+        if node.split_on is not None:
+            gains = sorted([child.f - node.f for child in children] + [MOST_GAIN] * (2 - len(children)))
+            known = self._gain.get(node.split_on, gains)
+            self._gain[node.split_on] = (known[0] + gains[0]) / 2, (known[1] + gains[1]) / 2
 
     @property
     def is_hard(self) -> bool:

@@ -2,7 +2,9 @@
 
 Sources: Sharon, Stern, Felner, Sturtevant, "Conflict-based search for optimal multi-agent pathfinding", AIJ 2015;
 prioritised conflicts and bypass: Boyarski et al., "ICBS", IJCAI 2015; the WDG heuristic: Li et al., IJCAI 2019;
-symmetries: Li et al., AIJ 2021, and mutex propagation: Zhang et al., AIJ 2022; disjoint splitting: Li et al., ICAPS 2019.
+symmetries: Li et al., AIJ 2021, and mutex propagation: Zhang et al., AIJ 2022; disjoint splitting: Li et al., ICAPS 2019;
+an order of splits that minds f: Boyarski et al., "f-aware conflict prioritization & improved heuristics for conflict-based search",
+AAAI 2021, here by pseudo-costs.
 """
 
 from dataclasses import dataclass
