@@ -5,6 +5,7 @@ A subcommand is a module of this folder with `arguments(parser)` and `run(option
 """
 
 import argparse
+import atexit
 import errno
 import gc
 import os
@@ -57,10 +58,9 @@ class Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
     gc.set_threshold(*COLLECT)
     try:
-        return _dispatch(arguments)
+        return _dispatch(_of_the_process() if arguments is None else list(arguments))
     except PlugInError as error:
         print(f"mrp-sumo: {error}", file=sys.stderr)
         return 1
@@ -92,6 +92,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:  # about a file that is open, or a temporary one
             print(f"mrp-sumo: {error.strerror if error.errno == errno.ENOENT else sentence(error)}", file=sys.stderr)
         return 2
+
+
+def _of_the_process() -> list[str]:
+    """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
+    atexit.register(gc.freeze)
+    return sys.argv[1:]
 
 
 def _dispatch(arguments: list[str]) -> int:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     Planned = tuple[str, Problem, PlanResult, Verdict | None, Cells | None]  # beginning with the planner's name
 
 DEFAULT_TIME_LIMIT_S = 60.0
+DEFAULT_ASSIGNER = "linear_sum_assignment"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--many", metavar="LIST", help="plan one instance after another, a line of arguments each")
     add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML, instead of a scenario")
     add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map; without one, starts and goals are drawn")
-    add("--assignment", metavar="NAME", help="assigner for an instance whose goals are free (default: linear_sum_assignment)")
+    add("--assignment", metavar="NAME", help=f"assigner for an instance whose goals are free (default: {DEFAULT_ASSIGNER})")
     scenario_choice.arguments(parser)
     add("--out", type=Path, metavar="PLAN", help="write the plan")
     add("--format", metavar="NAME", help="of OUT: json, yaml, paths, lacam or smart (default: by its suffix)")
@@ -114,7 +115,7 @@ def _instance(options: argparse.Namespace) -> "Planned":
     name, parameters = scenario_choice.chosen_planner(options, "lacam")
     chosen = planner(name, parameters)
     scenario_choice.trust_named(options.assignment)
-    solver = assigner(options.assignment or "linear_sum_assignment", {})
+    solver = assigner(options.assignment, {}) if options.assignment else None
     instance = read_instance(options.map, options.scen, options.robots, options.seed or 0)
     problem = instance.problem
     time_limit_s = options.time_limit or DEFAULT_TIME_LIMIT_S
@@ -126,6 +127,7 @@ def _instance(options: argparse.Namespace) -> "Planned":
         if chosen.assigns:  # a planner that assigns is asked for that, whatever the instance says
             problem = problem.assigned(np.full(problem.num_robots, -1))
         elif not problem.is_assigned:
+            solver = solver or assigner(DEFAULT_ASSIGNER, {})
             problem = problem.assigned(solver.assign(cost_matrix(problem.graph, problem.start, problem.goal, "path"), time_limit_s))
     except PlugInError as error:
         return name, problem, failed(error), None, instance.cells

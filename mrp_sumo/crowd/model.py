@@ -1,12 +1,15 @@
 """Who walks in a building: how many, between which places, at which times of day and how fast; and what robots do about it."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.stream import Arrivals
-from mrp_sumo.crowd.floor import Floor
+
+if TYPE_CHECKING:  # loads kernels
+    from mrp_sumo.crowd.floor import Floor
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Fields:
 class People:
     """Who walks where. Either `count` people are there all the time, or they come by `flows`."""
 
-    floor: Floor
+    floor: "Floor"
     place: IntArray  # [K] cells of the places between which people walk
     count: int = 0
     flows: tuple[Flow, ...] = ()

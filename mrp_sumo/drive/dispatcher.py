@@ -9,13 +9,6 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.central import Central
-from mrp_sumo.drive.dispatchers.hungarian import Hungarian
-from mrp_sumo.drive.dispatchers.min_cost_flow import MinCostFlow
-from mrp_sumo.drive.dispatchers.nearest import Nearest
-from mrp_sumo.drive.dispatchers.regret import Regret
-from mrp_sumo.drive.dispatchers.token_passing import TokenPassing
-from mrp_sumo.drive.dispatchers.tpts import Tpts
 from mrp_sumo.drive.outside_dispatcher import OutsideDispatcher
 from mrp_sumo.drive.replanning import request_for
 from mrp_sumo.drive.reroute import Replan
@@ -61,20 +54,6 @@ class OneShot:
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""
         return around.plan(request)
-
-
-ONE_SHOT = "one_shot"
-NEAREST = "nearest"
-OURS: Mapping[str, type] = {
-    ONE_SHOT: OneShot,
-    NEAREST: Nearest,
-    "central": Central,
-    "hungarian": Hungarian,
-    "min_cost_flow": MinCostFlow,
-    "regret": Regret,
-    "token_passing": TokenPassing,
-    "tpts": Tpts,
-}
 
 
 def dispatchers() -> tuple[str, ...]:

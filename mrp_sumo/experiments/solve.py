@@ -246,4 +246,5 @@ def _assignment(setup: SetUp) -> IntArray:
             return given
         case _:
             cost = costs_of(problem, choice.cost)
+            assert setup.assigner is not None
             return setup.assigner.assign(cost, setup.scenario.planner.time_limit_s)

@@ -28,7 +28,7 @@ KINDS = {
         Kind("planners", "planner", "mrp_sumo.planning.protocol:Planner", "planners:PLUGINS"),
         Kind("step_planners", "step-wise planner", "mrp_sumo.planning.step_wise:StepPlanner", "planners:PLUGINS"),
         Kind("assigners", "assigner", "mrp_sumo.planning.protocol:Assigner", "planners:PLUGINS"),
-        Kind("dispatchers", "dispatcher", "mrp_sumo.drive.dispatcher:Dispatcher", "mrp_sumo.drive.dispatcher:OURS"),
+        Kind("dispatchers", "dispatcher", "mrp_sumo.drive.dispatcher:Dispatcher", "mrp_sumo.drive.dispatchers:OURS"),
         Kind("policies", "execution policy", "mrp_sumo.drive.policy:Policy", "mrp_sumo.drive.policy:OURS"),
         Kind("metrics", "metric", ours="mrp_sumo.metrics.registry:BY_NAME", made=False),
         Kind("readers", "map reader", "mrp_sumo.maps.readers.reader:Reader", "mrp_sumo.maps.readers.registry:OURS"),

@@ -6,12 +6,11 @@ Refuses names that are not there, wrong parameters, and programs that are not tr
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mrp_sumo.core.fleet import RobotType
-from mrp_sumo.drive.dispatcher import NEAREST, ONE_SHOT, dispatcher_of
+from mrp_sumo.drive.dispatchers import NEAREST, ONE_SHOT
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings, Planning
@@ -23,17 +22,17 @@ from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.io.scenario.programs import require_trust
 from mrp_sumo.io.scenario.robots import RobotShape, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
-from mrp_sumo.metrics.own import own_metric
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner
 from mrp_sumo.plugins.registry import find
+from mrp_sumo.plugins.registry import make as make_plug_in
 from mrp_sumo.plugins.source import resolved
 
 TIMES_MAKESPAN, LEAST_TIME_LIMIT_S = 1.5, 300.0  # of an execution without a stated limit
 TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
 
 
-def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[RobotType, ...], Planner, Assigner, ExecutionSettings]:
+def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[RobotType, ...], Planner, Assigner | None, ExecutionSettings]:
     """What a scenario chooses by name, apart from its map: the robots' types first; refused where that are programs which are not trusted.
 
     Raises
@@ -45,16 +44,15 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[Rob
     if run_programs:
         require_trust(file)
     for i, name in enumerate(scenario.record.metrics):
-        read = own_metric if run_programs else partial(find, "metrics")
         with file.located("record", "metrics", i):
-            read(name, file.folder)
+            _check_metric(name, file.folder, run_programs)
     parameters = scenario.planner.parameters
     if path := _plan_path(scenario, file.folder):
         parameters = {**parameters, "path": str(path)}
     return (
         robot_types(file),
         _planner(file, parameters),
-        _plug_in(file, ("assignment", "solver"), "assigners", assigner, scenario.assignment.solver, scenario.assignment.parameters),
+        _assigner(file),
         settings_of(file),
     )
 
@@ -94,6 +92,16 @@ def type_at(file: ScenarioFile, kind: int) -> Place:
     return ("robots", "type") if file.scenario.robots.fleet is None else ("robots", "fleet", kind, "type")
 
 
+def _check_metric(name: str, folder: Path, run_programs: bool) -> None:
+    """Refuse what is no metric; without `run_programs`, what is not there."""
+    if not run_programs:
+        find("metrics", name, folder)
+        return
+    from mrp_sumo.metrics.own import own_metric  # loads all metrics
+
+    own_metric(name, folder)
+
+
 def _plan_path(scenario: Scenario, folder: Path) -> Path | None:
     """The plan that is there already, if the scenario names one."""
     path = scenario.planner.parameters.get("path") if scenario.planner.name == "plan_file" else None
@@ -119,8 +127,8 @@ def _checked_policy(name: str, parameters: Mapping[str, Any], folder: Path) -> N
 
 def _checked_dispatcher(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
     """Refuse wrong parameters of a dispatcher of ours."""
-    if find("dispatchers", name, folder).ours:
-        dispatcher_of(name, parameters)
+    if parameters and find("dispatchers", name, folder).ours:
+        make_plug_in("dispatchers", name, parameters)
 
 
 def settings_of(file: ScenarioFile) -> ExecutionSettings:
@@ -172,6 +180,17 @@ def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
         expected = "expected one that does (ecbs, lacam, lns2, pibt, prioritised), or 0"
         raise ScenarioError(f"{file.at(*place)}: planner '{scenario.planner.name}' does not plan in windows, {expected}")
     return chosen
+
+
+def _assigner(file: ScenarioFile) -> Assigner | None:
+    """Who assigns goals that are free; None where they are not, unless there are parameters to check."""
+    choice, place = file.scenario.assignment, ("assignment", "solver")
+    if choice.parameters or (choice.mode == "optimal" and file.scenario.tasks is None):
+        made: Assigner = _plug_in(file, place, "assigners", assigner, choice.solver, choice.parameters)
+        return made
+    with file.located(*place):
+        find("assigners", choice.solver, file.folder)
+    return None
 
 
 def _disturbances(choice: DisturbanceChoice) -> Disturbances:

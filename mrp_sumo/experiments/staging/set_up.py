@@ -44,7 +44,7 @@ class SetUp:
     file: ScenarioFile
     map: Map
     problem: Problem
-    assigner: Assigner
+    assigner: Assigner | None  # of goals that are free
     planner: Planner
     settings: ExecutionSettings
     notes: tuple[str, ...] = ()  # what is worth knowing before it is planned, a line each
