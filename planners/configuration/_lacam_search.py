@@ -13,7 +13,16 @@ from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam
 from planners.configuration._lacam import LacamMemory
 from planners.configuration._search_start import SearchStart, search_start
-from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, packed_task, polishing_labels, room_bytes, task_of
+from planners.neighbourhood._refinement import (
+    FOREVER,
+    SPARE_STEPS,
+    Refinement,
+    packed_task,
+    polishing_labels,
+    room_bytes,
+    task_of,
+    threads_with_room,
+)
 from planners.neighbourhood._traffic import Task
 
 CHANCE = 12  # purpose of the stream of chance
@@ -101,9 +110,9 @@ def _task(start: SearchStart) -> Task:
 
 
 def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) -> Refinement:
-    return Refinement(
-        task, path, lacam.neighbourhood, start.rng, following=lacam.following, rotations=lacam.rotations, window=start.given.window_steps
-    )
+    kind = {"following": lacam.following, "rotations": lacam.rotations, "window": start.given.window_steps, "bandit": lacam.bandit}
+    threads = threads_with_room(lacam.threads, task, path, lacam.memory_mb, 0)
+    return Refinement(task, path, lacam.neighbourhood, start.rng, threads=threads, **kind)
 
 
 def _improved(lacam: Any, search: "LacamSearch", task: Task | None, path: np.ndarray, start: SearchStart) -> np.ndarray:

@@ -40,9 +40,11 @@ class Lacam:
     polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
+    threads: int = 1  # that improve the first solution, as many as have room for tables of their own
+    bandit: bool = False  # improve around late robots for whom it has paid, instead of by three kinds of neighbourhoods
 
     def __post_init__(self) -> None:
-        for key in ("num_tries", "neighbourhood", "memory_mb"):
+        for key in ("num_tries", "neighbourhood", "memory_mb", "threads"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
         for key in ("ways", "flow", "polish"):
@@ -52,10 +54,12 @@ class Lacam:
     def prepare(self) -> None:
         """Compile or load the kernels."""
         from planners._world import small_problem
+        from planners.neighbourhood._refinement import prepare
 
         replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
         replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
         self._plan(small_problem(), math.inf, True)
+        prepare(self.threads)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, with the best plan found if anytime; INFEASIBLE with proof; TIMED_OUT."""

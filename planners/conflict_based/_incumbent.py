@@ -15,6 +15,7 @@ from planners._world import small_problem, sum_of_costs, whole_table
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._refinement import Refinement, room_bytes, room_to_repair, task_of
+from planners.neighbourhood._refinement import prepare as prepare_refinement
 from planners.neighbourhood._traffic import path_of
 
 CHANCE = 14  # purpose of the stream of chance
@@ -107,5 +108,4 @@ def prepare() -> None:
     traffic, labels, hood = room_to_repair(task, 32, 2)
     _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))
     Incumbent(problem, table, np.inf).work(LABELS_AT_ONCE, 0.0)
-    path = np.array([[0, 2], [1, 2], [3, 1], [3, 0], [1, 0], [2, 0]], np.int32)  # a solution that LNS tries to better
-    Refinement(task, path, 2, np.random.default_rng(0)).until(np.inf, most_labels=10)
+    prepare_refinement(1)

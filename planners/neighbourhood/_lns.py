@@ -9,12 +9,14 @@ import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._collisions import collide, find_collisions, forget
+from planners.neighbourhood._merging import keep_gain
 from planners.neighbourhood._neighbourhoods import (
     DECAY,
     around_collision,
     around_failure,
     around_late,
     around_place,
+    around_promising,
     fill_any,
     fill_by_hits,
     pick_kind,
@@ -23,14 +25,16 @@ from planners.neighbourhood._sipps import plan_one
 from planners.neighbourhood._traffic import add_path, remove_path
 
 
-@kernel
-def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
+@kernel(nogil=True)
+def improve(task, traffic, labels, hood, gains, size, iterations, most_labels, rng):
     """Try to make paths without collisions shorter.
 
     Parameters
     ----------
     task, traffic, labels, hood
         The problem, the paths, room, room.
+    gains
+        Where the neighbourhoods that gained are noted; when it is full it stops. Without room nothing is.
     size
         Robots in a neighbourhood, at most K.
     iterations
@@ -48,16 +52,20 @@ def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
     gained = np.int64(0)
     horizon = traffic.at.shape[1]
     for _ in range(iterations):
-        if labels.stamp[1] >= most_labels:
+        if labels.stamp[1] >= most_labels or 0 < len(gains.size) == gains.num[0]:
             break
-        kind = pick_kind(hood, rng)
+        bandit = len(hood.tried) > 0
+        kind = 0 if bandit else pick_kind(hood, rng)
         hood.chosen[:] = False
-        if kind == 0:
+        if bandit:
+            num = around_promising(task, traffic, hood, size, rng)
+        elif kind == 0:
             num = around_late(task, traffic, hood, size, rng)
         elif kind == 1:
             num = around_place(task, traffic, hood, size, rng)
         else:
             num = fill_any(hood, 0, size, rng)
+        seed = hood.robot[0]
         slack = np.int64(0)
         for k in range(num):
             robot = hood.robot[k]
@@ -85,6 +93,10 @@ def improve(task, traffic, labels, hood, size, iterations, most_labels, rng):
                 gain = 0
                 _put_back(task, traffic, hood, num, planned)
         gained += gain
+        if gain > 0 and len(gains.size) > 0:
+            keep_gain(traffic, gains, hood.robot, num)
+        if bandit:
+            hood.tried[seed, 1 if gain > 0 else 0] += 1
         hood.record[kind] = (1 - DECAY) * hood.record[kind] + DECAY * max(gain, 0.05)
     return gained
 

@@ -2,7 +2,8 @@
 
 Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI
 2021 (a robot that is late and those in its way; robots about one place; any), and "MAPF-LNS2", AAAI 2022 (robots in
-collision and those in their way).
+collision and those in their way). Phan, Zhang, Chan, Koenig, "Anytime multi-agent path finding with an adaptive delay-based heuristic",
+AAAI 2025 (ADDRESS: which of the latest robots, by Thompson sampling of what each has been good for).
 """
 
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from planners.neighbourhood._sipps import steps_from
 from planners.neighbourhood._traffic import Task, holds
 
 DECAY = 0.01  # of a neighbourhood kind's record
+LATEST = 32  # robots that a bandit chooses from
 
 
 class Neighbourhood(NamedTuple):
@@ -28,6 +30,8 @@ class Neighbourhood(NamedTuple):
     queue: np.ndarray  # [R] int64
     hit: np.ndarray  # [R, R] bool pairs in collision, [1, 1] when there can be none
     num_hits: np.ndarray  # [R] int64 of each robot
+    tried: np.ndarray  # [R, 2] float64 how often the neighbourhood of each robot did not gain, and did; [0, 2] without a bandit
+    latest: np.ndarray  # [LATEST] int64
 
 
 @kernel(allocates=False)
@@ -88,6 +92,39 @@ def around_late(task, traffic, hood, size, rng):
         delay = traffic.end[robot] - task.least[robot]
         if delay > latest:
             late, latest = robot, delay
+    return _fill_around(task, traffic, hood, size, late, rng)
+
+
+@kernel(allocates=False)
+def around_promising(task, traffic, hood, size, rng):
+    """One of the latest robots, by Thompson sampling (Beta posteriors of its successes), and those met on random walks.
+
+    The robot comes first in `hood.robot`.
+    """
+    num_late = 0
+    for robot in range(len(task.goal)):  # the latest by insertion
+        delay = traffic.end[robot] - task.least[robot]
+        k = min(num_late, LATEST - 1)
+        if delay <= 0 or (num_late == LATEST and delay <= traffic.end[hood.latest[k]] - task.least[hood.latest[k]]):
+            continue
+        num_late = min(num_late + 1, LATEST)
+        while k > 0 and delay > traffic.end[hood.latest[k - 1]] - task.least[hood.latest[k - 1]]:
+            hood.latest[k] = hood.latest[k - 1]
+            k -= 1
+        hood.latest[k] = robot
+    best, most = np.int64(rng.random() * len(task.goal)), -1.0
+    for k in range(num_late):
+        robot = hood.latest[k]
+        promise = rng.beta(1.0 + hood.tried[robot, 1], 1.0 + hood.tried[robot, 0])
+        if promise > most:
+            best, most = robot, promise
+    return _fill_around(task, traffic, hood, size, best, rng)
+
+
+@kernel(allocates=False)
+def _fill_around(task, traffic, hood, size, late, rng):
+    """A robot, those met on random walks that would bring it home earlier, and any."""
+    size = min(size, len(task.goal))
     num = _choose(hood, 0, late)
     for _ in range(10):
         if num >= size:
@@ -248,7 +285,7 @@ def around_failure(task, traffic, hood, size, rng):
     return fill_any(hood, num, size, rng)
 
 
-def room_for_hood(task: Task, horizon: int, size: int, *, with_hits: bool) -> Neighbourhood:
+def room_for_hood(task: Task, horizon: int, size: int, *, with_hits: bool, bandit: bool = False) -> Neighbourhood:
     """Room for neighbourhoods of `size`, and for pairs in collision if there can be any."""
     num_robots = len(task.goal)
     hits = num_robots if with_hits else 1
@@ -261,4 +298,6 @@ def room_for_hood(task: Task, horizon: int, size: int, *, with_hits: bool) -> Ne
         queue=np.zeros(max(num_robots, 256), np.int64),
         hit=np.zeros((hits, hits), np.bool_),
         num_hits=np.zeros(num_robots, np.int64),
+        tried=np.zeros((num_robots if bandit else 0, 2), np.float64),
+        latest=np.zeros(LATEST, np.int64),
     )

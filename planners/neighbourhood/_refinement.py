@@ -1,13 +1,16 @@
 """Large neighbourhood search over the paths of a problem, driven by the clock or by the work done."""
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.clashes import clashes_of
-from planners._world import SLICE_S
-from planners.neighbourhood import _lns
+from planners._world import SLICE_S, small_problem, whole_table
+from planners.neighbourhood import _lns, _merging
 from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
@@ -19,6 +22,9 @@ SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
 AT_ONCE = 16  # neighbourhoods between looks at the effort
 MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
+ROUND_LABELS = 1 << 14  # of a refiner between two times that threads bring together what they have gained, or more:
+ROUND_LABELS_A_VERTEX = 4  # on large maps every search makes many
+MOST_GAINS = 64  # neighbourhoods of a refiner in a round
 
 Room = tuple[Traffic, Labels, Neighbourhood]
 
@@ -86,6 +92,24 @@ def room_bytes(task: Task, horizon: int) -> int:
     return horizon * ((vertices + lanes) // 4 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
 
 
+def prepare(threads: int) -> None:
+    """Compile or load the kernels of a refinement by so many threads."""
+    problem = small_problem()
+    detour = np.array([[0, 2], [0, 2], [1, 2], [3, 2], [3, 1], [3, 0], [1, 0], [2, 0]])
+    task = task_of(problem, whole_table(problem))
+    refinement = Refinement(task, detour, 2, np.random.default_rng(0), threads=threads)
+    refinement.until(np.inf, most_labels=20)
+    for refiner in refinement.refiners[1:]:
+        _merging.take_over(task, refiner.traffic, refiner.hood, refiner.gains)
+        _merging.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
+
+
+def threads_with_room(threads: int, task: Task, path: np.ndarray, memory_mb: int, taken: int) -> int:
+    """How many threads, up to `threads`, can refine paths [T, R] within the memory, of which `taken` bytes are in use; at least one."""
+    room = room_bytes(task, len(path) + SPARE_STEPS + WORD)
+    return min(threads, max(1, (memory_mb * 1_000_000 - taken) // room))
+
+
 def polishing_labels(a_robot: int, num_robots: int, window: int) -> int:
     """How many labels may be made: so many a robot for 100 robots or fewer, more, to the power of 3/4, for more.
 
@@ -97,7 +121,12 @@ def polishing_labels(a_robot: int, num_robots: int, window: int) -> int:
 
 
 class Refinement:
-    """Paths without collisions that get shorter."""
+    """Paths without collisions that get shorter, by as many refiners at a time as there are threads.
+
+    Refiners better copies of the same paths, each with its own chance, in rounds of counted work. After a round in which any of them
+    has gained the best copy takes over what the others have gained elsewhere, in order, and the others catch up with it. So the same
+    seed, threads and work lead to the same paths, whatever the scheduler does.
+    """
 
     def __init__(
         self,
@@ -109,31 +138,96 @@ class Refinement:
         following: bool = False,
         rotations: bool = True,
         window: int = 0,
+        threads: int = 1,
+        bandit: bool = False,
     ) -> None:
         """`path` is [T, R], everybody at the goal in the last row; `size` robots are planned again at a time.
 
-        Robots keep clear of each other for `window` steps, 0: always.
+        Robots keep clear of each other for `window` steps, 0: always. With a bandit, neighbourhoods are those of late robots
+        that were worth it.
         """
-        self._task, self._size, self._rng = task, size, rng
-        self._traffic = traffic_of(task, path, SPARE_STEPS, following=following, rotations=rotations, window=window)
-        horizon = self._traffic.at.shape[1]
-        self._labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
-        self._hood = room_for_hood(task, horizon, size, with_hits=False)
-        self._at_once = 1
+        self._task = task
         self._least = int(task.least.sum())
+        self._round_labels = max(ROUND_LABELS, ROUND_LABELS_A_VERTEX * len(task.first))
+        chances = [rng, *(rng.spawn(threads - 1) if threads > 1 else ())]
+        self.refiners = []
+        for chance in chances:
+            traffic = traffic_of(task, path, SPARE_STEPS, following=following, rotations=rotations, window=window)
+            self.refiners.append(_Refiner(task, traffic, size, chance, shared=threads > 1, bandit=bandit))
+        self._best = self.refiners[0]
 
     @property
     def cost(self) -> int:
         """Sum of costs in steps."""
-        return int(self._traffic.end.sum())
+        return self._best.cost
 
     def until(self, deadline_s: float, *, most_labels: int = FOREVER) -> None:
-        """Go on until the deadline (perf_counter), until so many labels have been made since the beginning, or nothing is left to gain."""
-        while self.cost > self._least and self._labels.stamp[1] < most_labels and (slice_s := perf_counter()) < deadline_s:
-            _lns.improve(self._task, self._traffic, self._labels, self._hood, self._size, self._at_once, most_labels, self._rng)
-            pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
-            self._at_once = min(max(1, int(self._at_once * min(pace, 2.0))), MOST_AT_ONCE)
+        """Go on until the deadline (perf_counter), until so many labels have been made since the beginning, or nothing is left to gain.
+
+        All refiners' labels count.
+        """
+        if len(self.refiners) == 1:
+            self._best.work(deadline_s, most_labels, self._least)
+            return
+        with ThreadPoolExecutor(len(self.refiners) - 1) as pool:
+            while self.cost > self._least and (left := most_labels - self._labels) > 0 and perf_counter() < deadline_s:
+                share = min(self._round_labels, -(-left // len(self.refiners)))
+                _at_a_time(pool, [partial(refiner.work, deadline_s, refiner.labels + share, self._least) for refiner in self.refiners])
+                if any(refiner.gains.num[0] for refiner in self.refiners):
+                    self._bring_together(pool)
+
+    @property
+    def _labels(self) -> int:
+        return sum(refiner.labels for refiner in self.refiners)
+
+    def _bring_together(self, pool: ThreadPoolExecutor) -> None:
+        """Let the best take over what others have gained, and others catch up with it."""
+        self._best = best = min(self.refiners, key=lambda refiner: refiner.cost)  # the first of the best
+        others = [refiner for refiner in self.refiners if refiner is not best]
+        for refiner in others:
+            _merging.take_over(self._task, best.traffic, best.hood, refiner.gains)
+        _at_a_time(pool, [partial(_merging.catch_up, self._task, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
+        for refiner in self.refiners:
+            refiner.gains.num[0] = 0
 
     def path(self) -> np.ndarray:
         """[T, R], up to the last arrival."""
-        return path_of(self._traffic)
+        return path_of(self._best.traffic)
+
+
+def _at_a_time(pool: ThreadPoolExecutor, calls: list[Callable[[], None]]) -> None:
+    """Call all at a time, the first one in this thread."""
+    started = [pool.submit(call) for call in calls[1:]]
+    calls[0]()
+    for future in started:
+        future.result()
+
+
+class _Refiner:
+    """What one thread works on."""
+
+    def __init__(self, task: Task, traffic: Traffic, size: int, rng: np.random.Generator, *, shared: bool, bandit: bool) -> None:
+        self.traffic = traffic
+        horizon = traffic.at.shape[1]
+        self._task, self._size, self._rng = task, size, rng
+        self._room = room_for_labels(len(task.first) - 1, len(task.head), horizon)
+        self.hood = room_for_hood(task, horizon, size, with_hits=False, bandit=bandit)
+        self.gains = _merging.room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
+        self._at_once = 1
+
+    @property
+    def cost(self) -> int:
+        return int(self.traffic.end.sum())
+
+    @property
+    def labels(self) -> int:
+        """Made since the beginning."""
+        return int(self._room.stamp[1])
+
+    def work(self, deadline_s: float, most_labels: int, least: int) -> None:
+        """Go on until the deadline, until so many labels, until the cost is the `least`, or until there is no room for more gains."""
+        full = len(self.gains.size) or -1
+        while self.cost > least and self.labels < most_labels and self.gains.num[0] != full and (slice_s := perf_counter()) < deadline_s:
+            _lns.improve(self._task, self.traffic, self._room, self.hood, self.gains, self._size, self._at_once, most_labels, self._rng)
+            pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
+            self._at_once = min(max(1, int(self._at_once * min(pace, 2.0))), MOST_AT_ONCE)

@@ -34,17 +34,19 @@ class Lns2:
     horizon: int = 0  # steps to plan for; 0: twice the longest path, plus 128 and half a step per robot
     polish: int = 2500  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     memory_mb: int = 2000  # for tables; gives up at once where they would take more
+    threads: int = 1  # that improve the plan, as many as have room for tables of their own
+    bandit: bool = False  # improve around late robots for whom it has paid, instead of by three kinds of neighbourhoods
 
     def __post_init__(self) -> None:
-        if self.neighbourhood < 1 or self.memory_mb < 1 or self.horizon < 0 or self.polish < 0:
-            raise PlanError("lns2: expected neighbourhood and memory_mb of 1 or more, horizon and polish of 0 or more")
+        if self.neighbourhood < 1 or self.memory_mb < 1 or self.threads < 1 or self.horizon < 0 or self.polish < 0:
+            raise PlanError("lns2: expected neighbourhood, memory_mb and threads of 1 or more, horizon and polish of 0 or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
         from planners._world import small_problem, whole_table
         from planners.neighbourhood import _lns
         from planners.neighbourhood._collisions import find_collisions
-        from planners.neighbourhood._refinement import Refinement, room_to_repair, task_of
+        from planners.neighbourhood._refinement import prepare, room_to_repair, task_of
 
         problem = small_problem()
         task = task_of(problem, whole_table(problem))
@@ -52,8 +54,7 @@ class Lns2:
         traffic, labels, hood = room_to_repair(task, 32, 2)
         _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2)
         _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 3, rng)
-        detour = np.array([[0, 2], [0, 2], [1, 2], [3, 2], [3, 1], [3, 0], [1, 0], [2, 0]])
-        Refinement(task, detour, 2, rng).until(np.inf, most_labels=20)
+        prepare(self.threads)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
@@ -75,6 +76,7 @@ class Lns2:
             room_bytes,
             room_to_repair,
             task_of,
+            threads_with_room,
         )
         from planners.neighbourhood._traffic import path_of
 
@@ -123,7 +125,9 @@ class Lns2:
         stats |= {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
         del room
         if (self.polish or self.anytime) and cost > lower_bound:
-            refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, window=window, **kind)
+            threads = threads_with_room(self.threads, task, path, self.memory_mb, table.nbytes)
+            size = (self.neighbourhood + 1) // 2
+            refinement = Refinement(task, path, size, rng, window=window, threads=threads, bandit=self.bandit, **kind)
             polish = polishing_labels(self.polish, problem.num_robots, window)
             refinement.until(deadline_s, most_labels=left if left and (self.anytime or left < polish) else polish)
             while self.anytime and not left and refinement.cost > lower_bound and perf_counter() < deadline_s:

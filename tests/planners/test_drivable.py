@@ -27,7 +27,7 @@ PLANNERS = {
     "cbs_ta": [{}],
     "ecbs_ta": [{}],
     "lacam": [{}, {"packed": True}],
-    "lns2": [{}],
+    "lns2": [{}, {"threads": 2}],
     "pibt": [{}],
     "prioritised": [{}],
 }

@@ -21,11 +21,13 @@ from planners.neighbourhood.lns2 import Lns2
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled():
-    for planner in (Pibt(), Lacam(), Lns2()):
+    for planner in (Pibt(), Lacam(), Lns2(threads=2)):
         planner.prepare()
 
 
-@pytest.mark.parametrize("planner", [Pibt(), Lacam(), Lacam(num_tries=3, flow=0, hindrance=False), Lns2()])
+@pytest.mark.parametrize(
+    "planner", [Pibt(), Lacam(), Lacam(num_tries=3, flow=0, hindrance=False), Lacam(threads=2), Lns2(), Lns2(threads=3)]
+)
 @pytest.mark.parametrize("seed", range(3))
 def test_crowded_grids_are_solved_and_repeat_themselves(planner, seed):
     problem = random_grid(14, 50, seed)
@@ -109,12 +111,13 @@ def test_one_way_ring_is_driven_round(planner):
     assert result.plan.end_s.tolist() == [2.0, 2.0, 2.0]
 
 
-def test_anytime_never_returns_worse_than_first():
+@pytest.mark.parametrize("threads", [1, 2])
+def test_anytime_never_returns_worse_than_first(threads):
     problem = random_grid(12, 40, 3)
-    result = Lacam(anytime=True).plan(problem, 1.0)
+    result = Lacam(anytime=True, threads=threads).plan(problem, 0.7)
     assert result.stats["cost"] <= result.stats["polished_cost"] <= result.stats["first_solution_cost"]
     assert judge(problem, result.plan).valid
-    result = Lns2(anytime=True).plan(problem, 1.0)
+    result = Lns2(anytime=True, threads=threads).plan(problem, 0.7)
     assert result.stats["cost"] <= result.stats["first_solution_cost"]
     assert judge(problem, result.plan).valid
 
@@ -126,7 +129,9 @@ def test_time_limits_have_to_be_positive(planner, limit):
         planner.plan(problem_on(corridor(3), [0], [2]), limit)
 
 
-@pytest.mark.parametrize(("made", "field"), [(Pibt, "num_attempts"), (Lacam, "num_tries"), (Lns2, "neighbourhood")])
+@pytest.mark.parametrize(
+    ("made", "field"), [(Pibt, "num_attempts"), (Lacam, "num_tries"), (Lns2, "neighbourhood"), (Lacam, "threads"), (Lns2, "threads")]
+)
 def test_parameters_have_to_make_sense(made, field):
     with pytest.raises(PlanError, match=field):
         replace(made(), **{field: 0})

@@ -6,6 +6,7 @@ from worlds import random_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
+from mrp_sumo.traffic.schedule import schedule_of
 from planners._world import steps_table, sum_of_costs
 from planners.configuration.lacam import Lacam
 from planners.neighbourhood import _lns, _sipps, _traffic
@@ -16,7 +17,7 @@ from planners.neighbourhood.lns2 import Lns2
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled():
-    for planner in (Lns2(), Lacam()):
+    for planner in (Lns2(threads=2), Lacam()):
         planner.prepare()
 
 
@@ -83,21 +84,68 @@ def test_pairs_in_collision_are_those_the_referee_sees(seed):
     assert left == seen() == find_collisions(task, traffic, hood)
 
 
-def test_refinement_only_ever_lowers_the_cost_of_valid_plans():
-    problem = random_grid(10, 30, 1)
-    result = Lacam(polish=0).plan(problem, 20.0)
-    paths = paths_of_plan(result.plan, 1.0)
-    rows = max(map(len, paths))
-    path = np.array([[p[min(t, len(p) - 1)] for p in paths] for t in range(rows)])
-    refinement = Refinement(task_of(problem, steps_table(problem, np.inf)), path, 5, np.random.default_rng(0))
+def solved_by_lacam(problem, **kind):
+    """[T, R] paths without collisions that can be made shorter."""
+    paths = paths_of_plan(Lacam(polish=0, **kind).plan(problem, 20.0).plan, 1.0)
+    return np.array([[p[min(t, len(p) - 1)] for p in paths] for t in range(max(map(len, paths)))])
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"bandit": True}, {"threads": 3}, {"threads": 2, "following": True}, {"threads": 2, "rotations": False}]
+)
+def test_refinement_only_ever_lowers_the_cost_of_valid_plans(more):
+    problem = random_grid(10, 30, 1, blocked=0.2 if "following" not in more else 0.05)
+    kind = {key: value for key, value in more.items() if key in ("following", "rotations")}
+    path = solved_by_lacam(problem, **kind)
+    refinement = Refinement(task_of(problem, steps_table(problem, np.inf)), path, 5, np.random.default_rng(0), **more)
     costs = [sum_of_costs(path, problem.target)]
     for labels in (2_000, 20_000, 100_000):
         refinement.until(np.inf, most_labels=labels)
-        assert judge(problem, plan_of_paths(list(refinement.path().T), 1.0)).valid
+        plan = plan_of_paths(list(refinement.path().T), 1.0)
+        assert judge(problem, plan).valid
+        assert "following" not in more or not judge(problem, plan).following
+        if "rotations" in more:
+            schedule_of(problem, plan)  # refuses rings
         assert sum_of_costs(refinement.path(), problem.target) == refinement.cost
         costs.append(refinement.cost)
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
+
+
+def test_threads_bring_together_what_each_has_gained():
+    """With as much work for each, and so the best that one has found and more."""
+    problem = random_grid(16, 70, 2)
+    path = solved_by_lacam(problem)
+    task = task_of(problem, steps_table(problem, np.inf))
+    cost = {}
+    for threads in (1, 4):
+        refinement = Refinement(task, path, 4, np.random.default_rng(0), threads=threads)
+        refinement.until(np.inf, most_labels=40_000 * threads)
+        cost[threads] = refinement.cost
+        for refiner in refinement.refiners[1:]:  # all have caught up, after a round in which somebody gained, or wait as cheaply
+            assert refiner.cost == refinement.cost
+    assert cost[4] < cost[1]
+
+
+def test_bandit_tries_the_late_robot_that_has_been_worth_it():
+    problem = random_grid(10, 30, 1)
+    task = task_of(problem, steps_table(problem, np.inf))
+    refinement = Refinement(task, solved_by_lacam(problem), 4, np.random.default_rng(0), bandit=True)
+    refiner = refinement.refiners[0]
+    traffic, tried = refiner.traffic, refiner.hood.tried
+    late = traffic.end - task.least
+    robot = int(np.argsort(late)[-10])  # late, others more so
+    tried[:], tried[robot] = (1000, 0), (0, 1000)
+    for times in range(1, 6):
+        if traffic.end[robot] == task.least[robot]:
+            break
+        refiner.work(np.inf, refiner.labels + 1, 0)
+        assert tried[robot].sum() == 1000 + times
+    assert times > 1
+    tried[:] = 0
+    refiner.work(np.inf, refiner.labels + 50_000, 0)
+    assert 0 < tried[:, 1].sum() < tried.sum()
+    assert traffic.end.sum() < late.sum() + task.least.sum()
 
 
 @pytest.mark.parametrize("kind", [{"following": True}, {"rotations": False}])
