@@ -3,6 +3,7 @@
 from heapq import heappop, heappush
 from itertools import count
 
+from planners.conflict_based._clusters import find_cluster
 from planners.conflict_based._frame import Forest
 from planners.conflict_based._tree import Node
 
@@ -31,10 +32,9 @@ class BestFirst:
                 return None
             f, _, _, node = heappop(self._open)
             self.lower = max(self.lower, float(f))
-            if not self._heuristic or node.looked_at or not len(node.conflicts):
+            if not self._heuristic or not len(node.conflicts):
                 return node
-            node.looked_at = True
-            node.h = max(node.h, node.tree.heuristic(node))
+            node.tree.look_at(node)
             if node.f <= f:
                 return node
             self._insert(node)
@@ -44,6 +44,9 @@ class BestFirst:
         children = node.tree.children(node, bypass=self._bypass, disjoint=self._disjoint)
         if self._heuristic and node.tree.is_hard:
             node.tree.learn(node, children)
+            stays = node.split_on is not None and any(child.f == node.f for child in children)
+            if stays and find_cluster(node, bypass=self._bypass):
+                node.tree.look_at(node)
         for child in children:
             child.h = max(child.h, node.f - child.cost)
             self._insert(child)

@@ -182,9 +182,8 @@ class LowerBound:
             if not len(node.conflicts) and not self._tree.ring(node):
                 return
             heappop(self._open)
-            if not node.looked_at:
-                node.looked_at = True
-                node.h = max(node.h, self._tree.heuristic(node))
+            if node.looked_at < 0:
+                self._tree.look_at(node)
                 self._insert(node)
                 continue
             for child in self._tree.children(node):

@@ -1,4 +1,4 @@
-"""Kernels of the weighted dependency graph heuristic: what each pair of robots costs more than its paths, and their cover.
+"""Kernel of the weighted dependency graph heuristic: what a pair of robots costs more than its paths.
 
 Source: Li, Felner, Boyarski, Ma, Koenig, "Improved heuristics for multi-agent path finding with conflict-based
 search", IJCAI 2019 (WDG). The cost of a pair is found by a small conflict-based search of the two alone, which ends as soon as
@@ -19,7 +19,6 @@ from planners.conflict_based._symmetry import CARDINAL, choose
 
 PAIR_PATIENCE = 20
 IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its constraints
-MOST_COVER_STEPS = 20_000
 
 
 @kernel
@@ -118,91 +117,3 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
     records[i], records[j] = -1, -1
     install_all(store, occupancy, records, -1)
     return code, weight
-
-
-@kernel
-def cover(weight):
-    """The least sum of x >= 0 with x[i] + x[j] >= weight[i, j]: exact for small components, a lower bound for large ones.
-
-    Parameters
-    ----------
-    weight
-        [R, R] int64, symmetric.
-    """
-    num_robots = len(weight)
-    seen = np.zeros(num_robots, np.bool_)
-    member = np.empty(num_robots, np.int64)
-    total = np.int64(0)
-    for r in range(num_robots):
-        if seen[r]:
-            continue
-        seen[r] = True
-        member[0] = r
-        k, count = 0, 1
-        while k < count:
-            for s in range(num_robots):
-                if weight[member[k], s] > 0 and not seen[s]:
-                    seen[s] = True
-                    member[count] = s
-                    count += 1
-            k += 1
-        if count == 2:
-            total += weight[member[0], member[1]]
-        elif count > 2:
-            total += _cover_component(weight, member[:count])
-    return total
-
-
-@kernel
-def _cover_component(weight, member):
-    """Depth first over the values of each robot, in the order of `member`; each value at least what earlier ones leave open."""
-    size = len(member)
-    matched = np.zeros(size, np.bool_)  # greedy matching: a lower bound to fall back on
-    lower = np.int64(0)
-    while True:
-        best, a, b = np.int64(0), -1, -1
-        for i in range(size):
-            for j in range(i):
-                if not matched[i] and not matched[j] and weight[member[i], member[j]] > best:
-                    best, a, b = weight[member[i], member[j]], i, j
-        if a < 0:
-            break
-        matched[a] = matched[b] = True
-        lower += best
-    most = np.zeros(size, np.int64)
-    for i in range(size):
-        for j in range(size):
-            most[i] = max(most[i], weight[member[i], member[j]])
-    value = np.full(size, -1, np.int64)
-    need = np.zeros(size, np.int64)
-    upper = most.sum()
-    steps = 0
-    spent = np.int64(0)
-    k = 0
-    while k >= 0:
-        steps += 1
-        if steps > MOST_COVER_STEPS:
-            return lower
-        if value[k] < 0:
-            need[k] = 0
-            for j in range(k):
-                need[k] = max(need[k], weight[member[k], member[j]] - value[j])
-            value[k] = need[k]
-        else:
-            spent -= value[k]
-            value[k] += 1
-        if value[k] > most[k] or spent + value[k] >= upper:
-            value[k] = -1
-            k -= 1
-            continue
-        spent += value[k]
-        if k == size - 1:
-            upper = spent
-            if upper == lower:
-                return upper
-            spent -= value[k]
-            value[k] = -1
-            k -= 1
-        else:
-            k += 1
-    return upper

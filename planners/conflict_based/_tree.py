@@ -4,9 +4,11 @@ Kernels work in fixed room and say when it does not suffice; here it is made lar
 The clock is looked at between kernel calls, and a search that takes long is broken off to look at it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import blake2b
+from itertools import combinations
 from time import perf_counter
 from typing import Any
 
@@ -24,8 +26,9 @@ from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._buffers import Buffers
+from planners.conflict_based._cover import cover
 from planners.conflict_based._nodes import all_rows, branch, same_path
-from planners.conflict_based._pairs import cover, pair_weight
+from planners.conflict_based._pairs import IMPOSSIBLE, pair_weight
 from planners.conflict_based._symmetry import choose
 
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
@@ -88,7 +91,7 @@ class Node:
     cost: int  # sum of the paths' costs
     bound: int  # sum of the paths' lower bounds
     h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
-    looked_at: bool = False  # h is the node's own, not its parent's
+    looked_at: int = -1  # how many clusters were known when h was found; -1: h is the parent's
     depth: int = 0
     split_on: tuple[int, int] | None = None  # the robots whose conflict its children came from
     ring: list[tuple[int, int, int, int]] | None = None  # see `Tree.ring`; None: not looked for yet
@@ -129,11 +132,14 @@ class Tree:
         longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
         self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
         self._weights: dict[tuple[int, int], int] = like._weights if like else {}
+        # two robots -> clusters with both -> what these cost more than their paths at least, by what stands for their constraints
+        self._clusters: dict[tuple[int, int], dict[tuple[int, ...], dict[tuple[int, ...], int]]] = like._clusters if like else {}
         self._gain: dict[
             tuple[int, int], tuple[float, float]
         ] = {}  # of two robots, what splits on their conflicts raised f by lately, the lower child first
         # (robot, goal, its constraints) -> the first record with them: what is known of that one serves all others, in every tree
         self._alike: dict[tuple[int, int, bytes], int] = like._alike if like else {}
+        self.num_clusters = 0  # that were found so far
         self.generated = 0
         self.problem, self._num_split, self._unsolvable = problem, 0, False
 
@@ -167,25 +173,48 @@ class Tree:
         node.depth = 0
         return node
 
-    def choose(self, node: Node, w: float = 1.0) -> int:
-        """The row of the conflict to split on."""
+    def choose(self, node: Node, w: float = 1.0, within: set[int] | None = None) -> int:
+        """The row of the conflict to split on; of those between some robots, if wanted."""
+        rows = self.conflicts_within(node, within) if within else None
+        conflicts = node.conflicts if rows is None else node.conflicts[rows]
         while True:
             self.check_clock()
             buffers = self._buffers
             code, chosen = choose(
-                self.instance, buffers.store, buffers.scratch, node.records, node.conflicts, self.symmetries, self.symmetries and w == 1
+                self.instance, buffers.store, buffers.scratch, node.records, conflicts, self.symmetries, self.symmetries and w == 1
             )
             if code == st.OK:
-                return self._most_promising(node, int(chosen))
+                chosen = self._most_promising(conflicts, int(chosen))
+                if rows is None:
+                    return chosen
+                node.conflicts[rows] = conflicts  # with the splits found
+                return int(rows[chosen])
             self._enlarge(code, 0)
 
-    def _most_promising(self, node: Node, chosen: int) -> int:
+    def conflicts_within(self, node: Node, robots: set[int]) -> IntArray:
+        """The rows of the conflicts between some robots."""
+        return np.flatnonzero(self._sides(node, robots).all(axis=1))
+
+    def in_conflict_with(self, node: Node, robots: set[int]) -> list[int]:
+        """For each conflict of some robots with another one, that one."""
+        sides = self._sides(node, robots)
+        beside = sides[:, 0] != sides[:, 1]
+        found: list[int] = node.conflicts[beside, :2][~sides[beside]].tolist()
+        return found
+
+    def _sides(self, node: Node, robots: set[int]) -> NDArray[np.bool_]:
+        """[K, 2] whether the one, and the other, robot of each conflict is one of some robots."""
+        inside = np.zeros(self.num_robots, np.bool_)
+        inside[list(robots)] = True
+        return inside[node.conflicts[:, :2]]
+
+    def _most_promising(self, conflicts: NDArray[np.int32], chosen: int) -> int:
         """The conflict whose splits promise to raise f most, by what those on its robots raised it so far; `chosen` where none is known."""
         if not self._gain:
             return chosen
-        best, promise = chosen, self._promise(node.conflicts[chosen])
-        for k in range(len(node.conflicts)):
-            if (other := self._promise(node.conflicts[k])) > promise + 1e-9:
+        best, promise = chosen, self._promise(conflicts[chosen])
+        for k in range(len(conflicts)):
+            if (other := self._promise(conflicts[k])) > promise + 1e-9:
                 best, promise = k, other
         return best
 
@@ -201,8 +230,8 @@ class Tree:
     def learn(self, node: Node, children: list[Node]) -> None:
         """Look at children right away, and remember how much f rises where the robots of the split are split on."""
         for child in children:
-            child.h = max(node.f - child.cost, self.heuristic(child))
-            child.looked_at = True
+            self.look_at(child)
+            child.h = max(child.h, node.f - child.cost)
         if node.split_on is not None:
             gains = sorted([child.f - node.f for child in children] + [MOST_GAIN] * (2 - len(children)))
             known = self._gain.get(node.split_on, gains)
@@ -225,7 +254,14 @@ class Tree:
         return [child for child in children if child is not None]
 
     def children(
-        self, node: Node, w: float = 1.0, lower: float | None = None, *, bypass: bool = True, disjoint: bool = False
+        self,
+        node: Node,
+        w: float = 1.0,
+        lower: float | None = None,
+        *,
+        bypass: bool = True,
+        disjoint: bool = False,
+        within: set[int] | None = None,
     ) -> list[Node]:
         """Split on the best conflict, unless a child shows a way to end it within the bounds: then look again (bypass).
 
@@ -237,6 +273,8 @@ class Tree:
             The factor and the tree's lower bound; without, a bypass may not cost more than the node.
         bypass, disjoint
             Whether to.
+        within
+            Robots: split on a conflict between two of them; None: of all.
 
         Returns
         -------
@@ -251,7 +289,7 @@ class Tree:
         if self._unsolvable:
             return []
         while True:
-            chosen = self.choose(node, w)
+            chosen = self.choose(node, w, within)
             node.split_on = _pair(node.conflicts[chosen])
             children = self.split(node, chosen, w, disjoint)
             if not bypass or disjoint:
@@ -260,7 +298,7 @@ class Tree:
             if not better:
                 return children
             self.adopt(node, min(better, key=lambda c: len(c.conflicts)))
-            if not len(node.conflicts):
+            if not len(self.conflicts_within(node, within) if within else node.conflicts):
                 return [node]
 
     def ring(self, node: Node) -> list[tuple[int, int, int, int]]:
@@ -301,21 +339,59 @@ class Tree:
         cost, bound = meta[child.records[robot], st.COST], meta[node.records[robot], st.BOUND]
         return bool(child.cost <= w * lower + 1e-9 and cost <= w * bound + 1e-9)
 
-    def heuristic(self, node: Node) -> int:
-        """WDG: what the pairs in conflict cost more than their paths, at least."""
+    def heuristic(self, node: Node, within: set[int] | None = None) -> int:
+        """WDG: what the pairs in conflict, and the clusters known, cost more than their paths at least; of some robots, if wanted."""
         if self._unsolvable:
             return 0
-        weight = np.zeros((self.num_robots, self.num_robots), np.int64)
-        origin = self._buffers.store.meta[:, st.ORIGIN]
-        for i, j in sorted({(min(a, b), max(a, b)) for a, b in node.conflicts[:, :2].tolist()}):
-            one, other = int(node.records[i]), int(node.records[j])
-            key = (int(origin[one]), int(origin[other]))
+        records = node.records.tolist()
+        alike = self._buffers.store.meta[node.records, st.ORIGIN].tolist()  # stands for a robot's constraints
+        groups: dict[tuple[int, ...], int] = {}
+        conflicts = node.conflicts if within is None else node.conflicts[self.conflicts_within(node, within)]
+        for pair in sorted({(one, other) if one < other else (other, one) for one, other in conflicts[:, :2].tolist()}):
+            key = (alike[pair[0]], alike[pair[1]])
             found = self._weights.get(key)
             if found is None:
-                found = self._weights[key] = self._pair_weight(one, other)
-                origin = self._buffers.store.meta[:, st.ORIGIN]
-            weight[i, j] = weight[j, i] = found
-        return int(cover(weight))
+                found = self._weights[key] = self._pair_weight(records[pair[0]], records[pair[1]])
+            if found >= IMPOSSIBLE:
+                return found
+            if found:
+                groups[pair] = found
+            for robots, known in self._clusters.get(pair, {}).items():
+                if robots not in groups and (not within or within.issuperset(robots)):
+                    weight = known.get(tuple([alike[robot] for robot in robots]))
+                    if weight:
+                        groups[robots] = weight
+        if len(groups) < 2:
+            return next(iter(groups.values()), 0)
+        number: dict[int, int] = {}
+        member = [number.setdefault(robot, len(number)) for robots in groups for robot in robots]
+        first = np.cumsum([0, *map(len, groups)])
+        return int(cover(len(number), first, np.array(member), np.array(list(groups.values()))))
+
+    def look_at(self, node: Node) -> None:
+        """Find a node's h with what is known now."""
+        if node.looked_at < self.num_clusters:
+            node.h = max(node.h, self.heuristic(node))
+            node.looked_at = self.num_clusters
+
+    @contextmanager
+    def passing_nodes(self) -> Iterator[None]:
+        """What the nodes take that are made meanwhile is given back."""
+        before = self._buffers.node_bytes
+        yield
+        self._buffers.node_bytes = before
+
+    def remember(self, node: Node, robots: tuple[int, ...], weight: int) -> None:
+        """That these robots, in order, cost at least so much more than their paths where they have a node's constraints."""
+        known = self._clusters.setdefault((robots[0], robots[1]), {}).setdefault(robots, {})
+        for pair in combinations(robots, 2):
+            self._clusters.setdefault(pair, {})[robots] = known
+        self.num_clusters += 1
+        known[tuple(self._buffers.store.meta[node.records[list(robots)], st.ORIGIN].tolist())] = weight
+
+    def cost_of(self, node: Node, robots: Collection[int]) -> int:
+        """What the paths of some robots cost in sum."""
+        return int(self._buffers.store.meta[node.records[list(robots)], st.COST].sum())
 
     def paths(self, node: Node) -> list[IntArray]:
         """[R] the vertex of each robot at each step."""

@@ -9,6 +9,7 @@ from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.solvable import unsolvable
+from planners.conflict_based._cover import cover
 from planners.conflict_based._tree import Tree, limits
 
 
@@ -24,6 +25,7 @@ def warm(planner: Planner) -> None:
     children = tree.split(root, chosen)
     tree.split(root, chosen, disjoint=True)
     tree.adopt(root, children[0])
+    cover(3, np.array([0, 2, 4]), np.array([0, 1, 1, 2]), np.array([1, 1]))
     unsolvable(problem, tree.instance.clashes)
 
 

@@ -4,7 +4,7 @@ Sources: Sharon, Stern, Felner, Sturtevant, "Conflict-based search for optimal m
 prioritised conflicts and bypass: Boyarski et al., "ICBS", IJCAI 2015; the WDG heuristic: Li et al., IJCAI 2019;
 symmetries: Li et al., AIJ 2021, and mutex propagation: Zhang et al., AIJ 2022; disjoint splitting: Li et al., ICAPS 2019;
 an order of splits that minds f: Boyarski et al., "f-aware conflict prioritization & improved heuristics for conflict-based search",
-AAAI 2021, here by pseudo-costs.
+AAAI 2021, here by pseudo-costs; clusters: Shen et al., "Beyond pairwise reasoning in multi-agent path finding", ICAPS 2023.
 """
 
 from dataclasses import dataclass

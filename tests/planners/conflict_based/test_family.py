@@ -17,6 +17,7 @@ from mrp_sumo.search.distance import Distances
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from planners._world import steps_table
+from planners.conflict_based import _tree
 from planners.conflict_based._incumbent import Incumbent
 
 OPTIMAL = [
@@ -66,6 +67,42 @@ def test_cost_is_within_the_guarantee(name, parameters, seed):
 def test_cost_is_within_the_guarantee_on_thousands(name, parameters):
     for seed in range(2_000_000, 2_002_000):
         compare(name, parameters, seed)
+
+
+def compare_with_learning(seed):
+    """Put a crowded question to `cbs` that learns from its first split, and to one that knows no heuristic at all."""
+    rng = np.random.default_rng([seed, 78])
+    graph = grid_graph(rng.random((6, 6)) > 0.2, 1.0, (0.0, 0.0))
+    at = rng.permutation(graph.num_vertices)[:7], rng.permutation(graph.num_vertices)[:7]
+    problem = Problem(graph, fleet_of(ROBOT, 7), *at, np.arange(7), 1.0, seed)
+    plain = planner("cbs", {"heuristic": False}).plan(problem, LIMIT_S)
+    learned = planner("cbs", {}).plan(problem, LIMIT_S)
+    assert learned.lower_bound_steps <= (plain.plan.end_s.sum() if plain.status is Status.SOLVED else np.inf), seed
+    if learned.status is Status.SOLVED:
+        assert judge(problem, learned.plan).valid, seed
+        assert plain.lower_bound_steps <= learned.plan.end_s.sum(), seed
+        assert plain.status is not Status.SOLVED or plain.plan.end_s.sum() == learned.plan.end_s.sum(), seed
+
+
+@pytest.fixture
+def learns_from_the_first_split(monkeypatch):
+    monkeypatch.setattr(_tree, "SPLITS_BEFORE_LEARNING", 0)
+
+
+@pytest.mark.usefixtures("learns_from_the_first_split")
+def test_what_is_learned_of_pairs_and_clusters_keeps_the_cost_least():
+    for seed in range(30):
+        compare("cbs", {}, 3_000_000 + seed)
+        compare_with_learning(seed)
+
+
+@pytest.mark.campaign
+@pytest.mark.usefixtures("learns_from_the_first_split")
+@pytest.mark.parametrize("following", [False, True])
+def test_what_is_learned_of_pairs_and_clusters_keeps_the_cost_least_on_thousands(following):
+    for seed in range(1000):
+        compare("cbs", {"following": following}, 3_000_000 + seed)
+        compare_with_learning(seed)
 
 
 def test_robot_that_must_be_elsewhere_in_between_may_return_to_a_vertex():
