@@ -36,7 +36,7 @@ LIBMRP = {  # program of its build folder -> (name, command)
     "ecbs_ta": ("ECBS-TA 1.2, libMultiRobotPlanning", "-i {yaml_free} -o {out} -w 1.2"),
 }
 PROGRAMS = {  # option -> (name, command)
-    "lacam3": ("lacam3", "-m {map} -i {scen} -N {agents} -t {time_limit} -s {seed} -o {out}"),
+    "lacam3": ("lacam3", "-m {map} -i {scen} -N {agents} -t {time_limit} -s {seed} -o {out} --no-star --no-multi-thread"),  # first solution
     "eecbs": ("EECBS 1.2", f"{LISTED} --suboptimality=1.2"),
     "cbsh2_rtc": ("CBSH2-RTC", LISTED),
     "mapf_lns2": ("MAPF-LNS2", LISTED),
