@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures first solutions and polished ones on any grid map, beside lacam3 where its program is given. Prints a table, or JSON lines.
 
-    tools/bench_first.py MAPS [--on NAME=ROBOTS,... ...] [--seeds N] [--planner NAME ...] [--lacam3 FILE] [--memory] [--json]
+    tools/bench_first.py MAPS [--on NAME=ROBOTS,... ...] [--seeds N] [--planner NAME ...] [--time-limit S] [--lacam3 FILE] [--memory]
 
 MAPS is a folder of MovingAI maps; no scenario files are needed, since starts and goals are drawn from the seed. A NAME is a map of
 the folder or one of the kinds that `tools/bench_cbs.py` draws. Each instance is asked of all planners in turn before the next one;
@@ -13,7 +13,7 @@ CLOCK_PROCESS_CPUTIME_ID as its clock. It is asked twice: `first` is its first s
 `same time` its answer, with its defaults on one core, after as many whole seconds (one at least) as the last of our planners took.
 
 --memory asks each in a process of its own and shows that process's peak instead of seconds. Ours has Python, its libraries and the
-kernels of the planners asked in it; with --json, `base_mb` says how much these are.
+kernels of the planners asked in it; with --json, `base_mb` says how much these are, and no program is seen to take less.
 """
 
 import argparse
@@ -24,6 +24,7 @@ import resource
 import shlex
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import mean
 from time import process_time
@@ -58,7 +59,8 @@ DEFAULT = {
 }
 PLANNERS = ("lacam:polish=0", "lacam")
 FIRST, SAME_TIME = "lacam3, first", "lacam3, same time"
-TIME_LIMIT_S = 60.0
+FIRST_LIMIT_S = 60.0  # of lacam3
+AFTERWARDS_S = 600.0  # for lacam3 to check and to write its plan, and for a loaded machine
 
 
 def main() -> int:
@@ -69,6 +71,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=2, metavar="N", help="instances of each size (default: 2)")
     parser.add_argument("--planner", action="append", help=f"name, or name:key=value,...; may be repeated (default: {', '.join(PLANNERS)})")
     parser.add_argument("--lacam3", type=Path, metavar="FILE", help="its program")
+    parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="of each of our planners, wall time (default: 60)")
     parser.add_argument("--memory", action="store_true", help="peak memory of processes instead of seconds")
     parser.add_argument("--json", action="store_true", help="a line of JSON for each answer")
     options = parser.parse_args()
@@ -84,7 +87,7 @@ def main() -> int:
         for name, robots in _sizes(options.on, options.maps):
             answers = defaultdict(dict)
             for seed in range(options.seeds):
-                for label, answer in _asked(ours, options.lacam3, str(options.maps / f"{name}.map"), name, robots, seed, options.memory):
+                for label, answer in _asked(ours, options, name, robots, seed):
                     answers[label][seed] = answer
                     if options.json:
                         print(json.dumps({"map": name, "robots": robots, "seed": seed, "planner": label, **answer}), flush=True)
@@ -105,19 +108,23 @@ def _sizes(texts: list[str] | None, maps: Path) -> list[tuple[str, int]]:
     return [(name, int(robots)) for name, many in sizes for robots in many]
 
 
-def _asked(ours: dict[str, Planner], lacam3: Path | None, path: str, name: str, robots: int, seed: int, memory: bool):
+def _asked(
+    ours: dict[str, Planner], options: argparse.Namespace, name: str, robots: int, seed: int
+) -> Iterator[tuple[str, dict[str, float | bool]]]:
     """Label and answer of each planner in turn, each on a graph of its own, so that no distance table is known before."""
-    where = name if name in KINDS else path
-    measured = _in_a_process if memory else _measured
-    if lacam3:
-        yield FIRST, measured(_lacam3(lacam3, "--no-star --no-multi-thread", TIME_LIMIT_S), where, robots, seed)
+    where = name if name in KINDS else str(options.maps / f"{name}.map")
+    measured = _in_a_process if options.memory else _measured
+    if options.lacam3:
+        first = _lacam3(options.lacam3, "--no-star --no-multi-thread", FIRST_LIMIT_S)
+        yield FIRST, measured(first, where, robots, seed, FIRST_LIMIT_S + AFTERWARDS_S)
     seconds = 0.0
     for label, chosen in ours.items():
-        answer = measured(chosen, where, robots, seed)
+        answer = measured(chosen, where, robots, seed, options.time_limit)
         seconds = answer["cpu_s"]
         yield label, answer
-    if lacam3:
-        yield SAME_TIME, measured(_lacam3(lacam3, "", max(1.0, math.ceil(seconds))), where, robots, seed)
+    if options.lacam3:
+        limit_s = max(1.0, math.ceil(seconds))
+        yield SAME_TIME, measured(_lacam3(options.lacam3, "", limit_s), where, robots, seed, 2 * limit_s + AFTERWARDS_S)
 
 
 def _lacam3(program: Path, flags: str, limit_s: float) -> Planner:
@@ -127,16 +134,15 @@ def _lacam3(program: Path, flags: str, limit_s: float) -> Planner:
     return planner("external", {"command": command})
 
 
-def _measured(chosen: Planner, where: str, robots: int, seed: int) -> dict[str, float | bool]:
+def _measured(chosen: Planner, where: str, robots: int, seed: int, limit_s: float) -> dict[str, float | bool]:
     """One answer. Its bound is the sum of shortest ways."""
     problem = problem_of(where, robots, seed)
     began = process_time()
-    result = chosen.plan(problem, 3 * TIME_LIMIT_S)  # lacam3 has a limit of its own, and checks and writes its plan after that
+    result = chosen.plan(problem, limit_s)
     cpu_s = process_time() - began
     answer = {
         "bound": _shortest(problem),
         "cpu_s": result.stats.get("own_time_s", result.stats.get("cpu_s", cpu_s)),
-        "peak_mb": resource.getrusage(resource.RUSAGE_CHILDREN if "cpu_s" in result.stats else resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
     if result.status is not Status.SOLVED or result.plan is None:
         return answer | {"solved": False}
@@ -146,17 +152,19 @@ def _measured(chosen: Planner, where: str, robots: int, seed: int) -> dict[str, 
     return answer | {"solved": True, "cost": float(result.plan.end_s.sum())}
 
 
-def _in_a_process(chosen: Planner, where: str, robots: int, seed: int) -> dict[str, float | bool]:
+def _in_a_process(chosen: Planner, where: str, robots: int, seed: int, limit_s: float) -> dict[str, float | bool]:
     """The same in a child process, whose peak is that of this answer."""
     read, write = os.pipe()
     if (child := os.fork()) == 0:
+        whose = resource.RUSAGE_CHILDREN if hasattr(chosen, "command") else resource.RUSAGE_SELF
         base_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        text = json.dumps(_measured(chosen, where, robots, seed) | {"base_mb": base_mb})
-        os.write(write, text.encode())
+        answer = _measured(chosen, where, robots, seed, limit_s)
+        memory = {"peak_mb": resource.getrusage(whose).ru_maxrss / 1024, "base_mb": base_mb}
+        os.write(write, json.dumps(answer | memory).encode())
         os._exit(0)
     os.close(write)
-    with os.fdopen(read) as answer:
-        text = answer.read()
+    with os.fdopen(read) as said:
+        text = said.read()
     os.waitpid(child, 0)
     if not text:
         raise MrpSumoError(f"{where}, {robots} robots, seed {seed}: the process ended without an answer")
