@@ -4,6 +4,7 @@ before the search; memory that runs out, during it.
 Refuses nothing: what cannot be solved is an INFEASIBLE result that names robot and goal.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter, process_time
 
@@ -20,18 +21,20 @@ from mrp_sumo.search.solvable import order_broken
 from mrp_sumo.traffic.clashes import clashes_of
 
 
-def impossible(problem: Problem) -> PlanResult | None:
+def impossible(problem: Problem, check_clock: Callable[[], None] | None = None) -> PlanResult | None:
     """INFEASIBLE for an assigned problem that needs no search to see that; None for others.
 
     Parameters
     ----------
     problem
         With an assignment, or robots that stay where they are.
+    check_clock
+        Called before every few goals; may raise to give up.
     """
     if clash := goals_clash(problem):
         return clash
     label, name, target = problem.graph.label, problem.fleet.robot_name, problem.target
-    steps = steps_to_targets(problem)[np.arange(len(target)), problem.start]
+    steps = steps_to_targets(problem, check_clock)[np.arange(len(target)), problem.start]
     if (steps >= UNREACHABLE).any():
         robot = int(np.flatnonzero(steps >= UNREACHABLE)[0])
         return PlanResult(

@@ -3,6 +3,7 @@
 One table a goal, searched backwards, built when first asked for and shared by all who plan on the graph.
 """
 
+from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,6 +17,7 @@ __all__ = ["UNREACHABLE", "Distances", "distances"]
 
 StepArray = NDArray[np.int32]
 
+TABLES_AT_ONCE = 8  # made between two looks at the clock
 KEPT_BYTES = 512 << 20  # tables beyond this are handed out, but not kept
 
 
@@ -33,15 +35,24 @@ class Distances:
         table = self._table.get(goal)
         return self.to_all(np.array([goal], np.int64))[0] if table is None else table
 
-    def to_all(self, goals: IntArray) -> StepArray:
+    def to_all(self, goals: IntArray, check: Callable[[], None] | None = None) -> StepArray:
         """[G, V] steps from each vertex to each goal; read-only.
 
         Parameters
         ----------
         goals
             [G] vertices.
+        check
+            Called before every few tables that are made; may raise to give up.
         """
         goals = np.asarray(goals, np.int64)
+        if check is not None:
+            made = np.empty((len(goals), len(self.first) - 1), np.int32)
+            for k in range(0, len(goals), TABLES_AT_ONCE):
+                check()
+                self.fill(goals[k : k + TABLES_AT_ONCE], made[k : k + TABLES_AT_ONCE])
+            made.setflags(write=False)
+            return made
         missing = np.array(sorted({int(g) for g in goals} - self._table.keys()), np.int64)
         if len(missing) == len(goals) and (missing == goals).all():  # nothing known, in order: no copy
             tables: StepArray = steps_to_all(goals, self.first_in, self.tail_in)
@@ -80,14 +91,14 @@ def prepare() -> None:
     Distances(frozen(np.array([0, 1, 1], np.int64)), frozen(np.array([1], np.int64))).to(1)
 
 
-def steps_to_targets(problem: Problem) -> StepArray:
-    """[R, V] steps from each vertex to each robot's goal on the lanes of its type; read-only."""
+def steps_to_targets(problem: Problem, check: Callable[[], None] | None = None) -> StepArray:
+    """[R, V] steps from each vertex to each robot's goal on the lanes of its type; read-only. See `Distances.to_all` for `check`."""
     target, kind = problem.target, problem.fleet.kind
     if problem.barred is None:
-        return distances(problem.graph).to_all(target)
+        return distances(problem.graph).to_all(target, check)
     table = np.empty((problem.num_robots, problem.graph.num_vertices), np.int32)
     for k in np.unique(kind).tolist():
-        table[kind == k] = distances(problem.graph_of_kind[k]).to_all(target[kind == k])
+        table[kind == k] = distances(problem.graph_of_kind[k]).to_all(target[kind == k], check)
     return frozen(table)
 
 

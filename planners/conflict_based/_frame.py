@@ -51,7 +51,7 @@ class Forest:
         problem = self._next[1]
         self._next = next(self._assignments, None)
         if self.assigns:
-            if impossible(problem) is not None:
+            if impossible(problem, self.limits.check) is not None:
                 return None
             tree = self._tree(problem)
             self.first = self.first or tree
@@ -125,9 +125,12 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
     began = perf_counter()
     assigns = planner.assigns and not problem.is_assigned  # goals that are given are kept
     limit = limits(time_limit_s, planner.memory_mb, problem.effort)
-    if refusal := goals_clash(problem) if assigns else impossible(problem):
-        return refusal
-    forest = Forest(problem, limit, assigns=assigns, following=planner.following, symmetries=planner.symmetries)
+    try:
+        if refusal := goals_clash(problem) if assigns else impossible(problem, limit.check):
+            return refusal
+        forest = Forest(problem, limit, assigns=assigns, following=planner.following, symmetries=planner.symmetries)
+    except OutOfReach as reached:
+        return PlanResult(reached.status, planning_time_s=perf_counter() - began, message=str(reached))
     order = order_of(forest)
     expanded = 0
     paths: Paths | None = None

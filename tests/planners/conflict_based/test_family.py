@@ -13,7 +13,7 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.search.distance import Distances
+from mrp_sumo.search import distance
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from planners._world import steps_table
@@ -242,13 +242,15 @@ def test_memory_limit_that_is_none_is_refused(name):
         planner(name, {"memory_mb": 0})
 
 
-@pytest.mark.parametrize("name", ["cbs_ta", "ecbs_ta"])
+@pytest.mark.parametrize("name", ["cbs", "eecbs", "cbs_ta", "ecbs_ta"])
 def test_time_that_is_up_makes_no_more_tables(name, monkeypatch):
-    whole, made = Distances.to_all, []
-    monkeypatch.setattr(Distances, "to_all", lambda self, goals: made.extend(goals) or whole(self, goals))
+    made = []
+    for kernel in ("steps_to", "steps_to_all"):
+        monkeypatch.setattr(distance, kernel, lambda *given: made.append(given))
     graph = grid_graph(np.ones((20, 20), bool), 1.0, (0.0, 0.0))
     vertices = np.arange(400)
-    problem = Problem(graph, fleet_of(ROBOT, 200), vertices[:200], vertices[200:], np.full(200, -1), 1.0)
+    goal_of = np.full(200, -1) if name.endswith("_ta") else np.arange(200)
+    problem = Problem(graph, fleet_of(ROBOT, 200), vertices[:200], vertices[200:], goal_of, 1.0)
     result = planner(name, {}).plan(problem, 1e-9)
     assert result.status is Status.TIMED_OUT
     assert len(made) == 0
