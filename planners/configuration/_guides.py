@@ -1,4 +1,5 @@
-"""What guides robots beside their distances: ways of their own where lanes are little used, the traffic flow where they are much used."""
+"""What guides robots beside their distances: ways of their own where lanes are little used, the traffic flow where they are much used, and
+before each step local guidance."""
 
 from time import perf_counter
 
@@ -8,6 +9,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from planners.configuration import _flow, _ways
 from planners.configuration._flow import Flow
+from planners.configuration._local_guidance import DEAREST, LocalGuidance
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration._ways import Ways
 
@@ -15,6 +17,7 @@ BUSY = 2.25  # moves along shortest ways for each lane, from which on there is n
 MOST_MOVES = 10_000_000  # of all ways in all rounds; more take too much memory
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow
+ENTRIES = 1024  # of a search for a path of local guidance
 AT_ONCE = 64  # robots between looks at the clock
 
 
@@ -49,8 +52,8 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
         way = own_ways(problem, ways, world, 0.5 * (perf_counter() + deadline_s), rng)
         return world if way is None else world._replace(way=way)
     if flow and room_for_flow:
-        guide = flow_guide(problem, flow, deadline_s, rng)
-        return world if guide is None else world._replace(guided=True, guide=guide)
+        found = flow_guide(problem, flow, deadline_s, rng)
+        return world if found is None else world._replace(guided=True, guide=found[0], toll=found[1])
     return world
 
 
@@ -103,8 +106,26 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     return ways.way
 
 
-def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:
-    """[R, V] int32 what is left to each goal, see `_flow`; None when the deadline passes.
+def local_guidance(problem: Problem, window: int) -> LocalGuidance:
+    """Local guidance by paths of so many steps, none of which is there yet; 0 for no guidance."""
+    graph = problem.graph
+    num_slots = 1 << (window + 1).bit_length()
+    num_robots, num_vertices, num_lanes = (problem.num_robots, graph.num_vertices, graph.num_lanes) if window else (1, 1, 1)
+    return LocalGuidance(
+        window=window,
+        reverse=graph.reverse,
+        path=np.full((num_robots, num_slots), -1, np.int32),
+        num_at=np.zeros((num_slots, num_vertices), np.uint8),
+        num_on=np.zeros((num_slots, num_lanes), np.uint8),
+        seen=np.zeros((num_slots, num_vertices), np.int32),
+        entry=np.empty((ENTRIES, 4), np.int32),
+        bucket=np.full(DEAREST + 1, -1, np.int64),
+        count=np.zeros(3, np.int64),
+    )
+
+
+def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
+    """[R, V] int32 what is left to each goal and [L] int64 what lanes cost, see `_flow`; None when the deadline passes.
 
     Parameters
     ----------
@@ -148,4 +169,4 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
         if perf_counter() > deadline_s:
             return None
         _flow.write_guide(flow, goal, guide, a, min(a + at_once, num_robots))
-    return guide
+    return guide, flow.cost

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
+from planners.configuration._local_guidance import guide_locally
 from planners.configuration._pibt import reorder, step
 from planners.configuration._pibt_instance import nearer
 
@@ -67,7 +68,7 @@ def begin(world, search, start, order, h):
 
 
 @kernel
-def search_on(world, scratch, search, base_order, to, best, num_tries, hindrance, iterations, rng):
+def search_on(world, scratch, local, search, base_order, to, best, num_tries, hindrance, iterations, rng):
     """Go on for a number of iterations.
 
     Parameters
@@ -119,6 +120,8 @@ def search_on(world, scratch, search, base_order, to, best, num_tries, hindrance
             continue
         search.first_branch[node] = search.branch_next[branch]
         _grow_tree(world, search, node, branch, rng)
+        if local.window > 0:
+            guide_locally(world, scratch, local, here, search.order[node], rng)
         if not _generate(world, scratch, search, node, branch, to, best, num_tries, hindrance, rng):
             continue
         cost, h_change = _transition(world, here, best)

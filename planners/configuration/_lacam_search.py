@@ -1,5 +1,6 @@
 """The search of LaCAM: its memory, driven by the clock, and what improves its solutions."""
 
+from itertools import cycle
 from time import perf_counter
 from typing import Any
 
@@ -11,6 +12,7 @@ from mrp_sumo.planning.answers import without_effort
 from planners._compass import SLACK_STEPS, extend_all
 from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam
+from planners.configuration._guides import local_guidance
 from planners.configuration._lacam import LacamMemory
 from planners.configuration._search_start import SearchStart, search_start
 from planners.neighbourhood._refinement import (
@@ -83,12 +85,13 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
     """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING, USED_UP.
 
     Where it wanders about it restarts with other random choices, each time after twice as many expansions, so that it
-    stays complete.
+    stays complete; every other time without local guidance, which may be what keeps it there.
     """
     expansions, done, effort = 200 + 10 * start.num_guided, 0, start.given.effort
     most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
+    windows = cycle((lacam.local, 0))
     while True:
-        search = LacamSearch(lacam, start)
+        search = LacamSearch(lacam, start, next(windows))
         state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
         done += search.expansions
         search.labels = LABELS * len(start.steps) * done
@@ -154,11 +157,12 @@ def _to_write(path: np.ndarray) -> float:
 class LacamSearch:
     """LaCAM's search, as it stands."""
 
-    def __init__(self, settings: Any, start: SearchStart) -> None:
+    def __init__(self, settings: Any, start: SearchStart, window: int) -> None:
         self.world, self.scratch = start.world, build_scratch(start.world)
         self._settings, self._rng, self._guided, self._num_guided = settings, start.rng, start.guided, start.num_guided
         num_robots = len(start.steps)
         self._base_order = np.argsort(-start.steps, kind="stable").astype(np.int32)
+        self._local = local_guidance(start.problem, window)
         self._to, self._best = np.empty(num_robots, np.int32), np.empty(num_robots, np.int32)
         self._memory = _memory(num_robots, self.scratch.candidate.shape[1], nodes=256)
         self._at_once = 1
@@ -175,7 +179,7 @@ class LacamSearch:
         while (slice_s := perf_counter()) < deadline_s and (before := int(self._memory.count[_lacam.EXPANSIONS])) < expansions:
             world, most = (self._guided, self._num_guided) if before < self._num_guided else (self.world, expansions)
             state: int = _lacam.search_on(
-                world, self.scratch, self._memory, self._base_order, self._to, self._best,
+                world, self.scratch, self._local, self._memory, self._base_order, self._to, self._best,
                 given.num_tries, given.hindrance, min(self._at_once, most - before), self._rng,
             )  # fmt: skip
             if state == _lacam.REACHED and first:

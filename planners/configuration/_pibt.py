@@ -11,6 +11,7 @@ where somebody stands too close to its move (a clash): it waits, those who push 
 
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
+from planners.configuration._local_guidance import guide_locally
 from planners.configuration._pibt_candidates import sort_candidates
 
 NOBODY, CHOSEN = -1, -2  # who is too close
@@ -49,7 +50,8 @@ def step(world, scratch, here, to, order, hindrance, rng):
             break
         if to[i] >= 0:
             continue
-        if here[i] == world.goal[i] and reserved[here[i]] < 0:  # at its goal and not pushed: it stays
+        led_away = scratch.onward[i] >= 0 and scratch.onward[i] != here[i]
+        if here[i] == world.goal[i] and reserved[here[i]] < 0 and not led_away:  # at its goal and not pushed: it stays
             to[i] = here[i]
             reserved[here[i]] = i
         else:
@@ -228,7 +230,7 @@ def _wait_all(scratch, here, to, depth):
 
 
 @kernel(allocates=False)
-def run(world, scratch, path, begin, end, order, base_order, hindrance, rng):
+def run(world, scratch, local, path, begin, end, order, base_order, hindrance, rng):
     """PIBT over time: fill rows begin + 1 to end of `path` [T, R], or up to where all are at their goals.
 
     `order` [R] is the priorities at `begin` and is kept up to date: robots not yet at their goals in the order
@@ -240,6 +242,8 @@ def run(world, scratch, path, begin, end, order, base_order, hindrance, rng):
             home = home and path[t, i] == world.goal[i]
         if home or t == end:
             return t, home
+        if local.window > 0:
+            guide_locally(world, scratch, local, path[t], order, rng)
         path[t + 1, :] = -1
         step(world, scratch, path[t], path[t + 1], order, hindrance, rng)
         reorder(world, path[t + 1], order, base_order, order)

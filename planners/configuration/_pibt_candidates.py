@@ -11,6 +11,7 @@ from planners.configuration._pibt_instance import nearer, next_on_way, prefers
 from planners.configuration._pibt_swap import swap_partner
 
 IN_THE_WAY = 1e12  # beyond any other key
+GUIDED = 1e6  # more than any step
 ON_WAY = 32.0  # more than any hindrance, less than a step
 
 
@@ -34,6 +35,8 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
             key += _num_hindered(world, scratch, i, u)
         if u == onward:
             key -= ON_WAY
+        if u == scratch.onward[i]:
+            key -= GUIDED
         if world.near and scratch.wished[u] >= 0 and scratch.wished[u] != i:
             key += IN_THE_WAY
         p = k

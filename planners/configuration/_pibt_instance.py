@@ -27,6 +27,7 @@ class PibtInstance(NamedTuple):
     two_way: bool  # every lane has its opposite: robots can swap in corridors
     guided: bool  # robots go by `guide`, not by steps
     guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
+    toll: np.ndarray  # [L] int64 what lanes cost there
     way: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [0, 1] where there are none
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
@@ -40,6 +41,7 @@ class PibtScratch(NamedTuple):
     now: np.ndarray  # [V] robot on each vertex
     next: np.ndarray  # [V] robot that has reserved it
     wished: np.ndarray  # [V] robot that waits until nobody is there; [1] where there are no clashes
+    onward: np.ndarray  # [R] where local guidance leads each robot, -1: nowhere, see _local_guidance
     wish: np.ndarray  # [R] the lane for which each robot waits, -1: none
     stack: np.ndarray  # [R] robots that inherited priority
     choice: np.ndarray  # [R] position in the robot's candidates

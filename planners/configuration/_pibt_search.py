@@ -10,6 +10,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import used_up, without_effort
 from planners._world import SLICE_S, build_scratch, gave_up, timed_out
 from planners.configuration import _pibt
+from planners.configuration._guides import local_guidance
 from planners.configuration._search_start import search_start
 
 CHANCE = 11  # purpose of the stream of chance
@@ -40,6 +41,8 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
     at_once = 1
     for attempt in range(1, pibt.num_attempts + 1):
         order = base_order.copy()
+        local = local_guidance(start.problem, pibt.local if attempt % 2 else 0)  # it can keep the last ones from their goals, too
+        scratch.onward[:] = -1
         path = np.empty((min(max_steps, 2 * int(steps.max()) + 64) + 1, num_robots), np.int32)
         path[0] = start.problem.start
         t = 0
@@ -52,7 +55,7 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
             last = t
             world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
             until = min(t + at_once, len(path) - 1, until)
-            t, home = _pibt.run(world, scratch, path, t, until, order, base_order, pibt.hindrance, rng)
+            t, home = _pibt.run(world, scratch, local, path, t, until, order, base_order, pibt.hindrance, rng)
             if home or t == window > 0:
                 return start.solved(path[: t + 1], attempts=attempt)
             if used_up(problem, t * num_robots):

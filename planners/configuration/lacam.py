@@ -20,7 +20,7 @@ class Lacam:
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
     Robots are guided by ways of their own where lanes are little used, see `_ways`, and elsewhere, where tables allow, by the traffic
-    flow at first, see `_flow`.
+    flow at first, see `_flow`; before each step, they are led round each other by local guidance, see `_local_guidance`.
     Where tables allow, the first solution is polished by
     large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
     the neighbourhoods.
@@ -37,6 +37,7 @@ class Lacam:
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
     ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
     flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
+    local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
     polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
@@ -47,7 +48,7 @@ class Lacam:
         for key in ("num_tries", "neighbourhood", "memory_mb", "threads"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
-        for key in ("ways", "flow", "polish"):
+        for key in ("ways", "flow", "local", "polish"):
             if getattr(self, key) < 0:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
 

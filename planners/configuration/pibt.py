@@ -120,10 +120,11 @@ class Pibt:
     hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
     ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
     flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
+    local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
 
     def __post_init__(self) -> None:
-        if self.max_steps < 0 or self.num_attempts < 1 or self.ways < 0 or self.flow < 0:
-            raise PlanError("pibt: expected max_steps, ways and flow of 0 or more and num_attempts of 1 or more")
+        if min(self.max_steps, self.ways, self.flow, self.local) < 0 or self.num_attempts < 1:
+            raise PlanError("pibt: expected max_steps, ways, flow and local of 0 or more and num_attempts of 1 or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
