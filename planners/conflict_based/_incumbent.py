@@ -73,7 +73,7 @@ class Incumbent:
         before = 0
         order = rng.permutation(problem.num_robots)
         for robot in range(problem.num_robots):
-            if not _lns.plan_all(task, traffic, labels, order, robot, robot + 1):
+            if not _lns.plan_all(task, traffic, labels, order, robot, robot + 1, False):
                 return
             yield int(labels.stamp[1]) - before
             before = int(labels.stamp[1])

@@ -102,15 +102,16 @@ def improve(task, traffic, labels, hood, gains, size, iterations, most_labels, r
 
 
 @kernel
-def plan_all(task, traffic, labels, order, begin, end):
-    """Plan robots order[begin:end] one after another, crossing others where it has to be. False when one has no path or room."""
+def plan_all(task, traffic, labels, order, begin, end, clear):
+    """Plan robots order[begin:end] one after another, crossing others where it has to be. False when one has no path or room.
+
+    Where most have a path `clear` of all others it is sooner found by a search for such a path alone: both are as short.
+    """
     for k in range(begin, end):
         robot = order[k]
-        arrival = plan_one(
-            task.first, task.head, task.reverse, traffic, labels, robot,
-            task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
-            traffic.at.shape[1] - 2, True, len(labels.vertex),
-        )  # fmt: skip
+        arrival = _plan(task, traffic, labels, robot, False) if clear else np.int64(-1)
+        if arrival < 0:
+            arrival = _plan(task, traffic, labels, robot, True)
         if arrival < 0:
             return False
         add_path(task, traffic, robot)
@@ -118,9 +119,18 @@ def plan_all(task, traffic, labels, order, begin, end):
 
 
 @kernel
+def _plan(task, traffic, labels, robot, crossing):
+    """The arrival of a robot's best path; -1 where it has none."""
+    return plan_one(
+        task.first, task.head, task.reverse, traffic, labels, robot,
+        task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
+        traffic.at.shape[1] - 2, crossing, len(labels.vertex),
+    )  # fmt: skip
+
+
+@kernel
 def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
     """Try to bring down the number of pairs in collision, `pairs`; what is left of it."""
-    horizon = traffic.at.shape[1]
     rings = not traffic.rotations and not traffic.following
     for _ in range(iterations):
         if pairs == 0:
@@ -142,11 +152,7 @@ def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
             planned = 0
             while planned < num:
                 robot = hood.robot[planned]
-                end = plan_one(
-                    task.first, task.head, task.reverse, traffic, labels, robot,
-                    task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
-                    horizon - 2, True, len(labels.vertex),
-                )  # fmt: skip
+                end = _plan(task, traffic, labels, robot, True)
                 if end < 0:
                     break
                 add_path(task, traffic, robot)

@@ -20,10 +20,11 @@ from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, 
 IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
+MOVES_A_LANE, VERTICES_A_ROBOT = 2.25, 5  # at most, and at least, where there is room for everybody
 AT_ONCE = 16  # neighbourhoods between looks at the effort
 MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
 ROUND_LABELS = 1 << 14  # of a refiner between two times that threads bring together what they have gained, or more:
-ROUND_LABELS_A_VERTEX = 4  # on large maps every search makes many
+ROUND_LABELS_A_VERTEX = 1  # on large maps every search makes many
 MOST_GAINS = 64  # neighbourhoods of a refiner in a round
 
 Room = tuple[Traffic, Labels, Neighbourhood]
@@ -58,11 +59,27 @@ def room_to_repair(task: Task, horizon: int, size: int, *, following: bool = Fal
     return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
 
 
+def is_roomy(task: Task) -> bool:
+    """Whether most robots have a path that crosses nobody: few moves for each lane, and vertices enough to stand on."""
+    return bool(task.least.sum() < MOVES_A_LANE * len(task.head) and len(task.first) > VERTICES_A_ROBOT * len(task.goal))
+
+
+def first_order(task: Task, rng: np.random.Generator) -> np.ndarray:
+    """[R] robots as they are planned at first: where there is room by the length of their ways, give or take a quarter.
+
+    Those that have arrived stand in the way of others, who have the more ways round them the farther they go.
+    """
+    if not is_roomy(task):
+        return rng.permutation(len(task.goal))
+    return np.argsort(task.least * rng.uniform(0.75, 1.25, len(task.least)), kind="stable")
+
+
 def plan_in_order(task: Task, room: Room, order: np.ndarray, deadline_s: float) -> int:
     """Plan robots one after another, crossing others where it has to be; how many have a path when one has none, or no time is left."""
     traffic, labels, _ = room
+    clear = is_roomy(task)
     for a in range(len(order)):
-        if perf_counter() > deadline_s or not _lns.plan_all(task, traffic, labels, order, a, a + 1):
+        if perf_counter() > deadline_s or not _lns.plan_all(task, traffic, labels, order, a, a + 1, clear):
             return a
     return len(order)
 

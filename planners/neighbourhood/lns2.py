@@ -52,7 +52,7 @@ class Lns2:
         task = task_of(problem, whole_table(problem))
         rng = np.random.default_rng(0)
         traffic, labels, hood = room_to_repair(task, 32, 2)
-        _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2)
+        _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2, True)
         _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 3, rng)
         prepare(self.threads)
 
@@ -70,6 +70,7 @@ class Lns2:
         )
         from planners.neighbourhood._refinement import (
             Refinement,
+            first_order,
             plan_in_order,
             polishing_labels,
             repair,
@@ -104,7 +105,7 @@ class Lns2:
         window = problem.window_steps
         kind = {"following": self.following, "rotations": self.rotations}
         room = room_to_repair(task, horizon, self.neighbourhood, window=window, **kind)
-        order = rng.permutation(problem.num_robots)
+        order = first_order(task, rng)
         planned = plan_in_order(task, room, order, deadline_s)
         if planned < len(order):
             if perf_counter() > deadline_s:

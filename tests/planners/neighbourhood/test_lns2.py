@@ -11,7 +11,7 @@ from planners._world import steps_table, sum_of_costs
 from planners.configuration.lacam import Lacam
 from planners.neighbourhood import _lns, _sipps, _traffic
 from planners.neighbourhood._collisions import find_collisions
-from planners.neighbourhood._refinement import Refinement, room_to_repair, task_of
+from planners.neighbourhood._refinement import Refinement, first_order, room_to_repair, task_of
 from planners.neighbourhood.lns2 import Lns2
 
 
@@ -37,7 +37,7 @@ def traffic_for(problem, num_planned, horizon=64):
     """Traffic of the first robots, planned one after another with collisions allowed."""
     task = task_of(problem, steps_table(problem, np.inf))
     traffic, labels, hood = room_to_repair(task, horizon, 4)
-    assert _lns.plan_all(task, traffic, labels, np.arange(num_planned), 0, num_planned)
+    assert _lns.plan_all(task, traffic, labels, np.arange(num_planned), 0, num_planned, False)
     return task, traffic, labels, hood
 
 
@@ -60,11 +60,25 @@ def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
                 if not swap and not (at[t + 1] == u).any():
                     onward.add(u)
         reached = onward
-    found = _sipps.plan_one(
-        task.first, task.head, task.reverse, traffic, labels, robot,
-        start, goal, task.least[robot], task.steps[robot], task.code[robot], 62, False, 10**6,
+    found, crossing = (
+        _sipps.plan_one(
+            task.first, task.head, task.reverse, traffic, labels, robot,
+            start, goal, task.least[robot], task.steps[robot], task.code[robot], 62, may_cross, 10**6,
+        )
+        for may_cross in (False, True)
     )  # fmt: skip
     assert found == earliest
+    assert earliest < 0 or crossing == earliest
+
+
+def test_robots_with_short_ways_are_planned_first_where_there_is_room():
+    for num_robots, roomy in ((20, True), (70, False)):
+        problem = random_grid(16, num_robots, 0)
+        task = task_of(problem, steps_table(problem, np.inf))
+        order = first_order(task, np.random.default_rng(0))
+        assert sorted(order.tolist()) == list(range(num_robots))
+        farther = task.least[order][:, None] * 0.75 > task.least[order][None, :] * 1.25  # for certain
+        assert (not np.triu(farther).any()) == roomy
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -154,7 +168,7 @@ def test_pairs_in_collision_are_found_where_following_or_rings_count(kind, seed)
     problem = random_grid(8, 24, seed, blocked=0.1)
     task = task_of(problem, steps_table(problem, np.inf))
     traffic, labels, hood = room_to_repair(task, 64, 4, **kind)
-    assert _lns.plan_all(task, traffic, labels, np.arange(24), 0, 24)
+    assert _lns.plan_all(task, traffic, labels, np.arange(24), 0, 24, False)
     pairs = find_collisions(task, traffic, hood)
     left = _lns.repair(task, traffic, labels, hood, 4, pairs, 2000, np.random.default_rng(seed))
     verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
