@@ -14,17 +14,8 @@ from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam
 from planners.configuration._guides import local_guidance
 from planners.configuration._lacam import LacamMemory
-from planners.configuration._search_start import SearchStart, search_start
-from planners.neighbourhood._refinement import (
-    FOREVER,
-    SPARE_STEPS,
-    Refinement,
-    packed_task,
-    polishing_labels,
-    room_bytes,
-    task_of,
-    threads_with_room,
-)
+from planners.configuration._search_start import SearchStart, search_start, task_on
+from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
 from planners.neighbourhood._traffic import Task
 
 CHANCE = 12  # purpose of the stream of chance
@@ -46,12 +37,13 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         See `search_start`.
     """
     start = search_start(
-        problem, time_limit_s, CHANCE, ways=lacam.ways, flow=lacam.flow, following=lacam.following, rotations=lacam.rotations, packed=packed
-    )
+        problem, time_limit_s, CHANCE, ways=lacam.ways, flow=lacam.flow, following=lacam.following, rotations=lacam.rotations,
+        packed=packed, paths_mb=lacam.memory_mb,
+    )  # fmt: skip
     if isinstance(start, PlanResult):
         return start
     begin_s, deadline_s, lower_bound = start.begin_s, start.deadline_s, start.lower_bound
-    search, state = _first(lacam, start)
+    search, state = (LacamSearch(lacam, start, 0), _lacam.REACHED) if start.path is not None else _first(lacam, start)
     if state == _lacam.EXHAUSTED:
         message = "the search has seen every configuration that can be reached"
         return PlanResult(Status.INFEASIBLE, None, None, perf_counter() - begin_s, 0.0, np.inf, search.counters(), message)
@@ -60,7 +52,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     if state != _lacam.REACHED:
         why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{lacam.memory_mb} MB"
         return timed_out(begin_s, lower_bound, f"no solution within {why}", **search.counters())
-    path = search.path()
+    path = search.path() if start.path is None else start.path
     cost = sum_of_costs(path, start.world.goal)
     stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
     tables = _task(start)
@@ -94,7 +86,7 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
         search = LacamSearch(lacam, start, next(windows))
         state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
         done += search.expansions
-        search.labels = LABELS * len(start.steps) * done
+        search.labels = start.labels + LABELS * len(start.steps) * done
         if state != _lacam.RUNNING or perf_counter() >= start.deadline_s:
             return search, state
         if done >= most:
@@ -105,11 +97,12 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
 def _task(start: SearchStart) -> Task:
     """What to refine paths on. Codes may be known about other vertices than the start, where a robot was driven away."""
     problem, world = start.problem, start.world
-    if not world.packed:
-        return task_of(problem, world.table)
-    at, again = np.array(problem.start), np.empty(problem.num_robots, np.int64)
-    extend_all(world.first_packed, world.head_packed, world.goal, at, 0, len(at), world.code, world.queue, world.bound, SLACK_STEPS, again)
-    return packed_task(problem, world.steps, world.code)
+    if world.packed and start.path is None:
+        at, again = np.array(problem.start), np.empty(problem.num_robots, np.int64)
+        extend_all(
+            world.first_packed, world.head_packed, world.goal, at, 0, len(at), world.code, world.queue, world.bound, SLACK_STEPS, again
+        )
+    return task_on(problem, world)
 
 
 def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) -> Refinement:
@@ -166,7 +159,7 @@ class LacamSearch:
         self._to, self._best = np.empty(num_robots, np.int32), np.empty(num_robots, np.int32)
         self._memory = _memory(num_robots, self.scratch.candidate.shape[1], nodes=256)
         self._at_once = 1
-        self.labels = 0  # what has been done to get here
+        self.labels = start.labels  # what has been done to get here
         _lacam.begin(self.world, self._memory, start.problem.start.astype(np.int32), self._base_order, int(start.steps.sum()))
 
     def until(self, deadline_s: float, *, first: bool, expansions: int = FOREVER) -> int:

@@ -1,4 +1,4 @@
-"""How PIBT and LaCAM begin: distances, answers that need no search, and a guide where there is room for one."""
+"""How PIBT and LaCAM begin: distances, answers that need no search, paths without collisions where they are easy to find, else a guide."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -10,8 +10,13 @@ from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import order_clash
 from planners._world import build_world, checked_deadline, is_large, is_vast, solved, sum_of_costs, tiled, timed_out, without_search
-from planners.configuration._guides import guide_of
+from planners.configuration._guides import are_thin, guide_of
 from planners.configuration._pibt_instance import PibtInstance
+from planners.neighbourhood._first_paths import first_paths
+from planners.neighbourhood._refinement import packed_task, task_of
+from planners.neighbourhood._traffic import Task
+
+FEW = 16  # vertices for each robot, from which on there is a way past the others, however long ways are
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,8 @@ class SearchStart:
     original: IntArray | None  # [V] the given number of each vertex, None where they are the same
     world: PibtInstance  # without a guide
     guided: PibtInstance  # with one, or the same
+    path: np.ndarray | None  # [T, R] paths without collisions, where they were looked for and easy to find
+    labels: int  # made to find them
     steps: IntArray  # [R] from start to goal
     rng: np.random.Generator
     begin_s: float
@@ -50,7 +57,16 @@ class SearchStart:
 
 
 def search_start(
-    problem: Problem, time_limit_s: float, chance: int, *, ways: int, flow: int, following: bool, rotations: bool, packed: bool | None
+    problem: Problem,
+    time_limit_s: float,
+    chance: int,
+    *,
+    ways: int,
+    flow: int,
+    following: bool,
+    rotations: bool,
+    packed: bool | None,
+    paths_mb: int = 0,
 ) -> SearchStart | PlanResult:
     """Where the search for a problem begins, or the result where none is needed or the time is up already.
 
@@ -66,6 +82,8 @@ def search_start(
         See `PibtInstance`.
     packed
         Whether to pack distances; None to see for itself.
+    paths_mb
+        Megabytes for finding paths without collisions, see `first_paths`, where robots use lanes little; 0 for no such paths.
     """
     begin_s = perf_counter()
     deadline_s = checked_deadline(time_limit_s)
@@ -81,5 +99,15 @@ def search_start(
     if known:
         return known
     rng = np.random.default_rng([problem.seed, chance])
-    guided = guide_of(problem, world, ways, flow, deadline_s, rng) if problem.num_robots > 1 else world
-    return SearchStart(given, problem, original, world, guided, steps, rng, begin_s, deadline_s)
+    path, labels = None, 0
+    thin = are_thin(problem, steps) or FEW * problem.num_robots <= problem.graph.num_vertices
+    if paths_mb and ways and thin and not problem.window_steps:
+        task, kind = task_on(problem, world), {"following": following, "rotations": rotations}
+        path, labels = first_paths(task, rng, 0.5 * (perf_counter() + deadline_s), **kind, effort=problem.effort, memory_mb=paths_mb)
+    guided = guide_of(problem, world, ways, flow, deadline_s, rng) if path is None and problem.num_robots > 1 else world
+    return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
+
+
+def task_on(problem: Problem, world: PibtInstance) -> Task:
+    """The problem as neighbourhoods need it, with the distances that PIBT has."""
+    return packed_task(problem, world.steps, world.code) if world.packed else task_of(problem, world.table)

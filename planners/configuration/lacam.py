@@ -19,8 +19,9 @@ from mrp_sumo.errors import PlanError
 class Lacam:
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
-    Robots are guided by ways of their own where lanes are little used, see `_ways`, and elsewhere, where tables allow, by the traffic
-    flow at first, see `_flow`; before each step, they are led round each other by local guidance, see `_local_guidance`.
+    Where robots use the map thinly, the first solution is one of prioritised planning, see `_first_paths`. Elsewhere robots are guided by
+    ways of their own where lanes are little used, see `_ways`, and else, where tables allow, by the traffic flow at first, see `_flow`;
+    before each step, they are led round each other by local guidance, see `_local_guidance`.
     Where tables allow, the first solution is polished by
     large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
     the neighbourhoods.

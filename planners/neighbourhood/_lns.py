@@ -129,6 +129,31 @@ def _plan(task, traffic, labels, robot, crossing):
 
 
 @kernel
+def repair_each(task, traffic, labels, hood, pairs, rng):
+    """Plan each robot in collision again, the one in most pairs first, while any of the `pairs` is left.
+
+    So a robot that is at a goal where others have to pass plans after them.
+    """
+    hood.chosen[:] = False
+    while pairs > 0:
+        robot, most = np.int64(-1), np.int64(0)
+        for other in range(len(hood.chosen)):
+            if not hood.chosen[other] and hood.num_hits[other] > most:
+                robot, most = np.int64(other), hood.num_hits[other]
+        if robot < 0:
+            break
+        hood.chosen[robot] = True
+        hood.robot[0] = robot
+        forget(hood, robot)
+        _take_out(task, traffic, hood, 1, rng)
+        if _plan(task, traffic, labels, robot, True) >= 0:
+            add_path(task, traffic, robot)
+        else:
+            _put_back(task, traffic, hood, 1, 0)
+        pairs += collide(task, traffic, hood, robot) - most
+
+
+@kernel
 def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
     """Try to bring down the number of pairs in collision, `pairs`; what is left of it."""
     rings = not traffic.rotations and not traffic.following

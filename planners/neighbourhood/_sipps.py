@@ -16,6 +16,7 @@ from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._traffic import closes_ring, run_end
 
 FAR = 1 << 30
+EASE = 32  # steps of a detour that are as bad as one step done again: what is left weighs 1 + 1 / EASE
 
 
 class Labels(NamedTuple):
@@ -55,14 +56,15 @@ def run_slot(labels, v, high):
     run = np.int64(v) * len(labels.queue) + high
     if len(labels.run) == 0:
         return run
-    return _hashed_run(labels.run, labels.run_stamp, labels.pushed, labels.closed, labels.stamp[0], run, 8 * np.int64(v) + (high & 7))
+    near = 8 * np.int64(v) + (high & 7) + (((high >> 3) * 0x9E3779B1) >> 8)
+    return _hashed_run(labels.run, labels.run_stamp, labels.pushed, labels.closed, labels.stamp[0], run, near)
 
 
 @kernel(allocates=False)
 def _hashed_run(runs, run_stamp, pushed, closed, stamp, run, near):
     """Its slot among hashed ones, looked for from `near` on; those of earlier searches are empty.
 
-    Runs of a vertex, and of those around it, are near each other in memory: searches stay in a few places.
+    Runs of a vertex and of those around it that end at about one time are near each other in memory: searches stay in a few places.
     """
     mask = len(runs) - 1
     k = near & mask
@@ -99,7 +101,7 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, least, s
     robot, start, goal
         Who goes where.
     least, steps, code
-        Steps to the goal: from the start, [V] from everywhere, and [ceil(V / 4)] packed where that is [0], if crossing is forbidden.
+        Steps to the goal: from the start, [V] from everywhere, and [ceil(V / 4)] packed where that is [0].
     limit
         Arrival at the latest, at most T - 1.
     crossing
@@ -113,7 +115,7 @@ def plan_one(first, head, reverse, traffic, labels, robot, start, goal, least, s
         Step of arrival, -1 when there is no path. `labels.stamp[1]` goes up by the number of labels.
     """
     if crossing:
-        end, num_labels = _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most)
+        end, num_labels = _search(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, most)
     else:
         end, num_labels = _search_free(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, most)
     labels.stamp[1] += num_labels
@@ -183,8 +185,12 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, leas
 
 
 @kernel(allocates=False)
-def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, limit, most):
-    """`plan_one` where others may be crossed."""
+def _search(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, most):
+    """`plan_one` where others may be crossed.
+
+    Steps that are left count a little more than steps that are done, so that of all paths that are about as short not every one is tried
+    before the first that is a step longer (weighted A*: Pohl, "Heuristic search viewed as path finding in a graph", AIJ 1970).
+    """
     busy, along, following, barred, near = traffic.busy, traffic.along, traffic.following, traffic.barred, len(traffic.num_near) > 1
     horizon = traffic.at.shape[1]
     rings = not traffic.rotations and not following
@@ -192,15 +198,15 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
     stamp = labels.stamp[0] << 32
     room = min(len(labels.vertex) - 2, most)
     occupied, high = run_end(busy[start], 0)
-    if steps[start] > limit:
+    if least > limit:
         return np.int64(-1), 1
     labels.vertex[0], labels.low[0], labels.high[0], labels.parent[0] = start, 0, high, -1
     labels.cost[0] = 1 if occupied else 0
     num_labels, num_heap = 1, 1
-    labels.heap_key[0] = np.int64(steps[start]) << 20
+    labels.heap_key[0] = _rank(0, 0, least)
     labels.heap_label[0] = 0
     while num_heap > 0:
-        x = labels.heap_label[0]
+        x, left = labels.heap_label[0], labels.heap_key[0] & 0xFFFFF
         num_heap = _pop(labels.heap_key, labels.heap_label, num_heap)
         final = x < 0
         if final:
@@ -223,18 +229,17 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
             if later == cost:  # nobody comes by any more
                 _write(labels, traffic, robot, x)
                 return low, num_labels
-            num_heap = _push(labels.heap_key, labels.heap_label, num_heap, (later << 40) + (low << 20), -1 - x)
+            num_heap = _push(labels.heap_key, labels.heap_label, num_heap, _rank(later, low, 0), -1 - x)
         if num_labels + 8 * (first[v + 1] - first[v] + 1) > room or num_heap + 8 * (first[v + 1] - first[v] + 1) > room:
             return np.int64(-1), num_labels
-        if high + 1 + steps[v] <= limit:
+        if high + 1 + left <= limit:
             occupied, end = run_end(busy[v], high + 1)
-            num_labels, num_heap = _reach(
-                labels, num_labels, num_heap, stamp, x, v, high + 1, end, cost + (1 if occupied else 0), np.int64(steps[v])
-            )
+            price = cost + (1 if occupied else 0)
+            num_labels, num_heap = _reach(labels, num_labels, num_heap, stamp, x, v, high + 1, end, price, left)
         leave = high if following else high + 1
         for lane in range(first[v], first[v + 1]):
             u = head[lane]
-            to_go = np.int64(steps[u])
+            to_go = steps_from(steps, code, v, u, left)
             t = low + 1
             last = min(leave, limit - to_go)
             back = reverse[lane]
@@ -253,6 +258,12 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, steps, li
 
 
 @kernel(inline="always")
+def _rank(cost, low, to_go):
+    """Where a label stands in the queue: by crossings, then by its length, then by what is left, which are the lowest 20 bits."""
+    return (cost << 44) + ((EASE * (low + to_go) + to_go) << 20) + to_go
+
+
+@kernel(inline="always")
 def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_go):
     """Put a label in the queue unless a better one of its run was there before."""
     k = run_slot(labels, v, high)
@@ -268,7 +279,7 @@ def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_g
     labels.high[num_labels] = high
     labels.cost[num_labels] = cost
     labels.parent[num_labels] = parent
-    num_heap = _push(labels.heap_key, labels.heap_label, num_heap, (cost << 40) + ((low + to_go) << 20) + to_go, num_labels)
+    num_heap = _push(labels.heap_key, labels.heap_label, num_heap, _rank(cost, low, to_go), num_labels)
     return num_labels + 1, num_heap
 
 

@@ -1,0 +1,63 @@
+"""First paths: prioritised, the short ones first, and repaired."""
+
+import numpy as np
+import pytest
+from worlds import on_a_circle, problem_on, random_grid
+
+from mrp_sumo.core.plan import paths_of_plan, plan_of_paths
+from mrp_sumo.traffic.referee import judge
+from planners._world import build_world
+from planners.configuration._search_start import search_start, task_on
+from planners.configuration.lacam import Lacam
+from planners.neighbourhood._first_paths import first_paths
+
+pytestmark = pytest.mark.kernel
+
+
+def paths_for(problem, packed=False, effort=0, memory_mb=100):
+    world, _ = build_world(problem, np.inf, packed=packed)
+    kind = {"following": False, "rotations": True}
+    path, labels = first_paths(task_on(problem, world), np.random.default_rng(1), np.inf, **kind, effort=effort, memory_mb=memory_mb)
+    return path, labels, world.steps
+
+
+def is_valid(problem, path):
+    return judge(problem, plan_of_paths(list(path.T), 1.0)).valid
+
+
+def test_paths_past_each_other_are_valid_and_hardly_longer_than_shortest_ones():
+    cost = least = 0
+    for seed in range(5):
+        problem = random_grid(16, 20, seed, 0.1)
+        path, _, steps = paths_for(problem)
+        assert is_valid(problem, path)
+        assert (paths_for(problem, packed=True)[0] == path).all()
+        cost += sum(len(p) - 1 for p in paths_of_plan(plan_of_paths(list(path.T), 1.0), 1.0))
+        least += int(steps.sum())
+    assert cost < 1.03 * least
+
+
+def test_robot_that_stays_in_a_corridor_lets_those_pass_that_have_to():
+    lanes = [(a, b) for i in range(6) for a, b in ((i, i + 1), (i + 1, i))] + [(2, 7), (7, 2)]
+    problem = problem_on(on_a_circle(lanes, 8), [7, 0], [3, 6])  # robot 0 would be at 3 first, for good
+    path, *_ = paths_for(problem)
+    assert is_valid(problem, path)
+    assert path[-1].tolist() == [3, 6] and len(path) - 1 == 6
+
+
+def test_search_that_takes_too_much_work_or_memory_ends_without_paths():
+    problem = random_grid(8, 20, 3)
+    assert paths_for(problem)[0] is not None
+    path, labels, _ = paths_for(problem, effort=5)
+    assert path is None and labels > 5
+    assert paths_for(problem, memory_mb=0)[0] is None
+
+
+def test_lacam_takes_such_paths_for_its_first_solution_where_the_map_is_used_thinly():
+    thin = random_grid(12, 10, 1)
+    start = search_start(thin, np.inf, 0, ways=2, flow=1, following=False, rotations=True, packed=None, paths_mb=100)
+    assert is_valid(thin, start.path)
+    result = Lacam(polish=0).plan(thin, 10.0)
+    assert result.stats["expansions"] == 0 and judge(thin, result.plan).valid
+    ring = on_a_circle([(i, (i + 1) % 4) for i in range(4)], 4)
+    assert Lacam().plan(problem_on(ring, [0, 1, 2, 3], [1, 2, 3, 0]), 10.0).stats["expansions"] > 0  # a crowd
