@@ -77,6 +77,7 @@ class PlannerCalls:
     stepped: int = 0  # of late and failed ones, answered by PIBT instead, since the one before had failed, too
     stopped: int = 0  # of these, not even by PIBT: robots stop at the ends of what they have
     wall_time_s: float = 0.0
+    cpu_time_s: float | None = None  # of all threads, and programs that have ended; None: not known, such as of a planner from outside
 
 
 @dataclass(frozen=True, eq=False)

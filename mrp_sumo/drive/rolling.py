@@ -11,7 +11,8 @@ a window, step by step and however crowded they are; where even that fails they 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from time import perf_counter
+from resource import RUSAGE_CHILDREN, getrusage
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import WorkRequest
 from mrp_sumo.errors import PlanError
+from mrp_sumo.plugins.registry import find
 
 WINDOW_STEPS = 20
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
@@ -44,7 +46,7 @@ class Rolling:
 
     def __init__(self, settings: ExecutionSettings, around: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
         self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
-        self.calls = PlannerCalls()
+        self.calls = PlannerCalls(cpu_time_s=0.0 if find("planners", settings.planner).ours else None)
         self.answer: Answer | None = None  # that has not taken effect yet
         self._window_steps = window_of(settings, around.ledger.problem.step_s)
         self._next_s = 0.0  # no request before
@@ -67,7 +69,7 @@ class Rolling:
         if request is None:
             around.ledger.lift()
             return
-        began = perf_counter()
+        began, cpu_began_s = perf_counter(), _cpu_s()
         try:
             ways = self._dispatcher.answer(request, around)
         except PlanError as error:
@@ -75,6 +77,8 @@ class Rolling:
             report(str(error))
             self._count(late=isinstance(error, LatePlanError), failed=not isinstance(error, LatePlanError))
         self._count(asked=1, wall_time_s=perf_counter() - began)
+        if self.calls.cpu_time_s is not None:
+            self._count(cpu_time_s=_cpu_s() - cpu_began_s)
         self.answer = Answer(request, ways, now_s + planning.budget_s)
         self._next_s = now_s + planning.period_s
 
@@ -126,6 +130,12 @@ class Rolling:
     def _count(self, **counts: float) -> None:
         calls = self.calls
         self.calls = replace(calls, **{name: getattr(calls, name) + count for name, count in counts.items()})
+
+
+def _cpu_s() -> float:
+    """CPU time of all threads of this process, and of programs that it has waited for."""
+    ended = getrusage(RUSAGE_CHILDREN)
+    return process_time() + ended.ru_utime + ended.ru_stime
 
 
 def window_of(settings: ExecutionSettings, step_s: float) -> int:

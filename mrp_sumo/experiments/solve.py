@@ -84,6 +84,11 @@ class Solution:
         return self.result.planning_time_s
 
     @property
+    def planning_cpu_s(self) -> float | None:
+        """CPU time of all threads and programs of the planner; None where it is not known."""
+        return self.result.planning_cpu_s
+
+    @property
     def _bound(self) -> str | None:
         """In the unit of the planner's costs."""
         if self.lower_bound_steps <= 0:
@@ -113,6 +118,7 @@ class Solution:
             ("makespan", seconds(self.makespan_s)),
             ("times", self._doubt),
             ("planning time", seconds(self.planning_time_s)),
+            ("CPU time", seconds(self.planning_cpu_s)),
         ]
         return summary(f"Plan for {count(self.problem.num_robots, 'robot')} on {self.problem.graph.name}", rows)
 

@@ -29,7 +29,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     calls = count(m["planner_calls"], "answer") if m["planner_calls"] is not None else ""
     kinds = ("late", "failed", "stepped", "stopped")
     failed = ", ".join(f"{m[f'planner_calls_{kind}']} {kind}" for kind in kinds if m[f"planner_calls_{kind}"])
-    yield "planning time", seconds(m["planning_time_s"]), _given("assignment", seconds(m["assignment_time_s"])), calls, failed
+    cpu = _then(seconds(m["planning_cpu_s"]), "CPU")
+    yield "planning time", seconds(m["planning_time_s"]), cpu, _given("assignment", seconds(m["assignment_time_s"])), calls, failed
     cells = _count(m["makespan_steps"], "cells (paper's count)")
     yield "makespan", _then(seconds(m["makespan_s"]), "planned"), _then(seconds(m["driven_makespan_s"]), "driven"), cells
     yield "flowtime", _then(seconds(m["flowtime_s"]), "planned"), _then(seconds(m["driven_flowtime_s"]), "driven")

@@ -39,12 +39,13 @@ def planning_time_s(run: Evidence) -> float:
 @metric(
     "s",
     "less",
-    "CPU time of all threads and programs of the solver; null in runs with tasks, and where the solver was killed",
+    "CPU time of all threads and programs of the solver, in runs with tasks for all its answers; null where it was killed, and with "
+    "tasks for a planner from outside",
     of_machine=True,
-    one_goal=True,
 )
 def planning_cpu_s(run: Evidence) -> float | None:
-    return run.result.planning_cpu_s
+    first_s, calls = run.result.planning_cpu_s, run.execution.calls if run.execution else None
+    return first_s if calls is None or calls.cpu_time_s is None else (first_s or 0.0) + calls.cpu_time_s
 
 
 @metric("s", "less", "loading or compiling that code", of_machine=True)

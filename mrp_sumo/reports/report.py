@@ -216,6 +216,7 @@ def _run_tiles(study: Study) -> list[Tile]:
     ]
     for label, column, scale, unit in (
         ("planning time", "planning_time_s", 1e3, "ms"),
+        ("planning time, CPU", "planning_cpu_s", 1e3, "ms"),
         ("planned makespan", "makespan_s", 1, "s"),
         ("execution time", "execution_time_s", 1, "s"),
         ("blocked, all robots", "blocked_s", 1, "s"),

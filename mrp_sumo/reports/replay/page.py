@@ -279,6 +279,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
     bound, in_steps = metrics.get("lower_bound_steps"), metrics.get("soc_steps") is not None  # plans in seconds have no such bound
     numbers = {
         "Planning time": _seconds(metrics.get("planning_time_s")) if is_planned else None,
+        "Planning time, CPU": _seconds(metrics.get("planning_cpu_s")) if is_planned else None,
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
         "Lower bound": f"{bound:.0f} steps" if bound and in_steps else None,
         "Execution, MRP-Bench": _seconds(metrics.get("execution_time_s")),
