@@ -16,8 +16,8 @@ from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._refinement import AT_ONCE, room_bytes, room_to_repair
 from planners.neighbourhood._traffic import Task, path_of
 
-SPARE = 64  # steps beyond the longest shortest way, and
-SPARE_SHARE = 4  # one in so many
+SPARE = 64  # steps beyond the longest shortest way
+MOST_LABELS = 1 << 19  # of a search; so few stay in the processor's cache on any map
 LABELS_A_STEP = 64  # of shortest ways: where paths take more to find, the map is not used thinly
 MOST_DETOUR = 0.1  # of shortest ways: where paths have longer ones, first solutions of LaCAM are as cheap
 REPAIRS = 32  # times AT_ONCE neighbourhoods
@@ -50,13 +50,12 @@ def first_paths(
     memory_mb
         For tables.
     """
-    longest = int(task.least.max())
-    horizon = longest + longest // SPARE_SHARE + SPARE
-    if room_bytes(task, horizon) + len(task.goal) ** 2 > memory_mb * 1_000_000:
+    horizon = int(task.least.max()) + SPARE
+    if room_bytes(task, horizon, MOST_LABELS) + len(task.goal) ** 2 > memory_mb * 1_000_000:
         return None, 0
     most = LABELS_A_STEP * int(task.least.sum() + len(task.goal))
     most = min(most, effort) if effort else most
-    traffic, labels, hood = room = room_to_repair(task, horizon, SIZE, following=following, rotations=rotations)
+    traffic, labels, hood = room = room_to_repair(task, horizon, SIZE, following=following, rotations=rotations, most_labels=MOST_LABELS)
     order = _short_first(task, rng)
     left = MOST_DETOUR * task.least.sum()
     for a, robot in enumerate(order.tolist()):

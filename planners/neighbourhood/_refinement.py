@@ -48,14 +48,16 @@ def _task(problem: Problem, least: np.ndarray, table: np.ndarray, code: np.ndarr
     )
 
 
-def room_to_repair(task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True, window: int = 0) -> Room:
+def room_to_repair(
+    task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True, window: int = 0, most_labels: int = FOREVER
+) -> Room:
     """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time.
 
-    Robots keep clear of each other for `window` steps, 0: always.
+    Robots keep clear of each other for `window` steps, 0: always. A search makes `most_labels`, or fewer on small maps.
     """
     horizon = (horizon + WORD - 1) // WORD * WORD
     traffic = empty_traffic(task, horizon, following=following, rotations=rotations, window=window)
-    labels = room_for_labels(len(task.first) - 1, len(task.head), horizon)
+    labels = room_for_labels(len(task.first) - 1, len(task.head), horizon, most_labels)
     return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
 
 
@@ -99,14 +101,14 @@ def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline
     return first, pairs
 
 
-def room_bytes(task: Task, horizon: int) -> int:
+def room_bytes(task: Task, horizon: int, most_labels: int = FOREVER) -> int:
     """Memory for traffic and searches over so many steps."""
     vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
-    labels = labels_for(vertices, lanes)
+    labels = min(labels_for(vertices, lanes), most_labels)
     clashes = horizon * (2 * vertices + 3 * lanes) if task.clashes.any else 0
     on, along = (3 * slots_for(robots * horizon) if is_sparse(rows, horizon) else rows * horizon for rows in (vertices, lanes))
     runs = 2 * slots_for(labels) if is_sparse(vertices, horizon) else vertices * horizon
-    return horizon * ((vertices + lanes) // 4 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
+    return horizon * ((vertices + lanes) // 8 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
 
 
 def prepare(threads: int) -> None:

@@ -77,10 +77,13 @@ def _hashed_run(runs, run_stamp, pushed, closed, stamp, run, near):
 
 
 @kernel(inline="always")
-def _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until):
-    """The first arrival at u from v, not before `t`, that swaps and clashes with nobody and closes no ring; beyond `until`: none."""
+def _first_crossing(traffic, held, along, barred, near, rings, lane, back, v, u, t, until):
+    """The first arrival at u from v, not before `t`, that swaps and clashes with nobody and closes no ring; beyond `until`: none.
+
+    Whoever swaps is on v at that step, which `held` says, the row of v that is at hand.
+    """
     while t <= until and (
-        (back >= 0 and (along[back, t >> 5] >> (t & 31)) & 1)
+        (back >= 0 and (held[t >> 5] >> (t & 31)) & 1 and (along[back, t >> 5] >> (t & 31)) & 1)
         or (near and (barred[lane, t >> 5] >> (t & 31)) & 1)
         or (rings and closes_ring(traffic, v, u, t))
     ):
@@ -171,7 +174,7 @@ def _search_free(first, head, reverse, traffic, labels, robot, start, goal, leas
                 occupied, end = run_end(busy[u], t)
                 if not occupied:
                     until = min(end, last)
-                    t = _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, t, until)
+                    t = _first_crossing(traffic, busy[v], along, barred, near, rings, lane, back, v, u, t, until)
                     k = run_slot(labels, u, end) if t <= until else np.int64(0)
                     if t <= until and (seen[k] < stamp or seen[k] - stamp > t):
                         if num_labels >= room:
@@ -247,7 +250,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, least, st
                 occupied, end = run_end(busy[u], t)
                 arrive, price = t, cost + (1 if occupied else 0)
                 until = min(end, last)
-                arrive = _first_crossing(traffic, along, barred, near, rings, lane, back, v, u, arrive, until)
+                arrive = _first_crossing(traffic, busy[v], along, barred, near, rings, lane, back, v, u, arrive, until)
                 if arrive > until:
                     arrive, price = t, price + 1
                 if num_labels >= room or num_heap >= room:
@@ -332,9 +335,9 @@ def labels_for(num_vertices: int, num_lanes: int) -> int:
     return 20_000 + 16 * num_vertices + 2 * num_lanes
 
 
-def room_for_labels(num_vertices: int, num_lanes: int, horizon: int) -> Labels:
-    """Room for searches over so many steps."""
-    num_labels = labels_for(num_vertices, num_lanes)
+def room_for_labels(num_vertices: int, num_lanes: int, horizon: int, most: int = 1 << 62) -> Labels:
+    """Room for searches over so many steps, of `most` labels, or of as many as may be needed on the map if those are fewer."""
+    num_labels = min(labels_for(num_vertices, num_lanes), most)
     sparse = is_sparse(num_vertices, horizon)
     num_runs = slots_for(num_labels + 2) if sparse else num_vertices * horizon
     return Labels(

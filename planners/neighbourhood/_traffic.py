@@ -15,7 +15,7 @@ from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._cells import Cells, anyone_in, cells_of, enter, leave, num_in, slot_of
 
-WORD = 32  # steps in a word of a bit set, kept in an int64 so that no arithmetic overflows
+WORD = 32  # steps in a word of a bit set; reckoned with as an int64, so that nothing overflows
 _LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
 for _k in range(32):
     _LOWEST[((0x077CB531 << _k) & 0xFFFFFFFF) >> 27] = _k
@@ -41,12 +41,12 @@ class Traffic(NamedTuple):
     at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
     on: Cells  # robots that hold a vertex
-    busy: np.ndarray  # [V, W] int64 bits: somebody holds or bars it
+    busy: np.ndarray  # [V, W] uint32 bits: somebody holds or bars it
     num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
     arrivals: Cells  # robots that arrive by a lane
-    along: np.ndarray  # [L, W] int64 bits: somebody does
+    along: np.ndarray  # [L, W] uint32 bits: somebody does
     num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
-    barred: np.ndarray  # [L, W] int64 bits: some do; [1, 1] without clashes
+    barred: np.ndarray  # [L, W] uint32 bits: some do; [1, 1] without clashes
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
     window: int  # paths count up to the step before this one only
@@ -57,13 +57,13 @@ def run_end(bits, t):
     """(whether the bit at t is set, the last step of the run of equal bits around t)."""
     word = t >> 5
     shift = t & 31
-    bit = (bits[word] >> shift) & 1
+    bit = (np.int64(bits[word]) >> shift) & 1
     flip = 0xFFFFFFFF if bit else 0
-    rest = (bits[word] ^ flip) >> shift
+    rest = (np.int64(bits[word]) ^ flip) >> shift
     if rest:
         return bit == 1, t + _LOWEST[(((rest & -rest) * 0x077CB531) & 0xFFFFFFFF) >> 27] - 1
     for k in range(word + 1, len(bits)):
-        rest = bits[k] ^ flip
+        rest = np.int64(bits[k]) ^ flip
         if rest:
             return bit == 1, (k << 5) + _LOWEST[(((rest & -rest) * 0x077CB531) & 0xFFFFFFFF) >> 27] - 1
     return bit == 1, (len(bits) << 5) - 1
@@ -216,12 +216,12 @@ def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool,
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
         on=cells_of(num_vertices, horizon, held, with_who=True),
-        busy=np.zeros((num_vertices, horizon // WORD), np.int64),
+        busy=np.zeros((num_vertices, horizon // WORD), np.uint32),
         num_near=np.zeros((near[0], near[2]), np.uint16),
         arrivals=cells_of(num_lanes, horizon, num_robots * horizon, with_who=False),
-        along=np.zeros((num_lanes, horizon // WORD), np.int64),
+        along=np.zeros((num_lanes, horizon // WORD), np.uint32),
         num_barred=np.zeros((near[1], near[2]), np.uint16),
-        barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.int64),
+        barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.uint32),
         following=following,
         rotations=rotations and task.clashes.rotations,
         window=min(window + 1, horizon) if window else horizon,
