@@ -33,7 +33,7 @@ def _short_first(task: Task, rng: np.random.Generator) -> IntArray:
 def first_paths(
     task: Task, rng: np.random.Generator, deadline_s: float, *, following: bool, rotations: bool, effort: int, memory_mb: int
 ) -> tuple[np.ndarray | None, int]:
-    """[T, R] paths without collisions, None where they take too much work to find; and the labels that were made.
+    """[T, R] paths without collisions, None where they take too much work to find or are too long; and the labels that were made.
 
     Parameters
     ----------
@@ -72,4 +72,5 @@ def first_paths(
         if pairs == 0 or pairs > len(order) or labels.stamp[1] > most or perf_counter() > deadline_s:
             break
         pairs = _lns.repair(task, *room, SIZE, pairs, AT_ONCE, rng)
-    return path_of(traffic) if pairs == 0 else None, int(labels.stamp[1])
+    done = pairs == 0 and traffic.end.sum() - task.least.sum() <= MOST_DETOUR * task.least.sum()
+    return path_of(traffic) if done else None, int(labels.stamp[1])

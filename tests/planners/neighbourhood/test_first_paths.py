@@ -38,15 +38,16 @@ def test_paths_past_each_other_are_valid_and_hardly_longer_than_shortest_ones():
 
 
 def test_robot_that_stays_in_a_corridor_lets_those_pass_that_have_to():
-    lanes = [(a, b) for i in range(6) for a, b in ((i, i + 1), (i + 1, i))] + [(2, 7), (7, 2)]
-    problem = problem_on(on_a_circle(lanes, 8), [7, 0], [3, 6])  # robot 0 would be at 3 first, for good
+    lanes = [(a, b) for i in range(40) for a, b in ((i, i + 1), (i + 1, i))] + [(2, 41), (41, 2)]
+    problem = problem_on(on_a_circle(lanes, 42), [41, 0], [3, 40])  # robot 0 would be at 3 first, for good
     path, *_ = paths_for(problem)
     assert is_valid(problem, path)
-    assert path[-1].tolist() == [3, 6] and len(path) - 1 == 6
+    assert path[-1].tolist() == [3, 40] and len(path) - 1 == 40
 
 
-def test_search_that_takes_too_much_work_or_memory_ends_without_paths():
-    problem = random_grid(8, 20, 3)
+def test_search_that_takes_too_much_work_or_memory_or_finds_long_paths_ends_without_paths():
+    assert paths_for(random_grid(8, 20, 3))[0] is None  # a crowd: paths around each other are long
+    problem = random_grid(16, 20, 3, 0.1)
     assert paths_for(problem)[0] is not None
     path, labels, _ = paths_for(problem, effort=5)
     assert path is None and labels > 5
