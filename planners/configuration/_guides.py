@@ -30,6 +30,11 @@ def are_thin(problem: Problem, steps: IntArray) -> bool:
     return bool(2 * problem.num_robots <= graph.num_vertices and steps.sum() < BUSY * graph.num_lanes)
 
 
+def is_room_for_flow(problem: Problem) -> bool:
+    """Whether what is left to each goal from everywhere is found soon enough."""
+    return problem.num_robots * problem.graph.num_vertices <= GUIDE_CELLS
+
+
 def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadline_s: float, rng: np.random.Generator) -> PibtInstance:
     """The instance with ways where robots are thin or there is no room for the flow, else with flow; as it was without room for either.
 
@@ -46,7 +51,7 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
     rng
         Chance.
     """
-    room_for_flow = problem.num_robots * problem.graph.num_vertices <= GUIDE_CELLS
+    room_for_flow = is_room_for_flow(problem)
     few = ways * int(world.steps.sum()) < MOST_MOVES
     if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
         way = own_ways(problem, ways, world, 0.5 * (perf_counter() + deadline_s), rng)
@@ -138,10 +143,30 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
     rng
         Chance: the order of robots.
     """
-    graph, num_robots = problem.graph, problem.num_robots
+    num_robots = problem.num_robots
     start, goal = np.array(problem.start), np.array(problem.target)
+    flow = _flow_of(problem, num_robots)
+    at_once = max(1, 200_000 // problem.graph.num_vertices)
+    for _ in range(rounds):
+        order = rng.permutation(num_robots)
+        for a in range(0, num_robots, at_once):
+            if perf_counter() > deadline_s:
+                return None
+            _flow.give_ways(flow, start, goal, order, a, min(a + at_once, num_robots))
+    guide = _guide_by(flow, goal, deadline_s)
+    return None if guide is None else (guide, flow.cost)
+
+
+def traffic_guide(problem: Problem, toll: IntArray, deadline_s: float) -> np.ndarray | None:
+    """[R, V] int32 what is left to each goal where lanes cost `toll` [L]; None when the deadline passes."""
+    return _guide_by(_flow_of(problem, 0)._replace(cost=toll), np.array(problem.target), deadline_s)
+
+
+def _flow_of(problem: Problem, num_ways: int) -> Flow:
+    """No flow yet, with room for so many ways."""
+    graph = problem.graph
     num_lanes, num_vertices = graph.num_lanes, graph.num_vertices
-    flow = Flow(
+    return Flow(
         first=graph.first,
         head=graph.head,
         reverse=graph.reverse,
@@ -150,23 +175,21 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
         tail=graph.tail,
         cost=np.full(num_lanes, _flow.STEP, np.int64),
         num=np.zeros(num_lanes, np.int64),
-        way=np.empty((num_robots, min(num_vertices, LONGEST_WAY)), np.int32),
-        length=np.zeros(num_robots, np.int64),
+        way=np.empty((num_ways, min(num_vertices, LONGEST_WAY)), np.int32),
+        length=np.zeros(num_ways, np.int64),
         bucket=np.empty(_flow.MOST + 1, np.int64),
         entry_vertex=np.empty(num_lanes + 1, np.int64),
         entry_next=np.empty(num_lanes + 1, np.int64),
         left=np.empty(num_vertices, np.int32),
     )
-    at_once = max(1, 200_000 // num_vertices)
-    for _ in range(rounds):
-        order = rng.permutation(num_robots)
-        for a in range(0, num_robots, at_once):
-            if perf_counter() > deadline_s:
-                return None
-            _flow.give_ways(flow, start, goal, order, a, min(a + at_once, num_robots))
+
+
+def _guide_by(flow: Flow, goal: IntArray, deadline_s: float) -> np.ndarray | None:
+    num_robots, num_vertices = len(goal), len(flow.left)
     guide = np.empty((num_robots, num_vertices), np.int32)
+    at_once = max(1, 200_000 // num_vertices)
     for a in range(0, num_robots, at_once):
         if perf_counter() > deadline_s:
             return None
         _flow.write_guide(flow, goal, guide, a, min(a + at_once, num_robots))
-    return guide, flow.cost
+    return guide

@@ -1,5 +1,6 @@
 """The search of LaCAM: its memory, driven by the clock, and what improves its solutions."""
 
+from dataclasses import replace
 from itertools import cycle
 from time import perf_counter
 from typing import Any
@@ -11,10 +12,11 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import without_effort
 from planners._compass import SLACK_STEPS, extend_all
 from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
-from planners.configuration import _lacam
-from planners.configuration._guides import local_guidance
+from planners.configuration import _lacam, _traffic_map
+from planners.configuration._guides import is_room_for_flow, local_guidance, traffic_guide
 from planners.configuration._lacam import LacamMemory
 from planners.configuration._search_start import SearchStart, search_start, task_on
+from planners.configuration._traffic_map import TrafficMap
 from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
 from planners.neighbourhood._traffic import Task
 
@@ -55,6 +57,8 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     path = search.path() if start.path is None else start.path
     cost = sum_of_costs(path, start.world.goal)
     stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
+    if lacam.traffic and cost > lower_bound and is_room_for_flow(problem) and not (problem.effort or problem.window_steps):
+        path, cost = _searched_again(lacam, start, path, cost)
     tables = _task(start)
     task = tables if room_bytes(tables, len(path) + SPARE_STEPS) <= lacam.memory_mb * 1_000_000 else None
     if task and lacam.polish and cost > lower_bound and (problem.num_robots <= MOST_POLISHED or lacam.anytime):
@@ -92,6 +96,28 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
         if done >= most:
             return search, USED_UP
         expansions *= 2
+
+
+def _searched_again(lacam: Any, start: SearchStart, path: np.ndarray, cost: int) -> tuple[np.ndarray, int]:
+    """The cheapest of the solution and of further ones, each guided by the traffic in all before."""
+    num_lanes = start.problem.graph.num_lanes
+    traffic = TrafficMap(np.zeros(num_lanes, np.int64), np.zeros(num_lanes, np.int64))
+    found = path
+    for _ in range(lacam.traffic):
+        _traffic_map.observe(start.world, traffic, found)
+        toll = np.empty(num_lanes, np.int64)
+        _traffic_map.write_tolls(traffic, toll)
+        guide = traffic_guide(start.problem, toll, start.deadline_s)
+        if guide is None:
+            break
+        guided = start.guided._replace(guided=True, guide=guide, toll=toll)
+        search = LacamSearch(lacam, replace(start, guided=guided), lacam.local)
+        if search.until(start.deadline_s, first=True, expansions=2 * len(path)) != _lacam.REACHED:
+            break
+        found = search.path()
+        if (found_cost := sum_of_costs(found, start.world.goal)) < cost:
+            path, cost = found, found_cost
+    return path, cost
 
 
 def _task(start: SearchStart) -> Task:

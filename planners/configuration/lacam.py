@@ -39,6 +39,7 @@ class Lacam:
     ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
     flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
     local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
+    traffic: int = 0  # further solutions, guided by the traffic in those before, see `_traffic_map`; 0 for none
     polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
@@ -49,7 +50,7 @@ class Lacam:
         for key in ("num_tries", "neighbourhood", "memory_mb", "threads"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
-        for key in ("ways", "flow", "local", "polish"):
+        for key in ("ways", "flow", "local", "traffic", "polish"):
             if getattr(self, key) < 0:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
 
@@ -60,6 +61,7 @@ class Lacam:
 
         replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
         replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
+        replace(self, ways=0, flow=0, traffic=1, polish=0)._plan(small_problem(), math.inf, False)
         self._plan(small_problem(), math.inf, True)
         prepare(self.threads)
 
