@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from numba.core.dispatcher import Dispatcher
+from mrp_sumo.search._kernel import Kernel
 
 
 def entry_for(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -12,7 +12,4 @@ def entry_for(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]
     For a caller that hands over the same arrays again and again: to find the types of eighty arrays takes as long as the
     controller's work for a hundred robots. Arguments of other types are undefined behaviour.
     """
-    if not isinstance(kernel, Dispatcher):  # NUMBA_DISABLE_JIT
-        return kernel
-    entry: Callable[..., Any] = kernel.compile(tuple(kernel.typeof_pyval(argument) for argument in arguments))
-    return entry
+    return kernel.entry(*arguments) if isinstance(kernel, Kernel) else kernel  # which is Python's with NUMBA_DISABLE_JIT

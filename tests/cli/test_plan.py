@@ -1,6 +1,9 @@
 """`mrp-sumo plan`, `validate`, and `convert` for plans."""
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -148,3 +151,20 @@ def test_a_line_that_cannot_be_planned_is_refused_before_anything_is(line, says,
     assert main(["plan", "--many", str(tmp_path / "list.txt")]) == 2
     said = capsys.readouterr()
     assert said.out == "" and "list.txt:2: " in said.err and says in said.err and said.err.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "unneeded"),
+    [
+        (["office_5", "--planner", "eecbs"], "numba pandas scipy libsumo mrp_sumo.metrics mrp_sumo.drive.dispatcher"),
+        (["files"], "numba pandas scipy libsumo mrp_sumo.metrics mrp_sumo.drive pydantic ortools"),
+    ],
+)
+def test_plan_loads_only_what_it_needs_once_kernels_are_stored(files, arguments, unneeded):
+    given = files if arguments == ["files"] else arguments
+    code = f"from mrp_sumo.cli.main import main; main(['plan', *{given!r}]); import sys; print(*sys.modules)"
+    for _ in range(2):  # the first may have to compile
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
+    loaded = done.stdout.splitlines()[-1].split()
+    assert "mrp_sumo.cli.plan" in loaded and not set(unneeded.split()) & set(loaded)

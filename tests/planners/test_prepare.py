@@ -5,25 +5,24 @@ import sys
 import numpy as np
 import pytest
 
-numba = pytest.importorskip("numba")
-from numba.core.dispatcher import Dispatcher  # noqa: E402
+from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.planning.registry import planner, planner_names
+from mrp_sumo.search import distance
+from mrp_sumo.search._kernel import Kernel, is_compiled
+from mrp_sumo.traffic.draw import uniform_draw
 
-from mrp_sumo.core.fleet import RobotType, fleet_of  # noqa: E402
-from mrp_sumo.core.problem import Problem  # noqa: E402
-from mrp_sumo.maps.grid import grid_graph  # noqa: E402
-from mrp_sumo.planning.registry import planner, planner_names  # noqa: E402
-from mrp_sumo.search import distance  # noqa: E402
-from mrp_sumo.traffic.draw import uniform_draw  # noqa: E402
-
-pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+pytestmark = pytest.mark.skipif(not is_compiled(), reason="nothing is compiled")
 
 
 def compiled():
-    """How many signatures of each kernel are ready in this process."""
+    """How much machine code of each kernel is ready in this process."""
     found = {}
     for name, module in list(sys.modules.items()):
         if module is not None and name.split(".")[0] in ("planners", "mrp_sumo"):
-            found |= {f"{k.__module__}.{k.__name__}": len(k.overloads) for k in vars(module).values() if isinstance(k, Dispatcher)}
+            kernels = [k for k in vars(module).values() if isinstance(k, Kernel)]
+            found |= {f"{k.__module__}.{k.__name__}": len({id(entry) for entry in k.entries.values()}) for k in kernels}
     return found
 
 
