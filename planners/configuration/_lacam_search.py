@@ -23,6 +23,7 @@ from planners.neighbourhood._traffic import Task
 CHANCE = 12  # purpose of the stream of chance
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
 MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
+SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
 
 
@@ -61,6 +62,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         path, cost = _searched_again(lacam, start, path, cost)
     tables = _task(start)
     task = tables if room_bytes(tables, len(path) + SPARE_STEPS) <= lacam.memory_mb * 1_000_000 else None
+    polished = None
     if task and lacam.polish and cost > lower_bound and (problem.num_robots <= MOST_POLISHED or lacam.anytime):
         polished = _refinement(lacam, task, path, start)
         labels = polishing_labels(lacam.polish, problem.num_robots, problem.window_steps)
@@ -71,7 +73,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         path, cost = polished.path(), polished.cost
         stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": float(cost)}
     if lacam.anytime and cost > lower_bound and not problem.effort:
-        path = _improved(lacam, search, task, path, start)
+        path = _improved(lacam, search, polished, task, path, start)
     stats |= search.counters()
     del search  # the plan may take as much memory
     return start.solved(path, **stats)
@@ -137,35 +139,45 @@ def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) ->
     return Refinement(task, path, lacam.neighbourhood, start.rng, threads=threads, **kind)
 
 
-def _improved(lacam: Any, search: "LacamSearch", task: Task | None, path: np.ndarray, start: SearchStart) -> np.ndarray:
-    """The best path at the deadline, or when none can be better."""
-    lower_bound, deadline_s = start.lower_bound, start.deadline_s
-    refinement = _refinement(lacam, task, path, start) if task else None
-    best = sum_of_costs(path, search.world.goal)
-    told = 0
-    searching = True
-    deadline_s -= _to_write(path)
-    while perf_counter() < deadline_s and best > lower_bound and (searching or refinement):
-        now_s = perf_counter()
-        if searching and refinement and told != best and len(path) < 4000:
-            search.learn(refinement.path())
-            told = best
+def _improved(
+    lacam: Any, search: "LacamSearch", refinement: Refinement | None, task: Task | None, path: np.ndarray, start: SearchStart
+) -> np.ndarray:
+    """The best path at the deadline, or when none can be better.
+
+    Search and refinement take turns. A turn with a gain is followed by one twice as long, one without by one half as long: on large
+    instances the search rarely gains, and on small ones there comes a time when only the search does.
+    """
+    lower_bound, goal = start.lower_bound, search.world.goal
+    if refinement is None and task:
+        refinement = _refinement(lacam, task, path, start)
+    best, learned, searching = sum_of_costs(path, goal), 0, True
+    search_s, refine_s = SEARCH_TURN_S if refinement else LONGEST_TURN_S, REFINEMENT_TURN_S
+    deadline_s = start.deadline_s - _to_write(path)
+    while (now_s := perf_counter()) < deadline_s and best > lower_bound and (searching or refinement):
         if searching:
-            state = search.until(min(deadline_s, now_s + (0.25 if refinement else 10.0) * 0.2), first=False)
-            if state == _lacam.REACHED:
-                found = search.path()
-                cost = sum_of_costs(found, search.world.goal)
-                if cost < best:
-                    path, best = found, cost
-                    refinement = _refinement(lacam, task, path, start) if task else None
-            elif state == _lacam.EXHAUSTED:
+            if refinement and learned != best and len(path) < 4000:
+                search.learn(refinement.path())
+                learned = best
+            state = search.until(min(deadline_s, now_s + search_s), first=False)
+            if state == _lacam.EXHAUSTED:
                 break
+            cost = sum_of_costs(search.path(), goal) if state == _lacam.REACHED else best
+            if refinement:
+                search_s = _turn_after(search_s, SEARCH_TURN_S, gained=cost < best)
+            if cost < best:
+                path, best = search.path(), cost
+                refinement = _refinement(lacam, task, path, start) if task else None
             searching = state != _lacam.FULL
         if refinement:
-            refinement.until(min(deadline_s, perf_counter() + 0.5))
+            refinement.until(min(deadline_s, perf_counter() + refine_s))
+            refine_s = _turn_after(refine_s, REFINEMENT_TURN_S, gained=refinement.cost < best)
             if refinement.cost < best:
                 path, best = refinement.path(), refinement.cost
     return path
+
+
+def _turn_after(turn_s: float, least_s: float, *, gained: bool) -> float:
+    return min(2 * turn_s, LONGEST_TURN_S) if gained else max(turn_s / 2, least_s)
 
 
 def _to_write(path: np.ndarray) -> float:
