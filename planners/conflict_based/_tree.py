@@ -283,8 +283,8 @@ class Tree:
         """
         if not len(node.conflicts):
             return self._split_ring(node, w)
-        self._num_split += 1
-        if self._num_split == SPLITS_BEFORE_DOUBT and not self._window:
+        self._num_split += within is None  # those of clusters are no sign of how hard the problem is
+        if within is None and self._num_split == SPLITS_BEFORE_DOUBT and not self._window:
             self._unsolvable = unsolvable(self.problem, self.instance.clashes, bool(self.instance.following))
         if self._unsolvable:
             return []
