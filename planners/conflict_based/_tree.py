@@ -212,19 +212,20 @@ class Tree:
         """The conflict whose splits promise to raise f most, by what those on its robots raised it so far; `chosen` where none is known."""
         if not self._gain:
             return chosen
-        best, promise = chosen, self._promise(conflicts[chosen])
-        for k in range(len(conflicts)):
-            if (other := self._promise(conflicts[k])) > promise + 1e-9:
-                best, promise = k, other
-        return best
+        one, other, rank = conflicts[:, ONE].tolist(), conflicts[:, OTHER].tolist(), (conflicts[:, PRIORITY] >> 2).tolist()
+        best = self._promise(one[chosen], other[chosen], rank[chosen]) + 1e-9
+        for k in range(len(one)):
+            promise = self._promise(one[k], other[k], rank[k])
+            if promise > best:
+                best, chosen = promise + 1e-9, k
+        return chosen
 
-    def _promise(self, row: NDArray[np.int32]) -> float:
+    def _promise(self, one: int, other: int, rank: int) -> float:
         """The product of what the two children raised f by, as in branching by pseudo-costs (Achterberg, Koch, Martin, ORL 2005).
 
         A split one of whose children is never the best adds no node to the tree, so that it comes before those that double it.
         """
-        rank = int(row[PRIORITY]) >> 2
-        less, more = self._gain.get(_pair(row), UNKNOWN_GAIN[rank])
+        less, more = self._gain.get((one, other) if one < other else (other, one), UNKNOWN_GAIN[rank])
         return (less + LEAST_GAIN) * (min(more, MOST_GAIN) + LEAST_GAIN) + 0.001 * rank
 
     def learn(self, node: Node, children: list[Node]) -> None:
