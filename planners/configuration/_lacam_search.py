@@ -275,6 +275,11 @@ def _memory(num_robots: int, width: int, nodes: int) -> LacamMemory:
     )
 
 
+def prepare_to_grow() -> None:
+    """Compile or load what is needed when memory is short."""
+    _lacam.fill_slots(_memory(1, 1, nodes=1))
+
+
 def _larger(search: LacamMemory, memory_mb: int) -> LacamMemory | None:
     """The same search with twice the room where room is short; None when that is more memory than allowed."""
     n = search.count

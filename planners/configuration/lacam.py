@@ -57,6 +57,7 @@ class Lacam:
     def prepare(self) -> None:
         """Compile or load the kernels."""
         from planners._world import small_problem
+        from planners.configuration._lacam_search import prepare_to_grow
         from planners.neighbourhood._refinement import prepare
 
         replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
@@ -64,6 +65,7 @@ class Lacam:
         replace(self, ways=0, flow=0, traffic=1, polish=0)._plan(small_problem(), math.inf, False)
         self._plan(small_problem(), math.inf, True)
         prepare(self.threads)
+        prepare_to_grow()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, with the best plan found if anytime; INFEASIBLE with proof; TIMED_OUT."""

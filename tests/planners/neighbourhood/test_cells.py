@@ -40,6 +40,7 @@ def test_hashed_cells_count_as_a_dictionary_does(sparse):
 def test_plans_are_the_same_with_hashed_tables(following, request):
     problem = random_grid(12, 40, 3, blocked=0.1)
     lns2 = Lns2(following=following, rotations=False)
+    lns2.prepare()
     whole = lns2.plan(problem, 60.0)
     request.getfixturevalue("sparse")
     hashed = lns2.plan(problem, 60.0)
