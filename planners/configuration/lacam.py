@@ -13,6 +13,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from planners.configuration._parameters import check_local
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,10 @@ class Lacam:
         for key in ("num_tries", "neighbourhood", "memory_mb", "threads"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
-        for key in ("ways", "flow", "local", "traffic", "polish"):
+        for key in ("ways", "flow", "traffic", "polish"):
             if getattr(self, key) < 0:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
+        check_local("lacam", self.local)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""

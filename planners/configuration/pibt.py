@@ -19,6 +19,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from planners.configuration._parameters import check_local
 
 
 @dataclass
@@ -123,8 +124,9 @@ class Pibt:
     local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
 
     def __post_init__(self) -> None:
-        if min(self.max_steps, self.ways, self.flow, self.local) < 0 or self.num_attempts < 1:
-            raise PlanError("pibt: expected max_steps, ways, flow and local of 0 or more and num_attempts of 1 or more")
+        if min(self.max_steps, self.ways, self.flow) < 0 or self.num_attempts < 1:
+            raise PlanError("pibt: expected max_steps, ways and flow of 0 or more and num_attempts of 1 or more")
+        check_local("pibt", self.local)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""

@@ -7,6 +7,7 @@ import pytest
 from worlds import graph_of, problem_on, random_grid
 
 from mrp_sumo.core.plan import Status
+from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
 from planners._world import build_scratch, build_world
 from planners.configuration._flow import STEP
@@ -106,3 +107,9 @@ def test_local_guidance_lowers_the_cost_of_crowds(planner):
             assert judge(problem, result.plan).valid
             cost[local] += result.stats["cost"]
     assert cost[14] < 0.95 * cost[0]
+
+
+@pytest.mark.parametrize("planner", [Lacam, Pibt])
+def test_longer_windows_than_tables_have_room_for_are_refused(planner):
+    with pytest.raises(PlanError, match=r"local is 127, expected 0 to 126"):
+        planner(local=127)
