@@ -266,6 +266,24 @@ def around_failure(task, traffic, hood, size, rng):
     size = min(size, num_robots)
     num = fill_by_hits(hood, 0, 1, rng)
     robot = hood.robot[0]
+    if task.steps.shape[1] > 0:
+        num = _fill_by_goals_on_the_way(task, traffic, hood, num, size, robot, rng)
+    else:  # steps between other places are not known: those that it meets
+        for t in range(traffic.end[robot]):
+            if num < size and num_in(traffic.on, np.int64(traffic.at[robot, t]), t) > 1:
+                num = _choose_on(traffic, hood, num, size, np.int64(traffic.at[robot, t]), t)
+    for t in range(traffic.end[robot], traffic.at.shape[1]):
+        if num >= size:
+            break
+        if num_in(traffic.on, task.goal[robot], t) > 1:
+            num = _choose_on(traffic, hood, num, size, task.goal[robot], t)
+    return fill_any(hood, num, size, rng)
+
+
+@kernel(allocates=False)
+def _fill_by_goals_on_the_way(task, traffic, hood, num, size, robot, rng):
+    """Those that are at their goals before the robot is at its own, if their goals are on a shortest way of the robot."""
+    num_robots = len(task.goal)
     shift = np.int64(rng.random() * num_robots)
     for j in range(num_robots):
         other = (j + shift) % num_robots
@@ -277,12 +295,7 @@ def around_failure(task, traffic, hood, size, rng):
         )
         if other != robot and blocks:
             num = _choose(hood, num, other)
-    for t in range(traffic.end[robot], traffic.at.shape[1]):
-        if num >= size:
-            break
-        if num_in(traffic.on, task.goal[robot], t) > 1:
-            num = _choose_on(traffic, hood, num, size, task.goal[robot], t)
-    return fill_any(hood, num, size, rng)
+    return num
 
 
 def room_for_hood(task: Task, horizon: int, size: int, *, with_hits: bool, bandit: bool = False) -> Neighbourhood:
