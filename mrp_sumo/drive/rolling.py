@@ -25,7 +25,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import WorkRequest
-from mrp_sumo.errors import PlanError
+from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.plugins.registry import find
 
 WINDOW_STEPS = 20
@@ -46,7 +46,7 @@ class Rolling:
 
     def __init__(self, settings: ExecutionSettings, around: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
         self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
-        self.calls = PlannerCalls(cpu_time_s=0.0 if find("planners", settings.planner).ours else None)
+        self.calls = PlannerCalls(cpu_time_s=0.0 if _is_in_this_process(settings.planner) else None)
         self.answer: Answer | None = None  # that has not taken effect yet
         self._window_steps = window_of(settings, around.ledger.problem.step_s)
         self._next_s = 0.0  # no request before
@@ -130,6 +130,14 @@ class Rolling:
     def _count(self, **counts: float) -> None:
         calls = self.calls
         self.calls = replace(calls, **{name: getattr(calls, name) + count for name, count in counts.items()})
+
+
+def _is_in_this_process(planner: str) -> bool:
+    """Whether a planner answers here: one of ours, or an object that was handed over from Python, which has no registered name."""
+    try:
+        return find("planners", planner).ours
+    except ScenarioError:
+        return True
 
 
 def _cpu_s() -> float:

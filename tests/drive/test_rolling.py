@@ -82,9 +82,9 @@ class Fails:
 
 def test_where_the_planner_fails_twice_running_robots_are_moved_step_by_step(tmp_path, monkeypatch):
     make = registry.planner
-    monkeypatch.setattr(registry, "planner", lambda name, parameters: Fails(**parameters) if name == "astar" else make(name, parameters))
+    monkeypatch.setattr(registry, "planner", lambda name, parameters: Fails(**parameters) if name == "fails" else make(name, parameters))
     for status, counted in (("gave_up", "failed"), ("timed_out", "late")):
-        run = carry(tmp_path, planner="astar", planner_parameters={"status": status}, time_limit_s=80.0)
+        run = carry(tmp_path, planner="fails", planner_parameters={"status": status}, time_limit_s=80.0)
         calls = run.calls
         assert getattr(calls, counted) > calls.stepped > 0 and calls.stopped == 0 and run.tasks.state.count("done") > 0
 
