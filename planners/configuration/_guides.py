@@ -12,8 +12,8 @@ from planners.configuration._flow import Flow
 from planners.configuration._local_guidance import DEAREST, LocalGuidance
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration._ways import Ways
+from planners.neighbourhood._refinement import MOVES_A_LANE
 
-BUSY = 2.25  # moves along shortest ways for each lane, from which on there is no way past the others, and flow guides better than ways
 MOST_MOVES = 10_000_000  # of all ways in all rounds; more take too much memory
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow
@@ -27,7 +27,7 @@ def are_thin(problem: Problem, steps: IntArray) -> bool:
     Not where they take more than every second vertex.
     """
     graph = problem.graph
-    return bool(2 * problem.num_robots <= graph.num_vertices and steps.sum() < BUSY * graph.num_lanes)
+    return bool(2 * problem.num_robots <= graph.num_vertices and steps.sum() < MOVES_A_LANE * graph.num_lanes)
 
 
 def is_room_for_flow(problem: Problem) -> bool:

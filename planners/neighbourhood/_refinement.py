@@ -20,7 +20,8 @@ from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, 
 IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
-MOVES_A_LANE, VERTICES_A_ROBOT = 2.25, 5  # at most, and at least, where there is room for everybody
+MOVES_A_LANE = 2.25  # along shortest ways, from which on there is no way past the others
+VERTICES_A_ROBOT = 5  # at least, where there is room for everybody
 AT_ONCE = 16  # neighbourhoods between looks at the effort
 MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
 ROUND_LABELS = 1 << 14  # of a refiner between two times that threads bring together what they have gained, or more:
