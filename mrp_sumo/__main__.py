@@ -1,4 +1,4 @@
-"""`python -m mrp_sumo` is the command `mrp-sumo`."""
+"""`python -P -m mrp_sumo` is the command `mrp-sumo`. Without `-P`, Python itself imports from the current folder before we are asked."""
 
 import sys
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from mrp_sumo import __version__
+from mrp_sumo.core.children import leave_current_folder
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
@@ -96,6 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _of_the_process() -> list[str]:
     """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
+    leave_current_folder()
     atexit.register(gc.freeze)
     return sys.argv[1:]
 

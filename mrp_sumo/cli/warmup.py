@@ -5,10 +5,16 @@ Takes a minute or two on a machine that has never done it, seconds afterwards. N
 
 import argparse
 import json
-import multiprocessing
+import math
 import os
 import sys
-from time import perf_counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.map_cache import MapCache
+    from mrp_sumo.experiments.worker import Answer, Job
 
 EXECUTION = "execution"  # the kernels of the controller, the audit and the referee, beside the planners'
 ROOMS = ("mrp_sumo/drive", "mrp_sumo/metrics", "mrp_sumo/search", "planners")
@@ -31,21 +37,40 @@ def run(options: argparse.Namespace) -> int:
         if name != EXECUTION:
             find("planners", name)  # an unknown name is refused before anything is compiled
     names = options.planner or [EXECUTION, *planner_names()]
-    with multiprocessing.get_context("spawn").Pool(min(len(names), os.cpu_count() or 1)) as pool:
-        preparing = pool.map_async(_warm, names, chunksize=1)
-        if sys.stderr.isatty() and not options.quiet:
-            _show_until(preparing)
-        spent = preparing.get()
+    answers = _prepared(names, sys.stderr.isatty() and not options.quiet)
+    for name in names:
+        if reason := answers[name]["reason"]:  # one plug-in that fails must not keep the others cold
+            print(f"mrp-sumo: planner '{name}': {reason}", file=sys.stderr)
+    spent = {name: answers[name]["run_wall_s"] for name in names}
     if options.json:
-        print(json.dumps({name: round(time_s, 3) for name, time_s in zip(names, spent)}, indent=2))
+        print(json.dumps({name: round(time_s, 3) for name, time_s in spent.items()}, indent=2))
     elif not options.quiet:
-        for name, time_s in zip(names, spent):
+        for name, time_s in spent.items():
             print(f"{name:<12} {time_s:6.1f} s")
     return 0
 
 
-def _show_until(preparing: "multiprocessing.pool.MapResult[float]") -> None:
-    """A bar that counts stored kernels until all are ready."""
+def _prepared(names: list[str], is_shown: bool) -> dict[str, "Answer"]:
+    """Prepare each in a worker process; what came of it, by name."""
+    from mrp_sumo.experiments.processes import Processes
+
+    processes = Processes(min(len(names), os.cpu_count() or 1), "mrp_sumo.cli.warmup:warm")
+    answers: dict[str, Answer] = {}
+    try:
+        for name in names:
+            processes.submit({"name": name, "wall_s": math.inf, "memory_mb": None})
+        with _bar() if is_shown else nullcontext(lambda: None) as show:
+            while processes.running:
+                answers.update((job["name"], answer) for job, answer in processes.wait(LOOK_S))
+                show()
+    finally:
+        processes.close()
+    return answers
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[], None]]:
+    """A bar that counts stored kernels whenever it is asked to."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -54,21 +79,23 @@ def _show_until(preparing: "multiprocessing.pool.MapResult[float]") -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=sum(_kernel.num_defined(room) for room in ROOMS))
-        while not preparing.ready():
+
+        def show() -> None:
             done = sum(_kernel.num_stored(room) for room in ROOMS)
             bar.update(task, completed=done, description=f"compiling kernels, once: {done} of {bar.tasks[0].total:.0f}")
-            preparing.wait(LOOK_S)
+
+        yield show
 
 
-def _warm(name: str) -> float:
-    """Prepare a planner, or the execution; the time it took in s."""
+def warm(job: "Job", _: "MapCache") -> "Answer":
+    """Prepare a planner, or the execution, in a worker process."""
     from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError, PlugInError
     from mrp_sumo.metrics import audit, referee_in_seconds
     from mrp_sumo.planning.registry import planner
     from mrp_sumo.search import distance
 
-    began = perf_counter()
+    name, reason = job["name"], ""
     distance.prepare()
     if name == EXECUTION:
         warm.prepare("kinematic")
@@ -76,11 +103,9 @@ def _warm(name: str) -> float:
         referee_in_seconds.prepare()
     else:
         try:
-            chosen = planner(name, {})
+            planner(name, {}).prepare()
+        except PlugInError as error:
+            reason = str(error)
         except MrpSumoError:  # an external program: it needs parameters, and has nothing to compile
-            return 0.0
-        try:
-            chosen.prepare()
-        except PlugInError as error:  # one plug-in that fails must not keep the others cold
-            print(f"mrp-sumo: planner '{name}': {error}", file=sys.stderr)
-    return perf_counter() - began
+            pass
+    return {"status": "prepared", "success": not reason, "reason": reason, "metrics": {}}

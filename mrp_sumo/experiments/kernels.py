@@ -1,13 +1,12 @@
 """Compiling the kernels of a run, on a machine that has never done it: two processes, and a count for people to see."""
 
-import os
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from mrp_sumo.core import children
+
 DRIVING = ("mrp_sumo/drive", "mrp_sumo/metrics")  # rooms whose kernels a process of its own compiles while this one has the planner's
-DRIVING_ONLY = "from mrp_sumo.drive import warm; from mrp_sumo.metrics import audit; warm.prepare(); audit.prepare()"
 LOOK_S = 0.2
 
 
@@ -53,11 +52,18 @@ def compiling(report: Callable[[str, float, float], None], *, execute: bool) -> 
             helper.wait()
 
 
+def prepare_driving() -> None:
+    """Compile or load the kernels that driving a plan takes."""
+    from mrp_sumo.drive import warm
+    from mrp_sumo.metrics import audit
+
+    warm.prepare()
+    audit.prepare()
+
+
 def _compile_apart() -> "subprocess.Popen[bytes]":
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     return subprocess.Popen(
-        [sys.executable, "-c", DRIVING_ONLY],
-        env=environment,
+        children.command("mrp_sumo.experiments.kernels:prepare_driving"),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

@@ -9,7 +9,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections import deque
 from contextlib import suppress
@@ -18,6 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO, Protocol
 
+from mrp_sumo.core import children
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.worker import CRASHED, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job, failure, machine
 
@@ -106,7 +106,7 @@ class _Worker:
         self._scratch = TemporaryDirectory(prefix="mrp_sumo_worker_")  # its temporary files go with it, however it ends
         self._log: IO[bytes] = TemporaryFile()  # noqa: SIM115  closed with the worker
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "mrp_sumo.experiments.worker", str(theirs.fileno()), function, str(os.getpid())],
+            children.command("mrp_sumo.experiments.worker:main", str(theirs.fileno()), function, str(os.getpid())),
             pass_fds=(theirs.fileno(),),
             stdin=subprocess.DEVNULL,
             stdout=self._log,

@@ -1,10 +1,8 @@
 """The process that makes the runs of a batch, one after the other.
 
-    python -m mrp_sumo.experiments.worker SOCKET FUNCTION PARENT
-
-It is handed runs as JSON over the socket it inherits, answers with JSON, and ends with its parent. Expected
-failures of a run are answers like any other; so is an exception, which is a bug. The parent
-watches its time and memory.
+Its arguments are the number of a socket, the function that makes a run, and its parent. It is handed runs as JSON over
+the socket, answers with JSON, and ends with its parent. Expected failures of a run are answers like any other; so is an
+exception, which is a bug. The parent watches its time and memory.
 """
 
 import importlib
@@ -169,7 +167,3 @@ def _peak_memory_mb() -> float | None:
     except OSError:
         return None
     return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:")), None)
-
-
-if __name__ == "__main__":
-    main()

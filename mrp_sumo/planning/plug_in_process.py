@@ -56,11 +56,11 @@ class _Server:
             raise PlugInError(f"{place_of(method)}: {name}() {error}") from None
 
 
-def main(socket: int, parent: int) -> None:
-    """Answer calls until there are no more."""
+def main() -> None:
+    """Answer calls until there are no more. The arguments are the number of a socket and the parent's process."""
     trust_everything()  # the parent has asked
-    connection = Connection(socket)
-    _end_with(parent)
+    connection = Connection(int(sys.argv[1]))
+    _end_with(int(sys.argv[2]))
     sys.dont_write_bytecode = True  # bytecode knows a change by whole seconds only, and plug-ins are edited
     server = _Server()
     while True:

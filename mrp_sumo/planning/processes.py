@@ -8,7 +8,6 @@ import os
 import pickle
 import select
 import signal
-import sys
 import weakref
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,6 +15,7 @@ from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.core import children
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.plugins.limit import LIMIT_S
 from mrp_sumo.plugins.source import Source, definition, require_source
@@ -57,9 +57,8 @@ class PlugInProcess:
         require_source(source)
         self._where = definition(source)
         ours, theirs = socket.socketpair()
-        code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.planning.plug_in_process import main"
         self._process = subprocess.Popen(
-            [sys.executable, "-c", f"{code}; main({theirs.fileno()}, {os.getpid()})"],
+            children.command("mrp_sumo.planning.plug_in_process:main", str(theirs.fileno()), str(os.getpid())),
             pass_fds=(theirs.fileno(),),
             stdin=subprocess.DEVNULL,
             stdout=2,  # what a plug-in prints must not mix with our output

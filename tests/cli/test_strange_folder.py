@@ -1,0 +1,128 @@
+"""A folder of anybody's runs nothing, whichever command is used in it: no module, no configuration of a library."""
+
+import ast
+import subprocess
+import sys
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+from mrp_sumo.cli.main import COMMANDS
+from mrp_sumo.core import children
+
+PROJECT = Path(__file__).parents[2]
+CONSOLE = Path(sys.executable).with_name("mrp-sumo")
+OURS = {"mrp_sumo", "planners"}
+MODULES = {*sys.stdlib_module_names, *packages_distributions(), *OURS, "sitecustomize", "usercustomize"}
+CONFIGURATIONS = {  # whatever libraries might look for, of which some would be refused
+    "matplotlibrc": "text.usetex: True\nbackend: none such\nfont.size: x\n",
+    ".numba_config.yaml": "disable_jit: 1\nopt: none such\n",
+    ".coveragerc": "[run]\nplugins = planted\n",
+    "setup.cfg": "[options]\n",
+    "pyvenv.cfg": "home = .\n",
+    ".netrc": "x",
+}
+SUITE = "name: s\nbase: {map: office, robots: {count: 2}}\ngrid_search: {seed: [0]}\nuntil: plan\n"
+LINES = {  # at least one of every command; {run} and {batch} are made beforehand
+    "run": "run office_5 --out out --replay",
+    "capacity": "capacity nowhere",
+    "import": "import office",
+    "plan": "plan office_5",
+    "validate": "validate {run}/plan.json {run}/scenario.yaml",
+    "convert": "convert office office.geojson",
+    "generate": "generate ring --out ring.yaml",
+    "batch": "batch suite.yaml --out batch --workers 1",
+    "paper": "paper --maps nowhere",
+    "status": "status {batch}",
+    "query": "query {batch}",
+    "compare": "compare {batch} {batch}",
+    "reproduce": "reproduce {run}",
+    "export": "export {run} --csv --out out.csv",
+    "analyze": "analyze {run}/bag",
+    "vda5050": "vda5050 office_5 --broker 127.0.0.1:1 --duration 1",
+    "replay": "replay {run} --out page.html",
+    "render": "render {run} --at 1 --out page.png",
+    "list": "list planners",
+    "trust": "trust --list",
+    "warmup": "warmup astar",
+    "report": "report {run}",
+    "demo": "demo --no-open --out /dev/null",
+    "completion": "completion bash",
+    "schema": "schema",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder that holds a module of every name that anything imports, each of which says when it runs."""
+    folder = tmp_path_factory.mktemp("strange")
+    for name in MODULES:
+        (folder / f"{name}.py").write_text(f"open({str(folder / 'ran')!r}, 'a').write({name!r} + chr(10))\nraise SystemExit({name!r})\n")
+    for name, text in CONFIGURATIONS.items():
+        (folder / name).write_text(text)
+    (folder / "suite.yaml").write_text(SUITE)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A run folder and a batch's."""
+    made = tmp_path_factory.mktemp("made")
+    (made / "suite.yaml").write_text(SUITE)
+    for line in ("run office_5 --out run", "batch suite.yaml --out batch --workers 1"):
+        subprocess.run([CONSOLE, *line.split()], cwd=made, check=True, capture_output=True)
+    return {"run": made / "run", "batch": made / "batch"}
+
+
+def check_nothing_ran(folder, command):
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    ran = folder / "ran"
+    assert not ran.exists(), f"{command} ran {set(ran.read_text().split())}"
+    assert "Traceback" not in ended.stderr
+    for name in ("matplotlib", "numba", "Bad value", "SystemExit"):
+        assert name not in ended.stderr
+    return ended
+
+
+def test_lines_are_of_every_command():
+    assert set(LINES) == set(COMMANDS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_command_runs_nothing_of_the_folder(folder, made, name):
+    ended = check_nothing_ran(folder, [CONSOLE, *LINES[name].format(**made).split()])
+    assert ended.returncode in (0, 1, 2)
+
+
+def test_module_runs_nothing_of_the_folder(folder):
+    assert not check_nothing_ran(folder, [sys.executable, "-P", "-m", "mrp_sumo", "list", "planners"]).returncode
+
+
+def test_current_folder_is_left_even_where_python_was_told_to_import_from_it(folder):
+    code = "import sys; from mrp_sumo.core.children import leave_current_folder as leave; sys.path[:0] = ['', {!r}]; leave(); import wave"
+    assert not check_nothing_ran(folder, [sys.executable, "-P", "-c", code.format(str(folder))]).returncode
+
+
+def test_process_of_ours_runs_nothing_of_the_folder_though_python_would(folder):
+    assert not check_nothing_ran(folder, children.command("mrp_sumo.experiments.kernels:prepare_driving")).returncode
+    subprocess.run([sys.executable, "-c", "import numpy"], cwd=folder, capture_output=True)
+    assert (folder / "ran").read_text() == "numpy\n"
+    (folder / "ran").unlink()
+
+
+@pytest.mark.slow
+def test_cold_cache_runs_nothing_of_the_folder(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert not check_nothing_ran(
+        folder, [CONSOLE, "run", "office_5", "--planner", "prioritised", "--out", str(tmp_path / "out")]
+    ).returncode
+
+
+def test_processes_are_started_in_one_way():
+    starts = {"executable", "get_context", "Pool", "ProcessPoolExecutor", "fork", "posix_spawn"}
+    for file in sorted(p for room in OURS for p in (PROJECT / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            name = node.attr if isinstance(node, ast.Attribute) else ""
+            assert name not in starts or file.name == "children.py", f"{file}:{node.lineno}: {name}"
