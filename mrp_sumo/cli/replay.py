@@ -42,31 +42,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _serve(page: bytes, port: int) -> None:
-    """Answer every address with the page until Ctrl+C."""
+    """Show the page at an address of this machine until Ctrl+C."""
     import webbrowser
-    from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.wire.gate import LocalHandler, LocalServer
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(LocalHandler):
         def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(page)))
-            self.end_headers()
-            self.wfile.write(page)
+            if self.place() is not None:
+                self.answer(200, "text/html; charset=utf-8", page)
 
-        def log_message(self, format: str, *args: object) -> None:
-            """Say nothing."""
-
-    try:
-        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
-    except (OSError, OverflowError) as error:
-        raise MrpSumoError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from None
-    address = f"http://127.0.0.1:{server.server_port}/"
-    print(f"{address} (Ctrl+C ends)", flush=True)
-    webbrowser.open(address)
-    with server:
+    with LocalServer(port, Handler) as server:
+        print(f"{server.address} (Ctrl+C ends)", flush=True)
+        webbrowser.open(server.address)
         try:
             server.serve_forever()
         except KeyboardInterrupt:

@@ -1,12 +1,12 @@
 """A run in Foxglove while it drives: its bag's messages over a WebSocket, and Foxglove's playback control.
 
-Needs the extra `live`. The server answers on this machine alone.
+Needs the extra `live`. Foxglove's own server lets everybody in, so it stands behind a gate.
 """
 
 import logging
-import socket
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from threading import Thread
 from types import TracebackType
 from typing import Any, Self
 
@@ -18,9 +18,10 @@ from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.maps.costmap import costmap
+from mrp_sumo.wire.gate import FOXGLOVE, Relay
 from mrp_sumo.wire.playback import Playback, Position
 
-HOST, PORT = "127.0.0.1", 8765  # which Foxglove offers when it is asked to open a connection
+PORT = 8765  # which Foxglove offers when it is asked to open a connection
 
 
 class FoxgloveView:
@@ -48,7 +49,9 @@ class FoxgloveView:
             raise MrpSumoError("--foxglove needs foxglove-sdk: pip install 'mrp-sumo[live]'") from None
         self._foxglove = foxglove
         logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # what a viewer gets wrong is the viewer's matter
-        self.port, self.speed = _port_to_be_had(port), speed
+        self._gate = Relay(port, FOXGLOVE)
+        Thread(target=self._gate.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True).start()
+        self.speed = speed
         self._server: Any = None
         self._context: Any = None
         self._store: Any = None  # of message types
@@ -57,7 +60,7 @@ class FoxgloveView:
 
     @property
     def address(self) -> str:
-        return f"ws://{HOST}:{self.port}"
+        return self._gate.address
 
     @property
     def app(self) -> str:
@@ -73,6 +76,9 @@ class FoxgloveView:
                 self._playback.finish()
         finally:
             self._stop()
+            self._gate.drain()
+            self._gate.shutdown()
+            self._gate.server_close()
 
     def watch(self, setup: SetUp, solution: Solution) -> Listener:
         """The listener of a run that is about to be driven; when it is, there is a server."""
@@ -92,18 +98,20 @@ class FoxgloveView:
     def start(self, name: str, until_s: float, playback: Playback) -> None:
         """Start the server. Topics are known by now: a viewer that comes just when there is a new one may miss it."""
         websocket = self._foxglove.websocket
+        host, port = self._gate.behind
         try:
             self._server = self._foxglove.start_server(
                 name=f"mrp_sumo: {name}",
-                host=HOST,
-                port=self.port,
+                host=host,
+                port=port,
                 capabilities=[websocket.Capability.Time],
                 server_listener=_listener(websocket, playback),
                 context=self._context,
                 playback_time_range=(EPOCH_NS, EPOCH_NS + round(until_s * 1e9)),
             )
         except RuntimeError as error:  # somebody was faster
-            raise MrpSumoError(f"--port {self.port}: {str(error).removeprefix('FoxgloveError: ')}") from None
+            raise MrpSumoError(f"--foxglove: {str(error).removeprefix('FoxgloveError: ')}") from None
+        self._gate.is_there.set()
 
     def _stop(self) -> None:
         """Let go of the port, and of what was said."""
@@ -190,14 +198,3 @@ def _state(websocket: Any, position: Position, did_seek: bool, request: str) -> 
         else status.Paused
     )
     return websocket.PlaybackState(now, EPOCH_NS + position.now_ns, position.speed, did_seek, request)
-
-
-def _port_to_be_had(port: int) -> int:
-    """The port, or a free one for 0. Raises MrpSumoError where it is not to be had."""
-    try:
-        with socket.socket() as found:
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind((HOST, port))
-            return int(found.getsockname()[1])
-    except (OSError, OverflowError) as error:
-        raise MrpSumoError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from None

@@ -5,7 +5,6 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 
 import pytest
 from rosbags.highlevel import AnyReader
@@ -25,15 +24,15 @@ def free_port():
         return found.getsockname()[1]
 
 
-def connected(port):
+def connected(address, **options):
     client = pytest.importorskip("websockets.sync.client")
-    until = time.monotonic() + 60
-    while True:
-        try:
-            return client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], max_size=None)
-        except OSError:
-            assert time.monotonic() < until
-            time.sleep(0.05)
+    return client.connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None, open_timeout=60, **options)
+
+
+def address_of(program, port):
+    address, _, app = program.stdout.readline().partition(", in Foxglove: ")
+    assert address.startswith(f"ws://127.0.0.1:{port}/") and app.startswith("https://app.foxglove.dev/") and address in app
+    return address
 
 
 @pytest.mark.slow
@@ -42,8 +41,7 @@ def test_client_reads_the_messages_of_the_bag_and_goes_back_and_the_files_are_th
     run = [sys.executable, "-m", "mrp_sumo", "run", *scenario]
     watched = [*run, "--foxglove", "--port", str(port), "--speed", "4", "--out", tmp_path / "watched"]
     channels, said, back, asked = {}, {}, [], False
-    with subprocess.Popen(watched, stdout=subprocess.PIPE, text=True) as program, connected(port) as viewer:
-        assert program.stdout.readline().startswith(f"ws://127.0.0.1:{port}, in Foxglove: https://app.foxglove.dev/")
+    with subprocess.Popen(watched, stdout=subprocess.PIPE, text=True) as program, connected(address_of(program, port)) as viewer:
         for data in viewer:
             if isinstance(data, str):
                 document = json.loads(data)

@@ -5,12 +5,10 @@ Every address begins with a token that nobody can guess, so that no other page i
 
 import base64
 import json
-import secrets
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 
-from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.reports.live.broadcast import Broadcast
+from mrp_sumo.wire.gate import LocalHandler, LocalServer
 
 MOST_BYTES = 1000  # of an order
 WAITING = """<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
@@ -26,12 +24,8 @@ class LiveServer:
         self.broadcast = broadcast
         self.page = b""  # until there is one
         self.stage = "starting"  # what is done before there is a page
-        self.token = secrets.token_urlsafe(12)
-        try:
-            self._server = _Server(("127.0.0.1", port), _handler(self))
-        except (OSError, OverflowError) as error:
-            raise MrpSumoError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from None
-        self.address = f"http://127.0.0.1:{self._server.server_port}/{self.token}/"
+        self._server = LocalServer(port, _handler(self))
+        self.address = self._server.address
 
     def start(self) -> None:
         """Serve until `close`."""
@@ -43,45 +37,35 @@ class LiveServer:
         self._server.server_close()
 
 
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-    block_on_close = False
-
-    def handle_error(self, request: object, client_address: object) -> None:
-        """A viewer that goes away is no news."""
-
-
-def _handler(live: LiveServer) -> type[BaseHTTPRequestHandler]:  # noqa: C901  counts all methods of the class
-    class Handler(BaseHTTPRequestHandler):
+def _handler(live: LiveServer) -> type[LocalHandler]:
+    class Handler(LocalHandler):
         def do_GET(self) -> None:
-            place = self._place()
+            place = self.place()
             if place == "":
-                self._answer(200, "text/html; charset=utf-8", live.page or WAITING.format(stage=live.stage).encode())
+                self.answer(200, "text/html; charset=utf-8", live.page or WAITING.format(stage=live.stage).encode())
             elif place == "events":
                 self._stream()
-            else:
-                self._answer(404, "text/plain; charset=utf-8", b"not here")
+            elif place is not None:
+                self.answer(404, "text/plain; charset=utf-8", b"not here")
 
         def do_POST(self) -> None:
-            if self._place() != "control":
-                self._answer(404, "text/plain; charset=utf-8", b"not here")
+            place = self.place()
+            if place is None:
+                return
+            if place != "control":
+                self.answer(404, "text/plain; charset=utf-8", b"not here")
                 return
             try:
                 order = json.loads(self.rfile.read(min(MOST_BYTES, int(self.headers.get("Content-Length", 0)))))
                 why_not = live.broadcast.control(order)
             except (ValueError, RecursionError):
                 why_not = "expected JSON"
-            self._answer(400 if why_not else 204, "text/plain; charset=utf-8", why_not.encode())
-
-        def _place(self) -> str | None:
-            """What is asked for; None without the token."""
-            place = self.path.split("?")[0]
-            return place.removeprefix(f"/{live.token}/") if place.startswith(f"/{live.token}/") else None
+            self.answer(400 if why_not else 204, "text/plain; charset=utf-8", why_not.encode())
 
         def _stream(self) -> None:
             self.send_response(200)
             self.send_header("Content-Type", "text/event-stream")
-            self.send_header("Cache-Control", "no-store")
+            self.send_safe_headers()
             self.end_headers()
             try:
                 for text, samples in live.broadcast.stream():
@@ -91,16 +75,5 @@ def _handler(live: LiveServer) -> type[BaseHTTPRequestHandler]:  # noqa: C901  c
             except OSError:
                 pass  # the viewer has gone
             self.close_connection = True
-
-        def _answer(self, status: int, kind: str, body: bytes) -> None:
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.send_header("Cache-Control", "no-store")
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, format: str, *args: object) -> None:
-            """Say nothing."""
 
     return Handler
