@@ -22,7 +22,8 @@ class Finding:
         """The finding in one line."""
         shown = "; ".join(self.details[:4])
         more = f"; and {len(self.details) - 4} more" if len(self.details) > 4 else ""
-        return f"{self.kind.replace('_', ' ')}: {shown}{more}" if shown else self.kind.replace("_", " ")
+        text = f"{self.kind.replace('_', ' ')}: {shown}{more}" if shown else self.kind.replace("_", " ")
+        return f"{text}: {CURE[self.kind]}" if self.kind in CURE else text
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
@@ -65,6 +66,8 @@ SEVERITY: dict[str, Severity] = {
     "dangling_reference": "warn",
     "station_out_of_reach": "warn",
     "unknown_version": "warn",
+    "old_model_in_part": "warn",
+    "places_of_the_layout": "warn",
     "several_origins": "warn",
     "several_vehicle_types": "warn",
     "edge_without_its_nodes": "warn",
@@ -85,6 +88,10 @@ SEVERITY: dict[str, Severity] = {
     "locked_path": "info",
     "vertices_at_one_place": "info",
     "not_reference_image": "info",
+}
+CURE = {  # what the user can do about it
+    "reference_level_without_measurement": "state the scale with --meters-per-pixel",
+    "level_without_fiducials": "choose --level or add fiducials",
 }
 
 

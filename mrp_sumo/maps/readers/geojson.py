@@ -2,6 +2,7 @@
 
 Ours says `coordinates_m`; its vertices, lanes and walls are features of that `kind`. Nav2's nodes are points with an `id`, its edges
 lines with `startid` and `endid`, in metres of the map's frame; edges are directed, `metadata` of nodes and edges become options.
+Nav2 never reads an edge's line. Here an edge follows it where it leads from node to node, and is straight where it does not.
 Refuses longitudes and latitudes, of which both formats know nothing: convert from the building instead.
 """
 
@@ -13,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrp_sumo.errors import nearest
+from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.draft import Draft, building_of_walls, plain_options, polyline_bends
@@ -129,8 +130,12 @@ def _nav2_edge(fields: Fields, draft: Draft, at: str, given: Mapping[str, Any], 
     about = fields.object(given, "metadata", where, {})
     limit = fields.number(about, "abs_speed_limit", f"{where}.metadata", math.inf)  # speed_limit is per cent of the robot's
     options = {"edge_id": str(given.get("id", ""))} | plain_options(about, ("mutex", "lift", "abs_speed_limit"))
-    line = np.array([fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(_line(fields, geometry, at))])
     bends: Any = ()
+    try:
+        line = np.array([fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(_line(fields, geometry, at))])
+    except MapError:
+        draft.notes.add("trajectory_unusable", f"edge {given.get('id')}; read as straight")
+        line = np.zeros((0, 2))
     if len(line) > 2:
         off = max(math.dist(line[0], draft.place(ends[0])), math.dist(line[-1], draft.place(ends[1])))
         if off > OFF_END_M:
@@ -145,7 +150,7 @@ def _features(fields: Fields, document: Mapping[str, Any]) -> Iterator[tuple[str
     for i, feature in enumerate(fields.list(document, "features", "")):
         at = f"features[{i}]"
         fields.mapping(feature, at)
-        yield at, fields.object(feature, "properties", at), fields.object(feature, "geometry", at)
+        yield at, fields.object(feature, "properties", at), fields.object(feature, "geometry", at, {})
 
 
 def _line(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[Any]:
@@ -156,9 +161,10 @@ def _line(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[Any]:
 def _parts(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[list[Any]]:
     """The places of each part of a line."""
     places: list[Any] = fields.list(geometry, "coordinates", f"{at}.geometry", [])
-    if geometry.get("type") != "MultiLineString":
-        return [places]
-    return [part if isinstance(part, list) else [part] for part in places]
+    several = bool(places) and all(
+        isinstance(part, list) and part and isinstance(part[0], list) for part in places
+    )  # whatever its type says
+    return places if several else [places]
 
 
 def _number(fields: Fields, given: Mapping[str, Any], key: str, at: str) -> int:

@@ -1,13 +1,18 @@
-"""Plant models of openTCS (`model-7.0.0.xsd`; 6 and 5 differ in what is not read here): points, paths, locations, blocks.
+"""Plant models of openTCS (`model-7.0.0.xsd` and those before it, from 0.0.2 on): points, paths, locations, blocks.
 
 Lengths are millimetres, velocities mm/s. A point is a vertex, a path a lane; where vehicles may drive a path in reverse, a lane back along
 it on which they drive backwards. A location is a station at the points it is linked to, with the operations of its type; parking
 positions and chargers keep that. A block for a single vehicle is a mutex group. The drawing counts: Bezier curves and polylines are
 flattened within 1 cm, and lengths that differ from them are reported. Vehicles are not read. Refuses paths between unknown points,
 names given twice, and documents with a DTD: neither entities nor anything outside the file is read.
+
+Before version 6 coordinates are called `xPosition` and `yPosition`; before 0.0.4 what is drawn stands apart, in the `visualLayout`, whose
+points may lie elsewhere than those of the model. Curves are drawn between the places of the layout; where these are not the model's, a
+curve is turned and scaled to join the model's. Points that the model puts all at one place lie where the layout has them.
 """
 
 import math
+import re
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -16,14 +21,17 @@ import numpy as np
 from mrp_sumo.errors import nearest
 from mrp_sumo.maps.curves import bezier_knots, flattened
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, polyline_bends
+from mrp_sumo.maps.readers.draft import SAME_PLACE_M, Draft, polyline_bends
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
+from mrp_sumo.maps.readers.rmf.level import FARTHEST
 from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
 
 LEVEL = "L1"
 MM = 1e-3
 OFF_LENGTH = 0.05  # share by which a path's length may differ from its drawing
 OFF_POINT_M = 0.01
+COORDINATES = (("positionX", "positionY"), ("xPosition", "yPosition"))  # of points, since version 6 and before
+NOT_READ = {"group": "groups", "staticRoute": "static routes"}  # elements of models before version 6
 
 
 @dataclass(frozen=True)
@@ -48,26 +56,67 @@ class _Model:
     root: Element
     draft: Draft
     pair_of: dict[str, tuple[int, int]] = field(default_factory=dict)  # ends of each path
+    layout: dict[str, dict[str, str]] = field(default_factory=dict)  # what a visualLayout says of the objects by their names
+    drawn_at: dict[int, tuple[float, float]] = field(default_factory=dict)  # m, of vertices, where the layout names a place
 
     def read(self) -> Map:
-        version = self.root.get("version", "")
-        if version.split(".")[0] not in ("4", "5", "6", "7"):
-            self.draft.notes.add("unknown_version", f"version '{version[:40]}', read as 7")
+        self._version()
+        for layout in self.root.all("visualLayout"):
+            for drawn in layout.all("modelLayoutElement"):
+                about = {about.get("name", ""): about.get("value", "") for about in drawn.all("property")}
+                self.layout.setdefault(drawn.get("visualizedObjectName", ""), about)
         self._points()
         self._paths()
         self._locations()
         self._blocks()
         return self.draft.to_map()
 
+    def _version(self) -> None:
+        """Note a version that is not known, and what older ones say that is not read."""
+        version = self.root.get("version", "")
+        known = re.fullmatch(r"0\.0\.[2-5]|[4-7](\..*)?", version)
+        if not known:
+            self.draft.notes.add("unknown_version", f"version '{version[:40]}', read as 7")
+        lost = [f"its {name} ({count})" for key, name in NOT_READ.items() if (count := sum(1 for _ in self.root.all(key)))]
+        costs = [path.number("routingCost", 0.0) for path in self.root.all("path")]
+        if len(set(costs)) > 1 and any(cost != path.number("length", 0.0) for cost, path in zip(costs, self.root.all("path"))):
+            lost.append(f"the routing costs of {len(costs)} paths")
+        if lost:
+            self.draft.notes.add("old_model_in_part", f"version '{version[:40]}', without {', '.join(lost)}")
+
     def _points(self) -> None:
-        for point in self.root.all("point"):
+        points = list(self.root.all("point"))
+        place = [self._place(point) for point in points]
+        drawn = [self._drawn(point) for point in points]
+        if len(points) > 1 and len(set(place)) == 1 and len(set(drawn) - {None}) > 1:
+            self.draft.notes.add(
+                "places_of_the_layout", f"all points are at ({place[0][0]:g}, {place[0][1]:g}) m: they lie as they are drawn"
+            )
+            place = [at or there for at, there in zip(drawn, place)]
+        for point, xy, at in zip(points, place, drawn):
             name = self._named(point)
-            xy = (point.number("positionX") * MM, point.number("positionY") * MM)
             kind = point.get("type", "")
             angle = point.get("vehicleOrientationAngle", "NaN")
             v = self.draft.add_vertex(name, name, xy, LEVEL, is_parking_spot=kind == "PARK_POSITION")
+            self.drawn_at[v] = xy if at is None else at
             if angle != "NaN":
                 self.draft.set_options(v, theta_rad=math.radians(point.number("vehicleOrientationAngle")))
+
+    def _place(self, point: Element) -> tuple[float, float]:
+        """Where a point is, in m."""
+        x, y = next((keys for keys in COORDINATES if keys[0] in point.attributes), COORDINATES[0])
+        return point.number(x) * MM, point.number(y) * MM
+
+    def _drawn(self, point: Element) -> tuple[float, float] | None:
+        """Where a layout before version 6 has a point, in m; None where it does not say."""
+        own = next(point.all("pointLayout"), None)
+        if own is not None and "xPosition" in own.attributes:
+            return own.number("xPosition") * MM, own.number("yPosition") * MM
+        try:
+            about = self.layout[point.get("name", "")]
+            return float(about["POSITION_X"]) * MM, float(about["POSITION_Y"]) * MM
+        except (KeyError, ValueError):
+            return None
 
     def _paths(self) -> None:
         scale = self._scale()
@@ -101,18 +150,36 @@ class _Model:
     def _line(self, path: Element, name: str, tail: int, head: int, scale: tuple[float, float]) -> np.ndarray:
         """The polyline of a path, ends included."""
         ends = np.array([self.draft.place(tail), self.draft.place(head)])
-        layout = next(path.all("pathLayout"), None)
-        kind = layout.get("connectionType", "DIRECT") if layout else "DIRECT"
-        points = [(c.number("x") * scale[0], -c.number("y") * scale[1]) for c in layout.all("controlPoint")] if layout else []
+        kind, points = self._control_points(path, name, scale)
         if not points or kind in ("DIRECT", "ELBOW", "SLANTED"):
             return ends
-        line = np.concatenate([ends[:1], np.array(points), ends[1:]])
+        drawn = np.array([self.drawn_at[tail], self.drawn_at[head]])
+        between = _joining(np.array(points), drawn, ends)
+        if between is None:
+            self.draft.notes.add("trajectory_unusable", f"'{name}': its ends are drawn at one place; read as straight")
+            return ends
+        line = np.concatenate([ends[:1], between, ends[1:]])
         if kind in ("BEZIER", "BEZIER_3") and len(points) in (1, 2, 5):
             degree, pieces = (2, 1) if len(points) == 1 else (3, (len(points) + 1) // 3)
             return flattened(degree, bezier_knots(degree, pieces), line)
         if kind != "POLYPATH":
             self.draft.notes.add("trajectory_unusable", f"'{name}': {kind} with {len(points)} control points; read as a polyline")
         return line
+
+    def _control_points(self, path: Element, name: str, scale: tuple[float, float]) -> tuple[str, list[tuple[float, float]]]:
+        """The kind of line that a path is drawn as, and the places between its ends, in m of the layout."""
+        if (layout := next(path.all("pathLayout"), None)) is not None:
+            points = [(c.number("x"), c.number("y")) for c in layout.all("controlPoint")]
+            kind = layout.get("connectionType", "DIRECT")
+        else:
+            about = self.layout.get(name, {})
+            kind = about.get("CONN_TYPE", "DIRECT").upper()
+            try:
+                points = [_pair(pair) for pair in about.get("CONTROL_POINTS", "").split(";") if pair.strip()]
+            except ValueError:
+                self.draft.notes.add("trajectory_unusable", f"'{name}': CONTROL_POINTS '{about['CONTROL_POINTS'][:40]}'; read as straight")
+                return "DIRECT", []
+        return kind, [(x * scale[0], -y * scale[1]) for x, y in points]
 
     def _scale(self) -> tuple[float, float]:
         """Metres for a unit of the layout, in which control points are."""
@@ -162,3 +229,21 @@ class _Model:
             raise element.fault(f"the name '{name[:60]}' is taken by {self.draft.path_of[name]}")
         self.draft.path_of[name] = f"line {element.line}"
         return name
+
+
+def _pair(text: str) -> tuple[float, float]:
+    x, y = map(float, text.split(","))
+    if not max(abs(x), abs(y)) < FARTHEST:
+        raise ValueError(text)
+    return x, y
+
+
+def _joining(points: np.ndarray, drawn: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
+    """Places [N, 2] drawn between two ends [2, 2], turned and scaled to lie between two others; None where the first two are one place."""
+    if np.abs(drawn - ends).max() < SAME_PLACE_M:
+        return points
+    z, (a, b), (c, d) = points @ (1, 1j), drawn @ (1, 1j), ends @ (1, 1j)
+    if abs(b - a) < SAME_PLACE_M:
+        return None
+    there = c + (z - a) * (d - c) / (b - a)
+    return np.stack([there.real, there.imag], axis=1)

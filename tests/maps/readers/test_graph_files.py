@@ -1,6 +1,7 @@
 """Sites of Open-RMF, route graphs of Nav2, our own GeoJSON and SUMO networks read back, CSV and node-link graphs."""
 
 import json
+from pathlib import Path
 
 import networkx
 import pytest
@@ -10,6 +11,8 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.io.map_files import write_map
 from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.maps.load import load_map
+
+DATA = Path(__file__).resolve().parents[2] / "data" / "formats"
 
 
 @pytest.fixture
@@ -75,6 +78,29 @@ def test_edges_of_nav2_are_directed_and_follow_their_lines(load):
     bend = nav.having("is_bend").nonzero()[0].tolist()
     assert nav.xy[bend].tolist() == [[0, 2]]
     assert nav.speed_mps[nav.lane_between(start, bend[0])] == 0.4
+
+
+@pytest.mark.parametrize(
+    ("line", "noted"),
+    [
+        ({"type": "LineString", "coordinates": [[[0.0, 0.0], [0.0, 2.0], [3.0, 0.0]]]}, False),  # nested as in a line of several parts
+        ({"type": "LineString", "coordinates": [[0.0, 0.0], [0.0, 2.0], [3.0, 0.0]]}, False),
+        ({"type": "MultiLineString"}, False),
+        (None, False),
+        ({"type": "LineString", "coordinates": [[0.0], 7]}, True),
+    ],
+)
+def test_an_edge_of_nav2_is_read_whatever_its_geometry_since_nav2_reads_none(load, line, noted):
+    document = json.loads(json.dumps(ROUTE))
+    document["features"][2]["geometry"] = line
+    loaded = load(document, "route.geojson")
+    assert loaded.nav.num_lanes == (3 if line and len(line.get("coordinates", ())) in (1, 3) else 2)
+    assert ("trajectory_unusable" in {finding.kind for finding in loaded.findings}) == noted
+
+
+def test_nav2s_own_graph_of_a_warehouse_is_read():
+    nav = load_map(DATA / "nav2" / "aws_graph.geojson").nav
+    assert (nav.num_vertices, nav.num_lanes) == (40, 83)
 
 
 def test_an_edge_of_nav2_to_no_node_is_refused(load):

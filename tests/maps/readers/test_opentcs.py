@@ -9,6 +9,7 @@ from map_worlds import MODEL
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.load import load_map
 
+DATA = Path(__file__).resolve().parents[2] / "data" / "formats"
 DEMO = Path(__file__).resolve().parents[4] / "shared" / "reference" / "data" / "opentcs" / "Demo-01.xml"
 
 
@@ -65,6 +66,102 @@ def test_broken_models_are_refused_with_the_line(load, old, new, message):
         load(MODEL.replace(old, new, 1))
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def old(text, version):
+    """The model as openTCS wrote it before version 6: other names of coordinates, and before 0.0.4 what is drawn in the `visualLayout`."""
+    text = text.replace("positionX", "xPosition").replace("positionY", "yPosition").replace("positionZ", "zPosition")
+    text = text.replace('version="7.0.0"', f'version="{version}"')
+    if version in ("0.0.4", "0.0.5"):
+        return text
+    return text.replace(
+        '<pathLayout connectionType="BEZIER" layerId="0"><controlPoint x="120" y="0"/><controlPoint x="120" y="-80"/></pathLayout>', ""
+    ).replace(
+        '<visualLayout name="V" scaleX="50.0" scaleY="50.0"/>',
+        '<visualLayout name="V" scaleX="50.0" scaleY="50.0"><modelLayoutElement visualizedObjectName="P2 --- P3" layer="0">'
+        '<property name="CONN_TYPE" value="BEZIER"/><property name="CONTROL_POINTS" value="120,0;120,-80"/>'
+        "</modelLayoutElement></visualLayout>",
+    )
+
+
+def same(nav, other):
+    return (
+        nav.xy.tolist() == other.xy.tolist()
+        and nav.vertex_name == other.vertex_name
+        and nav.vertex_options == other.vertex_options
+        and nav.tail.tolist() == other.tail.tolist()
+        and nav.head.tolist() == other.head.tolist()
+        and nav.lane_options == other.lane_options
+    )
+
+
+@pytest.mark.parametrize("version", ["0.0.2", "0.0.3", "0.0.4", "0.0.5"])
+def test_a_model_is_the_same_in_all_versions(load, version):
+    assert same(load(old(MODEL, version)).nav, load(MODEL).nav)
+    assert "unknown_version" not in {finding.kind for finding in load(old(MODEL, version)).findings}
+
+
+def test_what_old_models_say_and_is_not_read_is_reported(load):
+    def reported(text):
+        return [f.details for f in load(text).findings if f.kind == "old_model_in_part"]
+
+    costly = old(MODEL, "0.0.2").replace('length="4000"', 'length="4000" routingCost="7"', 1)
+    assert reported(costly.replace("</model>", '<group name="G"/></model>')) == [
+        ("version '0.0.2', without its groups (1), the routing costs of 4 paths",)
+    ]
+    assert reported(old(MODEL, "0.0.2").replace('locked="', 'routingCost="1" locked="')) == []  # what openTCS writes where nobody set one
+
+
+LAYOUT = """<visualLayout name="V" scaleX="50.0" scaleY="50.0">
+    <modelLayoutElement visualizedObjectName="P1" layer="0">
+        <property name="POSITION_X" value="0"/><property name="POSITION_Y" value="0"/>
+    </modelLayoutElement>
+    <modelLayoutElement visualizedObjectName="P2" layer="0">
+        <property name="POSITION_X" value="2000"/><property name="POSITION_Y" value="0"/>
+    </modelLayoutElement>
+    <modelLayoutElement visualizedObjectName="P1 --- P2" layer="0">
+        <property name="CONN_TYPE" value="POLYPATH"/><property name="CONTROL_POINTS" value="20,-20"/>
+    </modelLayoutElement>
+</visualLayout>"""
+TWO = """<?xml version="1.0"?><model version="0.0.2" name="two">
+    <point name="P1" xPosition="{}" yPosition="{}" zPosition="0" type="HALT_POSITION"/>
+    <point name="P2" xPosition="{}" yPosition="{}" zPosition="0" type="HALT_POSITION"/>
+    <path name="P1 --- P2" sourcePoint="P1" destinationPoint="P2" length="4000" maxVelocity="1000" maxReverseVelocity="0" locked="false"/>
+    {}</model>"""
+
+
+@pytest.mark.parametrize(
+    ("ends", "bend"),
+    [
+        ((0, 0, 2000, 0), (1, 1)),  # as it is drawn
+        ((0, 0, 4000, 0), (2, 2)),  # twice as large
+        ((5000, 0, 5000, 2000), (4, 1)),  # elsewhere, and turned to the left
+        ((0, 0, 0, 0), (1, 1)),  # nowhere: it lies as it is drawn
+    ],
+)
+def test_a_curve_joins_the_points_of_the_model_wherever_the_layout_has_them(load, ends, bend):
+    loaded = load(TWO.format(*ends, LAYOUT))
+    assert loaded.nav.xy[2].tolist() == pytest.approx(bend)
+    assert ("places_of_the_layout" in {f.kind for f in loaded.findings}) == (ends == (0, 0, 0, 0))
+
+
+@pytest.mark.parametrize(("points", "noted"), [("20,-20", False), ("20;-20", True), ("x,1", True), ("1e99,0", True), ("", False)])
+def test_control_points_that_are_none_make_a_path_straight_and_are_reported(load, points, noted):
+    loaded = load(TWO.format(0, 0, 2000, 0, LAYOUT.replace("20,-20", points)))
+    assert ("trajectory_unusable" in {f.kind for f in loaded.findings}) == noted
+    assert loaded.nav.num_vertices == (3 if points == "20,-20" else 2)
+
+
+def test_the_demonstration_of_opentcs_4_20_is_read():
+    nav = load_map(DATA / "opentcs" / "Demo-01_4.20.xml").nav
+    assert sum(bool(name) for name in nav.vertex_name) == 55
+    assert len({options["path"] for options in nav.lane_options}) == 68
+    assert nav.num_components == 1
+    assert nav.xy[nav.vertex_of_name["Point-0001"]].tolist() == pytest.approx([53.288, -3.893])
+    bends = nav.xy[[v for v, options in enumerate(nav.vertex_options) if options.get("is_bend")]]
+    named = nav.xy[[v for v, name in enumerate(nav.vertex_name) if name]]
+    assert (bends.min(0) > named.min(0) - 2).all()  # curves are among the points that they join, which are drawn some 25 m elsewhere
+    assert (bends.max(0) < named.max(0) + 2).all()
 
 
 @pytest.mark.skipif(not DEMO.is_file(), reason="openTCS's demonstration is not beside this repository")

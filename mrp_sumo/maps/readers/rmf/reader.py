@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.check import check_building, check_graph
-from mrp_sumo.maps.finding import RefusedMap, ordered
+from mrp_sumo.maps.finding import CURE, RefusedMap, ordered
 from mrp_sumo.maps.levels import joined_by_lifts, level_choice, side_by_side
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
@@ -16,11 +16,11 @@ from mrp_sumo.maps.readers.rmf.building_yaml import building_of, is_building
 from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
 from mrp_sumo.maps.yaml_text import Text
 
-REMEDY = {
+REFUSAL = {
     "no_lanes": "no lanes in any level: nothing to drive on ({})",
-    "reference_level_without_measurement": "no measurement, coordinates would be pixels ({}): state the scale with --meters-per-pixel",
+    "reference_level_without_measurement": "no measurement, coordinates would be pixels ({})",
     "level_not_a_mapping": "{}, expected a mapping with vertices and lanes",
-    "level_without_fiducials": "{}, so it cannot be placed: choose --level or add fiducials",
+    "level_without_fiducials": "{}, so it cannot be placed",
 }
 
 
@@ -106,7 +106,7 @@ def _refuse(building: Building, level: str | None) -> None:
         if finding.severity == "refuse":
             if finding.kind == "level_without_fiducials" and level is not None:
                 continue  # levels are not put together
-            message = REMEDY[finding.kind].format(finding.details[0])
+            message = ": ".join(filter(None, (REFUSAL[finding.kind].format(finding.details[0]), CURE.get(finding.kind))))
             raise RefusedMap(f"{building.path.name}: {message}", building.findings)
 
 
