@@ -6,6 +6,7 @@ Other packages register a table like `PLUGINS` under the entry-point group `mrp_
 PLUGINS = {
     "planners": {
         "astar": "planners.astar:AStar",
+        "auto": "planners.auto:Auto",
         "continuous": "planners.safe_interval.continuous:Continuous",
         "prioritised": "planners.safe_interval.prioritised:Prioritised",
         "cbs": "planners.conflict_based.cbs:Cbs",

@@ -105,5 +105,5 @@ def test_every_planner_is_documented_with_its_parameters_and_defaults():
         module, _, found = where.partition(":")
         defaults = {field.name: field.default for field in fields(getattr(import_module(module), found))}
         written = {key: "" if value == "empty" else value for key, value in re.findall(r"`(\w+)` \((.+?)\)", rows[name])}
-        assert written == {key: str(value).lower() for key, value in defaults.items()}, name
+        assert written == {key: "" if value == () else str(value).lower() for key, value in defaults.items()}, name
         assert written.keys() <= explained, name

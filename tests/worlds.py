@@ -28,6 +28,7 @@ BURGER = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84, 0.1)
 CELL_M = 0.4
 CART = RobotType("cart", 0.6, 0.4, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)
 POINT = RobotType("point", 0.2, 0.2, 1.0, 1.0, 1.0, 1.0)
+SQUARE = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 SMALL_CART = RobotType("cart", 0.4, 0.3, 1.0, 1.0, 1.0, 2.0)
 LENGTH = 8  # cells of 1 m in a corridor
 NASTY = "</script><img src=x onerror=alert(1)> & \u2028 'ö'"
@@ -101,6 +102,24 @@ def problem_on(graph, start, goal, seed=0):
 def ending_there(problem, plan):
     """The problem of going where a plan for a window ends."""
     return replace(problem, goal=plan.vertex[plan.first[1:] - 1])
+
+
+def drawn(picture, *, seed=0):
+    """A Problem from a drawing: '.' free, '@' blocked, '0'..'9' starts, 'a'..'j' goals of those robots, at their starts where none."""
+    rows = picture.split()
+    free = np.array([[c != "@" for c in row] for row in rows])
+    number = np.cumsum(free.ravel()).reshape(free.shape) - 1
+    places = {c: int(number[y, x]) for y, row in enumerate(rows) for x, c in enumerate(row) if c not in ".@"}
+    count = sum(c.isdigit() for c in places)
+    return Problem(
+        graph=grid_graph(free, 1.0, (0.0, 0.0)),
+        fleet=fleet_of(SQUARE, count),
+        start=np.array([places[str(r)] for r in range(count)], np.int64),
+        goal=np.array([places.get("abcdefghij"[r], places[str(r)]) for r in range(count)], np.int64),
+        goal_of=np.arange(count),
+        step_s=1.0,
+        seed=seed,
+    )
 
 
 def random_grid(size, num_robots, seed, blocked=0.2):

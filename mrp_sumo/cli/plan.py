@@ -147,6 +147,7 @@ def _summary(problem: "Problem", result: "PlanResult", name: str, verdict: "Verd
         "status": str(result.status),
         "valid": bool(verdict and verdict.valid),
         "planner": name,
+        **({"planner.chosen": result.chosen, "planner.why": result.why} if result.chosen else {}),
         "robots": problem.num_robots,
         "planning_time_s": result.planning_time_s,
         "planning_cpu_s": result.planning_cpu_s,

@@ -1,7 +1,7 @@
 """What happened: trajectories and events of an execution."""
 
 import mmap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -78,6 +78,7 @@ class PlannerCalls:
     stopped: int = 0  # of these, not even by PIBT: robots stop at the ends of what they have
     wall_time_s: float = 0.0
     cpu_time_s: float | None = None  # of all threads, and programs that have ended; None: not known, such as of a planner from outside
+    plans_of: Mapping[str, int] = field(default_factory=dict)  # plans by the planner that made them
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,6 +82,8 @@ class PlanResult:
     details: str = ""  # the traceback of a plug-in that failed
     retime_time_s: float | None = None  # wall time of giving the plan the times of real motion
     planning_cpu_s: float | None = None  # CPU time of all threads and programs of the solver; None where it is not known
+    chosen: str = ""  # the planner whose answer this is, where a portfolio chose
+    why: str = ""  # it was chosen
 
 
 def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> Plan:

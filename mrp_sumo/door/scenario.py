@@ -60,7 +60,7 @@ class Scenario:
         self,
         map: str | Path | Site | Section = REQUIRED,
         robots: int | Section = REQUIRED,
-        planner: str | Section = "cbs",
+        planner: str | Section = "auto",
         seed: int = 0,
         *,
         name: str = "",

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
-from mrp_sumo.core.plan import Plan, Status
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request, a_stop_each, next_stops, one_shot, with_stops_before
 from mrp_sumo.drive.reroute import Replan, Reroute
@@ -171,7 +171,8 @@ def replan(found: Situation, around: Surroundings, planner: str, parameters: Map
     """
     request, visits = found.request, around.ledger.visits
     on_lane = around.state.grants.on_lane & (around.ledger.joint == visits.granted)
-    now_s, plan = request.now_s, answer(request, planner, parameters, limits) if len(request.robot) else None
+    now_s, result = request.now_s, answer(request, planner, parameters, limits) if len(request.robot) else None
+    plan, by = (None, planner) if result is None else (result.plan, result.chosen or planner)
     ways = {}
     for r in range(len(found.waits)):
         if found.waits[r]:
@@ -189,15 +190,15 @@ def replan(found: Situation, around: Surroundings, planner: str, parameters: Map
             ways[r] = Reroute(vertex, arrive_s, depart_s, now_s - 1.0, bool(found.back[r]))
         else:
             ways[r] = Reroute(vertex[1:], arrive_s[1:], depart_s[1:], float(depart_s[0]))
-    text = f"{planner} planned anew"
+    text = f"{by} planned anew"
     if found.cut_off:
         names = [around.ledger.problem.fleet.robot_name[r] for r in found.cut_off]
         text += f"; without a way to their goals: {', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
-    return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone)
+    return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone, planner=by)
 
 
-def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Plan:
-    """The plan of a registered planner for a request, in seconds since it was made.
+def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: Limits) -> PlanResult:
+    """The answer of a registered planner to a request, with a plan in seconds since it was made.
 
     Raises
     ------
@@ -226,7 +227,7 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits
     if result.plan is None or result.status not in (Status.SOLVED, Status.TIMED_OUT):
         kind = LatePlanError if result.status is Status.TIMED_OUT else PlanError
         raise kind(f"{planner} found no plan{': ' + result.message if result.message else ''}")
-    return result.plan
+    return result
 
 
 def _prepare(method: Planner) -> None:

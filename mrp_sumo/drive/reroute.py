@@ -29,6 +29,7 @@ class Replan:
     reordered: bool = False  # whether a plan of all robots, which is driven in its own order if that can be kept
     ends: Mapping[int, int] = field(default_factory=dict)  # vertices where the tasks of these robots end from now on
     left_alone: frozenset[int] = field(default_factory=frozenset)  # robots that need nothing beyond what they have been granted
+    planner: str = ""  # who planned it
 
 
 def first_of(plan: Plan) -> Replan:

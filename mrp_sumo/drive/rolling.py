@@ -72,6 +72,9 @@ class Rolling:
         began, cpu_began_s = perf_counter(), _cpu_s()
         try:
             ways = self._dispatcher.answer(request, around)
+            if ways is not None and ways.planner:
+                plans_of = self.calls.plans_of
+                self.calls = replace(self.calls, plans_of={**plans_of, ways.planner: plans_of.get(ways.planner, 0) + 1})
         except PlanError as error:
             ways = None
             report(str(error))

@@ -109,7 +109,7 @@ class Solution:
         found = "" if self.verdict is None else self.verdict.summary(self.problem)
         cost = None if self.cost_steps is None else f"{self.cost_steps:g} steps (sum of costs)"
         rows = [
-            ("planner", self.setup.scenario.planner.name),
+            ("planner", self.setup.scenario.planner.name + (f": {self.result.chosen}, {self.result.why}" if self.result.chosen else "")),
             ("status", str(self.status).replace("_", " ")),
             ("why", self.message),
             ("referee", found),

@@ -179,6 +179,7 @@ def result_document(
             "metrics": metrics,
             "audit": audit,
             "plan": _answers(problem, result, verdict) | {"clock_limited": _clock_limited(scenario, result)},
+            **_portfolio(scenario, result, execution),
             "robots": _robots(problem, execution, has_goals=scenario.tasks is None),
             "findings": list(execution.findings) if execution else [],
         }
@@ -288,6 +289,21 @@ def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> d
         "faults": list(verdict.faults) if verdict else [],
         "conflicts": [conflict(c) for c in verdict.conflicts[:LISTED_CONFLICTS]] if verdict else [],
     }
+
+
+def _portfolio(scenario: "Scenario", result: PlanResult, execution: Execution | None) -> dict[str, Any]:
+    """Who answered of a portfolio, and why: of the plan, or most often while robots drove. Nothing for other planners."""
+    calls = execution.calls if execution else None
+    if calls is not None and scenario.planner.name == "auto":
+        most = max(calls.plans_of, key=lambda name: (calls.plans_of[name], name), default="")
+        return {
+            "planner": {
+                "chosen": most,
+                "why": "most plans while robots drove" if most else "",
+                "plans": dict(sorted(calls.plans_of.items())),
+            }
+        }
+    return {"planner": {"chosen": result.chosen, "why": result.why}} if result.chosen else {}
 
 
 def _clock_limited(scenario: "Scenario", result: PlanResult) -> bool:

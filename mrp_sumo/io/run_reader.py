@@ -278,8 +278,10 @@ class RunFolder:
         metrics = self.metrics
         if metrics.get("planner_calls") is None:
             return None
-        names = ("planner_calls", *(f"planner_calls_{name}" for name in ("late", "failed", "stepped", "stopped")))
-        return PlannerCalls(*(metrics.get(name) or 0 for name in names))
+        kinds = ("late", "failed", "stepped", "stopped")
+        counts = {name: int(metrics.get(f"planner_calls_{name}") or 0) for name in kinds}
+        plans_of = (self.result.get("planner") or {}).get("plans", {})
+        return PlannerCalls(metrics["planner_calls"], **counts, plans_of=plans_of)
 
     def _has(self, name: str) -> bool:
         """Whether a file is there; raises for one that the run wrote and that is lost."""

@@ -25,7 +25,9 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     scenario, m = result["scenario"], defaultdict[str, Any](lambda: None, result["metrics"])
     yield "status", result["status"].replace("_", " "), result.get("note", "")
     yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
-    yield "planner", scenario["planner"]["name"], NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
+    by = result.get("planner") or {}
+    chosen = f"{scenario['planner']['name']}: {by['chosen']}" if by.get("chosen") else scenario["planner"]["name"]
+    yield "planner", chosen, NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
     calls = count(m["planner_calls"], "answer") if m["planner_calls"] is not None else ""
     kinds = ("late", "failed", "stepped", "stopped")
     failed = ", ".join(f"{m[f'planner_calls_{kind}']} {kind}" for kind in kinds if m[f"planner_calls_{kind}"])

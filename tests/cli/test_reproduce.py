@@ -50,7 +50,7 @@ def test_plan_that_the_clock_may_have_shaped_is_marked_and_one_that_a_budget_end
 def test_budget_is_refused_for_a_planner_that_does_not_count(tmp_path, capsys):
     assert main(["run", "office_5", "--set", "planner.name=cbs_ta", "--set", "planner.budget=100", "--out", str(tmp_path / "run")]) == 2
     assert "planner.budget" in (said := capsys.readouterr().err)
-    assert "'cbs_ta' does not count its labels, expected one that does (cbs, " in said
+    assert "'cbs_ta' does not count its labels, expected one that does (auto, cbs, " in said
 
 
 def test_a_batch_is_the_same_again(tmp_path, capsys):

@@ -10,7 +10,7 @@ import mrp_sumo as ms
 
 @pytest.fixture(scope="module")
 def problem():
-    return ms.problem(ms.Scenario(map="office", robots=3, seed=1, record={"bag": False}))
+    return ms.problem(ms.Scenario(map="office", robots=3, planner="cbs", seed=1, record={"bag": False}))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_one_call_runs_as_the_steps_do(problem, plan, run):
 def test_command_line_writes_the_same_run(run, tmp_path):
     from mrp_sumo.cli.main import main
 
-    (tmp_path / "office_3.yaml").write_text("map: office\nrobots: 3\nseed: 1\nrecord: {bag: false}\n")
+    (tmp_path / "office_3.yaml").write_text("map: office\nrobots: 3\nplanner: cbs\nseed: 1\nrecord: {bag: false}\n")
     assert main(["run", str(tmp_path / "office_3.yaml"), "--out", str(tmp_path / "cli")]) == 0
     run.save(tmp_path / "door")
     for name in ("plan.json", "trajectory.parquet", "visits.parquet", "events.jsonl", "floor.json"):

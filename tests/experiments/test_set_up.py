@@ -201,7 +201,7 @@ TRUCK = CART.replace("0.4", "1.2")
 def mixed(tmp_path, groups):
     (tmp_path / "narrows.building.yaml").write_text(NARROWS)
     path = tmp_path / "scenario.yaml"
-    head = "map: narrows.building.yaml\ndiscretisation: {kind: roadmap, cell_m: 2.0}\nassignment: {mode: fixed}\n"
+    head = "map: narrows.building.yaml\ndiscretisation: {kind: roadmap, cell_m: 2.0}\nassignment: {mode: fixed}\nplanner: cbs\n"
     path.write_text(f"{head}robots:\n" + "".join(f"  - {group}\n" for group in groups))
     with MapCache() as maps:
         return set_up(read_scenario(path), maps)

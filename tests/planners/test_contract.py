@@ -4,9 +4,10 @@ from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
-from worlds import on_a_circle
+from worlds import SQUARE, on_a_circle
+from worlds import drawn as world
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -17,7 +18,6 @@ from mrp_sumo.traffic.schedule import schedule_of
 
 pytestmark = pytest.mark.kernel
 
-ROBOT = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 ALL = tuple(name for name in planner_names() if name not in ("external", "plan_file"))  # nothing without a program, or a file
 ASSIGNING = [name for name in ALL if planner_class(name).assigns]
 COORDINATED = [name for name in ALL if planner_class(name).guarantee != "no coordination"]
@@ -25,29 +25,11 @@ IN_STEPS = [name for name in ALL if "seconds" not in getattr(planner_class(name)
 COMPLETE = [name for name in COORDINATED if not any(w in planner_class(name).guarantee for w in ("not complete", "incomplete", "none"))]
 
 
-def world(picture, *, seed=0):
-    """A Problem from a drawing: '.' free, '@' blocked, '0'..'9' starts, 'a'..'j' goals of those robots, at their starts where none."""
-    rows = picture.split()
-    free = np.array([[c != "@" for c in row] for row in rows])
-    number = np.cumsum(free.ravel()).reshape(free.shape) - 1
-    places = {c: int(number[y, x]) for y, row in enumerate(rows) for x, c in enumerate(row) if c not in ".@"}
-    count = sum(c.isdigit() for c in places)
-    return Problem(
-        graph=grid_graph(free, 1.0, (0.0, 0.0)),
-        fleet=fleet_of(ROBOT, count),
-        start=np.array([places[str(r)] for r in range(count)], np.int64),
-        goal=np.array([places.get("abcdefghij"[r], places[str(r)]) for r in range(count)], np.int64),
-        goal_of=np.arange(count),
-        step_s=1.0,
-        seed=seed,
-    )
-
-
 def lanes(pairs, start, goal, num_vertices):
     """A Problem on a graph of directed lanes between vertices on a circle."""
     return Problem(
         graph=on_a_circle(pairs, num_vertices),
-        fleet=fleet_of(ROBOT, len(start)),
+        fleet=fleet_of(SQUARE, len(start)),
         start=np.array(start, np.int64),
         goal=np.array(goal, np.int64),
         goal_of=np.arange(len(start)),
@@ -102,7 +84,7 @@ def test_robots_at_their_goals_stay(name):
 def test_no_robots_need_no_plan(name):
     problem = Problem(
         graph=grid_graph(np.ones((1, 2), bool), 1.0, (0.0, 0.0)),
-        fleet=fleet_of(ROBOT, 0),
+        fleet=fleet_of(SQUARE, 0),
         start=np.zeros(0, np.int64),
         goal=np.zeros(0, np.int64),
         goal_of=np.zeros(0, np.int64),

@@ -174,10 +174,10 @@ def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
     scenario, place = file.scenario, ("execution", "planning", "window_s")
     chosen: Planner = _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters)
     if scenario.planner.budget and "effort" not in getattr(chosen, "supports", ()):
-        expected = "expected one that does (cbs, continuous, ecbs, eecbs, lacam, lns2, pbs, pibt, prioritised), or no budget"
+        expected = "expected one that does (auto, cbs, continuous, ecbs, eecbs, lacam, lns2, pbs, pibt, prioritised), or no budget"
         raise ScenarioError(f"{file.at('planner', 'budget')}: planner '{scenario.planner.name}' does not count its labels, {expected}")
     if scenario.tasks and scenario.execution.planning.window_s and "window" not in getattr(chosen, "supports", ()):
-        expected = "expected one that does (ecbs, lacam, lns2, pibt, prioritised), or 0"
+        expected = "expected one that does (auto, ecbs, lacam, lns2, pbs, pibt, prioritised), or 0"
         raise ScenarioError(f"{file.at(*place)}: planner '{scenario.planner.name}' does not plan in windows, {expected}")
     return chosen
 

@@ -40,7 +40,7 @@ class RetimeChoice(Strict):
 class PlannerChoice(Strict):
     """The planner and what it may spend."""
 
-    name: str = Field("cbs", description="Of a registered planner, or FILE.py:CLASS, the file relative to the scenario.")
+    name: str = Field("auto", description="Of a registered planner, or FILE.py:CLASS, the file relative to the scenario.")
     time_limit_s: Positive = 60.0
     budget: Annotated[int, Field(ge=1, le=10**12)] | None = Field(
         None,

@@ -1,0 +1,92 @@
+"""The portfolio: who is asked first, who after that, and what the answer says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from worlds import drawn as world
+
+from mrp_sumo.core.plan import Status
+from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.referee import judge
+from planners.auto import Auto, candidates
+
+pytestmark = pytest.mark.kernel
+
+BAY = "@@.@@ b0.1a"  # one robot has to step aside, which an order of robots cannot say
+ROOM = "0.....1 b.....a"
+
+
+def answer(picture, *planners, time_limit_s=20.0, **changed):
+    auto = Auto(planners=planners)
+    auto.prepare()
+    problem = replace(world(picture), **changed)
+    return problem, auto.plan(problem, time_limit_s)
+
+
+def test_the_first_that_finds_a_plan_answers():
+    problem, result = answer(ROOM, "prioritised", "lacam")
+    assert (result.status, result.chosen, result.why) == (Status.SOLVED, "prioritised", "as the scenario says")
+    assert judge(problem, result.plan).valid
+
+
+def test_another_answers_where_the_first_finds_none():
+    problem, result = answer(BAY, "prioritised", "lacam")
+    assert (result.status, result.chosen) == (Status.SOLVED, "lacam")
+    assert result.why == "as the scenario says; prioritised gave up"
+    assert judge(problem, result.plan).valid
+
+
+def test_where_nobody_finds_a_plan_the_last_has_the_word():
+    _, result = answer(BAY, "pbs", "prioritised")
+    assert (result.status, result.chosen, result.plan) == (Status.GAVE_UP, "prioritised", None)
+
+
+def test_what_is_proved_to_have_no_plan_is_asked_of_nobody_else():
+    _, result = answer("b01a", "prioritised", "lacam")
+    assert (result.status, result.chosen) == (Status.INFEASIBLE, "prioritised")
+
+
+def test_effort_is_shared():
+    """Ten labels are not enough for either; half of many are enough for the first."""
+    _, none = answer(BAY, "prioritised", "pibt", effort=2)
+    assert none.plan is None
+    _, some = answer(ROOM, "prioritised", "lacam", effort=100_000)
+    assert some.chosen == "prioritised"
+
+
+def test_by_rule_everybody_gets_an_answer():
+    for drivable in (False, True):
+        problem, result = answer(BAY, drivable=drivable)
+        assert result.status is Status.SOLVED
+        assert result.chosen
+        assert result.why
+        assert judge(problem, result.plan, in_seconds=True).valid
+
+
+def test_real_motion_is_planned_where_the_order_is_kept():
+    drivable = replace(world(ROOM), drivable=True)
+    assert candidates(drivable)[0][0] == "continuous"
+    assert candidates(replace(drivable, drivable=False))[0][0] == "lacam"
+
+
+def test_in_windows_robots_with_room_go_one_after_another_and_crowds_by_lacam():
+    assert candidates(replace(world("0.1 ... ..."), window_steps=20))[0][0] == "prioritised"  # 9 vertices for 2 robots
+    assert candidates(replace(world("01. 23."), window_steps=20))[0][0] == "lacam"  # 6 for 4
+
+
+@pytest.mark.parametrize(("parameters", "said"), [
+    ({"planners": ("lacan",)}, "no planner 'lacan' for a portfolio (did you mean 'lacam'?)"),
+    ({"planners": ("auto",)}, "no planner 'auto' for a portfolio"),
+    ({"share": 1.0}, "share is 1.0, expected a number between 0 and 1"),
+])  # fmt: skip
+def test_other_portfolios_are_refused(parameters, said):
+    with pytest.raises(PlanError, match=said.replace("(", r"\(").replace(")", r"\)").replace("?", r"\?")):
+        Auto(**parameters)
+
+
+def test_no_robots():
+    problem = world(ROOM)
+    none = np.zeros(0, np.int64)
+    empty = replace(problem, fleet=replace(problem.fleet, robot_name=()), start=none, goal=none, goal_of=none)
+    assert Auto().plan(empty, 5.0).status is Status.SOLVED
