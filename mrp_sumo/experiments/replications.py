@@ -46,14 +46,28 @@ class PairedMeans:
         return self.difference.count
 
 
-def t_mean(values: ArrayLike, confidence: float = 0.95) -> Interval:
-    """A mean with Student's limits; infinite limits for one value, NaN for none. Values that are not finite are left out."""
+def t_mean(values: ArrayLike, confidence: float = 0.95, resolution: float = 0.0) -> Interval:
+    """A mean with Student's limits; infinite limits for one value, NaN for none. Values that are not finite are left out.
+
+    Parameters
+    ----------
+    values
+        [N] observations.
+    confidence
+        Of the limits.
+    resolution
+        Step in which values are counted. The count of a steady process in a span that begins at any time may vary by half a step without
+        showing it in a few values, so that a deviation below that is not believed: equal counts have limits, too.
+    """
     x = np.asarray(values, np.float64)
     x = x[np.isfinite(x)]
     if not len(x):
         return Interval(math.nan, math.nan, math.nan, 0)
     mean = float(x.mean())
-    half = _quantile((1 + confidence) / 2, len(x) - 1) * float(x.std(ddof=1)) / math.sqrt(len(x)) if len(x) > 1 else math.inf
+    if len(x) == 1:
+        return Interval(mean, -math.inf, math.inf, 1)
+    deviation = max(float(x.std(ddof=1)), resolution / 2)
+    half = _quantile((1 + confidence) / 2, len(x) - 1) * deviation / math.sqrt(len(x))
     return Interval(mean, mean - half, mean + half, len(x))
 
 
@@ -77,24 +91,26 @@ def batch_means(series: ArrayLike, num_batches: int = 20, confidence: float = 0.
     return BatchMeans(t_mean(means, confidence), float((d[1:] * d[:-1]).sum()) / square if square else 0.0, num_batches)
 
 
-def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedMeans:
+def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, resolution: float = 0.0) -> PairedMeans:
     """Whether two alternatives differ, by Student's test of their differences on common random numbers.
 
     Parameters
     ----------
     first, second
         [N] values, seed by seed; pairs without both values are left out.
+    confidence, resolution
+        As for `t_mean`, of the differences.
     """
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
     both = np.isfinite(a) & np.isfinite(b)
     a, b = a[both], b[both]
     d = b - a
     of_a, of_b = t_mean(a, confidence), t_mean(b, confidence)
-    mean = t_mean(d, confidence)
+    mean = t_mean(d, confidence, resolution)
     if len(d) < 2:
         return PairedMeans(of_a.value, of_b.value, mean, 1.0, math.nan)
     apart, spread = float(a.var(ddof=1) + b.var(ddof=1)), float(d.var(ddof=1))
-    error = math.sqrt(spread / len(d))
+    error = max(math.sqrt(spread), resolution / 2) / math.sqrt(len(d))
     p_value = 2 * _below(-abs(mean.value) / error, len(d) - 1) if error else float(mean.value == 0)
     return PairedMeans(of_a.value, of_b.value, mean, p_value, 1 - spread / apart if apart else 0.0)
 

@@ -1,6 +1,7 @@
 """The warm-up is found where the beginning differs from the rest, and nowhere else."""
 
 import numpy as np
+import pytest
 
 from mrp_sumo.metrics.warm_up import warm_up_length
 
@@ -14,3 +15,13 @@ def test_half_of_a_series_is_too_much_to_leave_out():
     assert warm_up_length(np.concatenate([np.zeros(30), np.full(30, 9.0)])) is None
     assert warm_up_length(np.ones(19)) is None
     assert warm_up_length(np.ones(20)) == 0
+
+
+@pytest.mark.parametrize(("first", "cut"), [(1.3, 5), (1.15, 0)])
+def test_it_is_the_variance_that_is_weighed_against_what_is_left(first, cut):
+    """Eight batch means: `first`, then 0 and 1 in turn, whose seven have the variance 12 / 49, and so the squared error 0.0350.
+
+    With 1.3 all eight have 0.297 / 8 = 0.0372, which is more, and with 1.15 they have 0.271 / 8 = 0.0339, which is less. By deviations
+    instead of variances it would be less both times.
+    """
+    assert warm_up_length(np.repeat([first, 0, 1, 0, 1, 0, 1, 0], 5)) == cut
