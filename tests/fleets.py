@@ -14,7 +14,7 @@ EFFORT = replace(QUICK, horizon_s=3600.0, seeds=4, most_seeds=12, precision=0.05
 
 
 def question(sizes=(4, 90), effort=EFFORT, demand_per_h=None, tasks=TASKS, **other):
-    values = {"map": "office", "robots": 4, **({"tasks": tasks} if tasks else {})}
+    values = {"map": "office", "robots": 4, "planner": "lacam", **({"tasks": tasks} if tasks else {})}
     return Question(scenario_of(values, Path(), "fleets"), sizes, effort, demand_per_h, **other)
 
 
@@ -46,24 +46,36 @@ class Fleets:
         else:
             released_s, done_s = np.maximum(capacity_s - 60, 0), capacity_s
         there = released_s < horizon_s
-        record = {
-            "status": "completed",
-            "success": rng.random() < np.clip((60 - trial.robots) / 20, 0, 1),
-            "metrics": {"robot_busy_share": 0.9, "cycle_serving_s": 60.0},
-            "observed": {
-                "released_s": released_s[there].tolist(),
-                "assigned_s": released_s[there].tolist(),
-                "done_s": [t if t <= horizon_s else None for t in done_s[there].tolist()],
-                "due_s": [None] * int(there.sum()),
-                "steady_s": 0.0,
-                "stations": {"a": {"places": 1, "served_s": 36.0 * trial.robots, "queued_s": 5.0, "stops": 9, "over_s": 3600.0}},
-                "lifts": {},
-                "places": {"a \N{EN DASH} b": ["aisle", 40.0, 0.5]},
-                "vertices": [[3, 40.0]],
-                "minutes": [[1.0, 10.0]] * 60,
-                "lane_m": 100.0,
-                "deadlocks": int(trial.robots > 45),
-                "planning_share": 0.2,
-            },
+        observed = {
+            "released_s": released_s[there].tolist(),
+            "done_s": [t if t <= horizon_s else None for t in done_s[there].tolist()],
+            "stations": {"a": {"places": 1, "served_s": 36.0 * trial.robots, "queued_s": 5.0, "stops": 9, "over_s": 3600.0}},
+            "causes": [["aisle", "a \N{EN DASH} b", 40.0, 0.5]],
+            "vertices": [[3, 40.0]],
+            "deadlocks": int(trial.robots > 45),
         }
-        return record_of(record)
+        return record_of(_record(observed, rng.random() < np.clip((60 - trial.robots) / 20, 0, 1)))
+
+
+def record_with(done_s, horizon_s):
+    """The record of a saturated run in which orders were done at these times, and nothing else is known."""
+    done = [t for t in np.asarray(done_s).tolist() if t <= horizon_s]
+    return record_of(_record({"released_s": [max(t - 60, 0.0) for t in done], "done_s": done}))
+
+
+def _record(observed, success=True):
+    """A run that nothing was wrong with, but for what is observed."""
+    orders = len(observed["done_s"])
+    usual = {
+        "assigned_s": observed["released_s"],
+        "due_s": [None] * orders,
+        "steady_s": 0.0,
+        "stations": {},
+        "vertices": [],
+        "minutes": [[1.0, 10.0]] * 60,
+        "lane_m": 100.0,
+        "deadlocks": 0,
+        "planning_share": 0.2,
+    }
+    metrics = {"robot_busy_share": 0.9, "cycle_serving_s": 60.0}
+    return {"status": "completed", "success": success, "metrics": metrics, "observed": {**usual, **observed}}

@@ -174,17 +174,21 @@ def _beforehand(study: "Study") -> str:
 
     sizes = ", ".join(map(str, estimate.sizes))
     confirmed = f", then at most {duration(estimate.confirm_s)} to confirm it in SUMO" if estimate.confirm_s else ""
+    if not estimate.sizes:
+        return f"{duration(estimate.budget_s)} are hardly enough: they end the runs of the first fleets under way"
+    how = f", by a pilot run with {study.pilot.robots}" if study.question.has_tasks else ""
     return (
-        f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots, and at most {duration(estimate.budget_s)} with "
-        f"all that follows{confirmed}, as predicted"
+        f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots{how}; with all that follows at most "
+        f"{duration(estimate.budget_s)}, which end runs under way{confirmed}"
     )
 
 
 def _in_words(answer: "Answer", page: Path) -> str:
+    from mrp_sumo.sizing.reasons import in_words
+
     lines = [answer.sentence, *(f"note: {note}" for note in answer.notes)]
-    if found := answer.at_peak:
-        what = f"the {found.limit.kind} {found.limit.name}".strip()
-        lines.append(f"What binds with {found.robots} robots: {what}, busy {100 * found.limit.utilisation:.0f} % of the time.")
+    if limit := answer.limit:
+        lines.append(f"What binds: {in_words(limit)}.")
     for gain in answer.gains:
         mean = gain.difference.difference
         gained = f"{mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f})"

@@ -2,19 +2,20 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import isnan
+from math import inf, isfinite, isnan
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
 from mrp_sumo.sizing.confirmation import Confirmation, confirmations
-from mrp_sumo.sizing.points import Point, compared
+from mrp_sumo.sizing.points import UNANSWERED, Point, compared
 from mrp_sumo.sizing.question import SATURATED, Question, Trial, spendable
-from mrp_sumo.sizing.reasons import Reasons, Share, reasons, undisturbed_s
-from mrp_sumo.sizing.search import Bracket, Desk, Limits, Missing, Recorded, Served, coarse, demand, limits, one_shot
+from mrp_sumo.sizing.reasons import Reasons, Share, mean_of, reasons, undisturbed_s
+from mrp_sumo.sizing.search import Bracket, Curve, Desk, Limits, Missing, Recorded, Served, demand, limits, one_shot, planned
 from mrp_sumo.sizing.what_if import AUTO, obvious
 
+PLAIN = {"door": "aisle", "area": "crossing"}  # kinds of places as `limit.kind` has them
 SPREADSHEET = 0.8  # utilisation of robots that planning sheets count with
 
 
@@ -48,12 +49,43 @@ class Answer:
     confirmed: tuple[Confirmation, ...]  # sizes that were driven in SUMO, too
     left_out: tuple[str, ...]  # what the budget did not buy
     spent_s: float  # predicted, of the budget
+    in_time: bool = True  # whether all runs that were wanted had ended when the clock reached the budget
 
     @property
     def points(self) -> list[Point]:
-        """Fleets by size: saturated ones, or one-shot ones."""
-        curve = self.limits.curve if self.limits else self.served.curve if self.served else None
-        return [curve.points[n] for n in curve.sizes] if curve else []
+        """Fleets by size that count: saturated ones, or one-shot ones."""
+        return [self._curve.points[n] for n in self._curve.sizes] if self._curve else []
+
+    @property
+    def unfit(self) -> list[Point]:
+        """Fleets by size whose runs support no answer."""
+        return [self._curve.unfit[n] for n in sorted(self._curve.unfit)] if self._curve else []
+
+    @property
+    def _curve(self) -> Curve | None:
+        return self.limits.curve if self.limits else self.served.curve if self.served else None
+
+    @property
+    def planner(self) -> str:
+        """What planned the runs of the answer."""
+        return (self._curve.planner if self._curve else "") or self.question.file.scenario.planner.name
+
+    @property
+    def limit(self) -> Share | None:
+        """What binds: the planner where it has no plans for the next larger fleets, else as at the peak."""
+        if not self.points:
+            return (
+                Share("planner", "", self.unfit[0].unanswered_share) if self.unfit and self.unfit[0].unanswered_share > UNANSWERED else None
+            )
+        if self.limits and self.limits.peak.estimate is None and (beyond := self._without_plans):
+            return Share("planner", "", beyond.unanswered_share)
+        return self.at_peak.limit if self.at_peak else None
+
+    @property
+    def _without_plans(self) -> Point | None:
+        """The smallest fleet above those that count for which the planner had no plans."""
+        last = self.points[-1].robots if self.points else 0
+        return next((point for point in self.unfit if point.robots > last and point.unanswered_share > UNANSWERED), None)
 
     @property
     def at_peak(self) -> Reasons | None:
@@ -74,22 +106,32 @@ class Answer:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the reader should know before the figures are believed."""
-        found = [f"the budget did not buy {text}" for text in self.left_out]
+        found = (
+            []
+            if self.in_time
+            else [f"{_minutes(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were"]
+        )
+        own = self.question.file.scenario.planner.name
+        if self.planner != own and self.question.has_tasks:
+            found.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
+        found += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
+        found += [f"the budget did not buy {text}" for text in self.left_out]
         if self.limits and not self.limits.rises:
             found.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
+        if self.limits and self.points and not self.limits.measured:
+            found.append("the limits are of the runs on which sizes were chosen, and may be too narrow: there were no new ones")
         if self.limits and self.served and _too_short(self.served):
             found.append("runs are too short to tell whether orders are on time: most are due after the end; give a longer --horizon")
         short = [p.robots for p in self.points if self.limits and not p.is_steady]
         if short:
             found.append(f"runs are too short to tell the warm-up with {_listed(short)} robots; the first half is left out there")
-        if failed := sum(point.num_failed for point in self.points):
-            found.append(f"{failed} of {sum(len(p.records) for p in self.points)} runs broke, or robots overlapped in them")
         if self.limits and self.limits.first_deadlock is not None:
             point = self.limits.curve.points[self.limits.first_deadlock]
             found.append(
                 f"robots blocked each other for good in {point.num_deadlocked} of {len(point.records)} runs with {point.robots} robots, "
                 "and in none with fewer"
             )
+        found += self.of_batteries
         found += [
             f"SUMO does not confirm the {size.name} at {_robots(size.robots)}: {size.difference.second:.4g} instead of "
             f"{size.difference.first:.4g}"
@@ -99,11 +141,39 @@ class Answer:
         return tuple(found)
 
     @property
+    def of_batteries(self) -> list[str]:
+        """What batteries and chargers mean for the answer."""
+        cycle = self.question.charging
+        if not self.limits or cycle is None or not self.points:
+            return []
+        if not cycle.places:
+            return [
+                f"robots have nowhere to charge (tasks.charging) and run empty after about {_minutes(cycle.drive_s)}: the figures are of "
+                "the time before, and no fleet keeps them up"
+            ]
+        point = self.limits.curve.points[self.limits.curve.best]
+        charging = [run["batteries"] for run in point.observed if run["batteries"]]
+        at_once = mean_of([of["charging"] for of in charging])
+        found = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {cycle.places} places"]
+        if cycle.charge_s > self.question.effort.horizon_s:
+            found.append(
+                f"a charge takes {_minutes(cycle.charge_s)}, longer than a run of {_minutes(self.question.effort.horizon_s)}: robots start "
+                f"at all points of a cycle of driving ({_minutes(cycle.drive_s)}) and charging, and none is followed through it"
+            )
+        if dead := sum(of["empty"] for of in charging):
+            found.append(f"{dead} batteries ran empty in {len(charging)} runs with {_robots(point.robots)}: too few places to charge")
+        return found
+
+    @property
     def sentence(self) -> str:
         """The answer in words."""
         if self.limits is None:
             return _of_one_shot(self)
-        parts = [_of_peak(self.limits, self.question.sizes)]
+        if not self.points:
+            return _of_nothing(self)
+        parts = [_of_peak(self.limits)]
+        if beyond := self._without_plans:
+            parts.append(f"With {_robots(beyond.robots)} {beyond.fault}.")
         if self.served and self.question.demand_per_h:
             parts.append(_of_demand(self.served, self.question))
         if (collapse := self.limits.collapse).estimate is not None:
@@ -125,8 +195,9 @@ class Answer:
                 "collapse_robots": _bracket(collapse),
                 "smallest_for_demand": {**_bracket(served.smallest), **demanded} if limit and served else None,
                 "largest_that_succeeds": _bracket(served.smallest) if served and not limit else None,
-                "limit": _share(self.at_peak.limit) if self.at_peak else None,
-                "curve": [_row(point, self.question) for point in self.points],
+                "limit": _share(self.limit) if self.limit else None,
+                "planner": self.planner,
+                "curve": [_row(p, self.question) for p in sorted([*self.points, *self.unfit], key=lambda point: point.robots)],
                 "what_if": [_gain(gain) for gain in self.gains],
                 "confirmed": [_confirmed(size) for size in self.confirmed],
                 "notes": list(self.notes),
@@ -136,9 +207,9 @@ class Answer:
         }
 
 
-def answer_of(question: Question, recorded: Recorded) -> tuple[Answer | None, tuple[Trial, ...]]:
-    """The answer, or None while runs are missing, and the trials that are wanted."""
-    desk = Desk(question, recorded)
+def answer_of(question: Question, recorded: Recorded, *, closed: bool = False) -> tuple[Answer | None, tuple[Trial, ...]]:
+    """The answer, or None while runs are missing, and the trials that are wanted; of a study that is closed, from what there is."""
+    desk = Desk(question, recorded, closed=closed)
     try:
         found = _one_shot(desk) if not question.has_tasks else _lifelong(desk)
     except Missing:
@@ -149,14 +220,14 @@ def answer_of(question: Question, recorded: Recorded) -> tuple[Answer | None, tu
 def _one_shot(desk: Desk) -> Answer:
     served, spent_s = one_shot(desk), desk.spent_s
     confirmed = confirmations(desk, None, served) if desk.question.confirm else ()
-    return Answer(desk.question, tuple(desk.asked), None, served, (), (), confirmed, tuple(desk.left_out), spent_s)
+    return Answer(desk.question, tuple(desk.asked), None, served, (), (), confirmed, tuple(desk.left_out), spent_s, not desk.closed)
 
 
 def _lifelong(desk: Desk) -> Answer:
     question = desk.question
     desk.share, before_changes = spendable(question)
-    curve = coarse(desk)
-    _require_driven(curve.points.values())
+    curve = planned(desk)
+    _require_driven([*curve.points.values(), *curve.unfit.values()])
     desk.share = before_changes
     served = demand(desk, curve) if question.demand_per_h is not None else None
     limit = limits(curve)
@@ -165,7 +236,7 @@ def _lifelong(desk: Desk) -> Answer:
     gains = _gains(desk, limit, why) if question.what_if and limit.curve.points else ()
     spent_s = desk.spent_s  # of the budget; confirmation comes on top
     confirmed = confirmations(desk, limit, served) if question.confirm else ()
-    return Answer(question, tuple(desk.asked), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s)
+    return Answer(question, tuple(desk.asked), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s, not desk.closed)
 
 
 def _require_driven(points: Iterable[Point]) -> None:
@@ -183,11 +254,14 @@ def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...
     base = limit.curve.points[best]
     tried = {}
     for change in changes:
-        trials = [Trial(SATURATED, best, seed, change) for seed in range(min(len(base.records), question.effort.seeds + 2))]
+        seeds = range(base.first_seed, base.first_seed + min(len(base.records), question.effort.seeds + 2))
+        trials = [Trial(SATURATED, best, seed, change, limit.curve.planner) for seed in seeds]
         if desk.affords(trials, f"what if '{change}'"):
             tried[change] = trials
     records = iter(desk.records([trial for trials in tried.values() for trial in trials]))
-    points = {c: Point(best, question.effort.horizon_s, tuple(next(records) for _ in trials)) for c, trials in tried.items()}
+    points = {
+        c: Point(best, question.effort.horizon_s, tuple(next(records) for _ in trials), base.first_seed) for c, trials in tried.items()
+    }
     tests = {change: compared(base, point) for change, point in points.items()}
     adjusted = holm([test.p_value for test in tests.values()])
     found = [
@@ -209,6 +283,9 @@ def _row(point: Point, question: Question) -> dict[str, Any]:
         "low": _number(max(0.0, mean.low)),
         "high": _number(mean.high),
         "replications": len(point.records),
+        "unanswered_share": round(point.unanswered_share, 4),
+        "counts": not point.fault,
+        "why_not": point.fault or None,
     }
 
 
@@ -217,7 +294,7 @@ def _bracket(found: Bracket) -> dict[str, int | None]:
 
 
 def _share(found: Share) -> dict[str, Any]:
-    return {"kind": found.kind, "name": found.name, "utilisation": round(found.utilisation, 4)}
+    return {"kind": PLAIN.get(found.kind, found.kind), "name": found.name, "utilisation": round(found.utilisation, 4)}
 
 
 def _gain(gain: Gain) -> dict[str, Any]:
@@ -252,7 +329,7 @@ def _confirmed(size: Confirmation) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    return round(value, 3) if abs(value) < float("inf") else None
+    return round(value, 3) if isfinite(value) else None
 
 
 def _listed(numbers: Sequence[int]) -> str:
@@ -270,18 +347,52 @@ def _between(found: Bracket) -> str:
     return str(found.estimate)
 
 
-def _of_peak(found: Limits, sizes: tuple[int, int]) -> str:
-    peak, knee = found.peak, found.knee
-    best = found.curve.points[found.curve.best].throughput
-    if len(found.curve.sizes) == 1:
-        return f"{_robots(found.curve.best)} do {best.value:.0f} orders an hour; other fleets were not tried."
-    if peak.estimate is None:
-        return f"More robots bring more up to {found.curve.best}, the most that were tried: {best.value:.0f} orders an hour there."
-    within = f"between {peak.low} and {peak.high}" if peak.high is not None else f"at {peak.low} or more"
-    text = f"Up to {peak.estimate} robots are worth having (the peak lies {within}): {best.value:.0f} orders an hour."
-    if knee.estimate is not None and knee.estimate < peak.estimate:
-        text += f" {knee.estimate} robots do 95 % of that" + (f" ({_between(knee)})." if _between(knee) != str(knee.estimate) else ".")
+def _of_peak(found: Limits) -> str:
+    curve, knee, peak = found.curve, found.knee, found.peak
+    best = curve.points[curve.best].throughput
+    most = f"{best.value:.0f} orders an hour"
+    if best.low > -inf:
+        most += f" ({max(best.low, 0.0):.0f} to {best.high:.0f})"
+    if len(curve.sizes) == 1:
+        return f"{_robots(curve.best)} do {most}; other fleets were not tried."
+    if knee.estimate is None:
+        return f"More robots bring more up to {curve.best}, the most that were tried: {most} there."
+    sure = "" if knee.low == knee.high else f" ({_span(knee)})"
+    few = f"{_robots(knee.estimate)}{sure}"
+    if knee.estimate == curve.best:
+        text = f"{few} do the most that was found, {most}."
+    else:
+        text = f"{few} do 95 % of the most that was found, {most} with {curve.best}."
+    if found.collapse.estimate is None:
+        last = curve.sizes[-1]
+        text += f" More add little, and up to {last}, the most that were tried, nothing is lost." if last > knee.estimate else ""
+    elif peak.high is not None and peak.high > knee.estimate:
+        text += f" More than {peak.high} robots are not worth having."
     return text
+
+
+def _span(found: Bracket) -> str:
+    """'32 to 36', 'up to 36' or 'from 32 on'."""
+    if found.low is None:
+        return f"at most {found.high}"
+    return f"{found.low} to {found.high}" if found.high is not None else f"{found.low} or more"
+
+
+def _of_nothing(answer: Answer) -> str:
+    """Without a size that counts there is no headline."""
+    if not answer.unfit:
+        return "Nothing is known: the budget was over before a fleet was measured."
+    first = answer.unfit[0]
+    return f"No answer: with {_robots(first.robots)} {first.fault}."
+
+
+def _minutes(seconds: float) -> str:
+    """'20 min', or '2 h 35 min'."""
+    minutes = round(seconds / 60)
+    if minutes < 1:
+        return f"{seconds:.0f} s"
+    hours, rest = divmod(minutes, 60)
+    return " ".join([*([f"{hours} h"] if hours else []), *([f"{rest} min"] if rest or not hours else [])])
 
 
 def _of_demand(served: Served, question: Question) -> str:

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.execution import Execution, PlannerCalls
+from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.places import places_of
-from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.worker import Answer, Job, measure
-from mrp_sumo.metrics.facilities import lift_use
 from mrp_sumo.metrics.tasks import steady_from
+from mrp_sumo.sizing.causes import causes
 
 FUNCTION = f"{__name__}:observe"
 MINUTE_S = 60.0
@@ -35,32 +35,42 @@ def observation(result: RunResult) -> dict[str, Any]:
     -------
     dict
         Of a run with tasks: `released_s, assigned_s, done_s` and `due_s` of every order (None: not, or never); `stations` by name, with
-        places, seconds served and queued; `places` by name, with kind, seconds that robots waited to go there and the share of time
-        for which one was there; `lifts` by name, with the share of time for which they were busy and seconds that robots waited before
-        them; `vertices`, pairs of a vertex of the plan graph and seconds waited for it; `minutes`, pairs of the mean number of robots in
-        traffic and the metres driven in each minute; `lane_m`; `deadlocks`; `planning_share` of the time; `steady_s`.
+        places, seconds served and queued; `causes`, with kind, name, seconds that robots stood because of it and the share of time for
+        which it was pressed (see `sizing.causes`); `idle_share` of the robots' time; `batteries` (None: robots have none), with when the
+        first ran empty, how many did, the mean and most that charged at a time, and places to charge; `vertices`, pairs of a vertex of
+        the plan graph and seconds waited for it; `minutes`, pairs of the mean number of robots in traffic and the metres driven in each
+        minute; `lane_m`; `deadlocks`; `planning_share` of the time; `requests`, asked of the planner and not answered; `operations`,
+        findings of the operations audit; `steady_s`.
         Of one without, nothing.
     """
     execution, graph = result.execution, result.graph
     assert execution is not None
     if execution.tasks is None or execution.stops is None:
         return {}
-    steady_s = steady_from(execution.tasks) or 0.0
+    orders, stops = orders_of(execution.tasks, execution.stops)
+    assert stops is not None
+    steady_s = steady_from(orders) or 0.0
     x, y, every = _looks(execution)
+    calls = execution.calls or PlannerCalls()
+    planning_share = min(1.0, calls.asked * result.setup.settings.planning.budget_s / execution.sim_time_s)
+    places = places_of(graph, result.nav)
+    pressed = causes(execution, graph, places, steady_s, planning_share)
     wait_s = _waiting(execution, graph, steady_s)
     heaviest = np.argsort(-wait_s, kind="stable")[:NUM_VERTICES]
-    budget_s = result.setup.settings.planning.budget_s
     return {
-        **_orders(execution.tasks, execution.stops),
+        **_orders(orders, stops),
         "steady_s": steady_s,
-        "stations": _stations(execution.stops, steady_s, execution.sim_time_s),
-        "places": _places(result, x, y, wait_s, int(steady_s / LOOK_S)),
-        "lifts": {use.name: [round(use.busy_share, 4), round(use.waited_s, 1)] for use in lift_use(execution, graph, steady_s)},
+        "stations": _stations(stops, steady_s, execution.sim_time_s),
+        "causes": [[kind, name, round(of.waited_s, 1), round(of.share, 4)] for (kind, name), of in sorted(pressed.items())],
+        "idle_share": _idle_share(execution, steady_s, num_robots=x.shape[1]),
+        "batteries": _batteries(execution, steady_s),
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
-        "minutes": _minutes(execution, x, y, every),
+        "minutes": _minutes(execution, orders, stops, x, y, every),
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),
         "deadlocks": sum(event.kind in ("deadlock", "blocked_for_good") for event in execution.events),
-        "planning_share": round(min(1.0, execution.calls.asked * budget_s / execution.sim_time_s), 4) if execution.calls else 0.0,
+        "planning_share": round(planning_share, 4),
+        "requests": [calls.asked, calls.failed + calls.late],
+        "operations": [str(finding["text"]) for finding in result.result.get("operations_audit", {}).get("findings", [])][:3],
     }
 
 
@@ -112,30 +122,38 @@ def _waiting(execution: Execution, graph: PlanGraph, since_s: float) -> FloatArr
     return wait_s
 
 
-def _places(result: RunResult, x: FloatArray, y: FloatArray, wait_s: FloatArray, first: int) -> dict[str, list[Any]]:
-    """Kind, seconds waited, and share of looks at which a robot was there, by name; where nobody waited it is left out."""
-    from scipy.spatial import cKDTree
+def _idle_share(execution: Execution, since_s: float, num_robots: int) -> float:
+    """Share of the robots' time from a time on for which they had no task."""
+    tasks, over_s = execution.tasks, execution.sim_time_s - since_s
+    assert tasks is not None
+    if over_s <= 0:
+        return 0.0
+    begin_s = np.where(np.isnan(tasks.assigned_s), np.inf, tasks.assigned_s)
+    end_s = np.where(np.isnan(tasks.done_s), execution.sim_time_s, tasks.done_s)
+    busy_s = np.clip(np.minimum(end_s, execution.sim_time_s) - np.maximum(begin_s, since_s), 0, None).sum()
+    return round(max(0.0, 1 - float(busy_s) / (over_s * num_robots)), 4)
 
-    graph = result.graph
-    places = places_of(graph, result.nav)
-    waited = np.bincount(places.of_vertex, wait_s, len(places.name))
-    there = np.stack([x[first:], y[first:]], -1)
-    _, vertex = cKDTree(graph.xy).query(there.reshape(-1, 2))
-    at: IntArray = places.of_vertex[vertex].reshape(there.shape[:2])
-    look = np.repeat(np.arange(len(at)), at.shape[1])
-    pairs = np.unique(np.stack([look, at.reshape(-1)], 1), axis=0)
-    share = np.bincount(pairs[:, 1], minlength=len(places.name)) / max(1, len(at))
+
+def _batteries(execution: Execution, since_s: float) -> dict[str, Any] | None:
+    """What became of batteries, None where robots have none."""
+    log, tasks, stops = execution.batteries, execution.tasks, execution.stops
+    if log is None or tasks is None or stops is None:
+        return None
+    flat = log.level <= 0
+    charges = ~tasks.is_order[stops.task] if len(stops.task) else np.zeros(0, np.bool_)
+    begin_s, end_s = stops.begin_s[charges], np.minimum(stops.end_s[charges], execution.sim_time_s)
+    over_s = max(execution.sim_time_s - since_s, 1e-9)
+    at_once = _count(begin_s, end_s, np.arange(since_s, execution.sim_time_s, MINUTE_S))
     return {
-        places.name[p]: [places.kind[p], round(float(waited[p]), 1), round(float(share[p]), 4)]
-        for p in np.argsort(-waited, kind="stable")
-        if waited[p] > 0
+        "empty_s": round(float(log.t_s[int(flat.any(1).argmax())]), 1) if flat.any() else None,
+        "empty": int(flat.any(0).sum()),
+        "charging": round(float(np.clip(end_s - np.maximum(begin_s, since_s), 0, None).sum()) / over_s, 3),
+        "most_charging": int(at_once.max(initial=0)),
     }
 
 
-def _minutes(execution: Execution, x: FloatArray, y: FloatArray, every: int) -> list[list[float]]:
+def _minutes(execution: Execution, tasks: TaskLog, stops: StopLog, x: FloatArray, y: FloatArray, every: int) -> list[list[float]]:
     """Mean number of robots in traffic (with an order, and not served), and metres driven, in each whole minute."""
-    tasks, stops = execution.tasks, execution.stops
-    assert tasks is not None and stops is not None
     t_s = execution.t_s[::every]
     ends = np.where(np.isnan(tasks.done_s), np.inf, tasks.done_s)
     starts = np.where(np.isnan(tasks.assigned_s), np.inf, tasks.assigned_s)

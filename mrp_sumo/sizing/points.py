@@ -13,10 +13,14 @@ from mrp_sumo.experiments.statistics import Interval
 from mrp_sumo.metrics.warm_up import warm_up_length
 
 BINS = 60  # of a run, for the warm-up
-HOUR_S = 3600.0
+MINUTE_S, HOUR_S = 60.0, 3600.0
 TELLING = 0.25  # share of the orders of a run that must be due within it, so that it says whether they are on time
 SETTLE = 0.2  # of the horizon, in which floors that are empty at first fill up, before orders are asked whether they are on time
+LEAST_S = 60.0  # that is measured of a run, or it says nothing
+UNANSWERED = 0.01  # share of requests, above which a run tells of the planner and not of the floor
+DRIVEN = ("completed", "time_limit", "deadlock", "stalled")  # runs that ended as floor and fleet would have it
 TIMES = ("released_s", "assigned_s", "done_s", "due_s")  # of orders, in observations
+NOTHING = {"causes": [], "idle_share": 0.0, "batteries": None, "requests": [0, 0], "operations": []}  # of a run in which none of it was
 Record = Mapping[str, Any]  # of a batch
 
 
@@ -24,8 +28,9 @@ def record_of(record: Record) -> Record:
     """A record as points take it: times of orders as arrays, inf for what never was."""
     if not record.get("observed"):
         return record
-    times = {name: np.array([np.inf if t is None else t for t in record["observed"][name]], np.float64) for name in TIMES}
-    return {**record, "observed": {**record["observed"], **times}}
+    observed = {**NOTHING, **record["observed"]}
+    times = {name: np.array([np.inf if t is None else t for t in observed[name]], np.float64) for name in TIMES}
+    return {**record, "observed": {**observed, **times}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,7 @@ class Point:
     robots: int
     horizon_s: float
     records: tuple[Record, ...]
+    first_seed: int = 0
 
     @property
     def observed(self) -> list[Mapping[str, Any]]:
@@ -42,14 +48,48 @@ class Point:
         return [record["observed"] for record in self.records if record.get("observed")]
 
     @property
+    def requests(self) -> tuple[int, int]:
+        """Asked of the planner while robots drove, and not answered, in all runs."""
+        counts = [run["requests"] for run in self.observed]
+        return sum(asked for asked, _ in counts), sum(unanswered for _, unanswered in counts)
+
+    @property
+    def unanswered_share(self) -> float:
+        """Of what the planner was asked."""
+        asked, unanswered = self.requests
+        return unanswered / asked if asked else 0.0
+
+    @property
+    def fault(self) -> str:
+        """Why the size supports no answer, '' where it does: all its runs were driven, passed the audits, and were planned."""
+        asked, unanswered = self.requests
+        if self.unanswered_share > UNANSWERED or any(record["status"] == "planner_stalled" for record in self.records):
+            return f"the planner found no plan in {unanswered} of {asked} requests: not a property of your floor"
+        if operations := [text for run in self.observed for text in run["operations"]]:
+            return f"the operations audit failed: {operations[0]}"
+        broken = [record for record in self.records if record["status"] not in DRIVEN]
+        if broken:
+            what = "robots overlapped" if broken[0]["status"] == "audit_failed" else f"{broken[0]['status']}: {broken[0]['reason']}"
+            return f"{len(broken)} of {len(self.records)} runs do not count: {what}"
+        if self.observed and np.isnan(self.throughput.value):
+            return f"robots ran empty after {self.until_s / MINUTE_S:.0f} min, before a steady state was reached"
+        return ""
+
+    @property
     def num_failed(self) -> int:
         """Runs that broke, or in which robots overlapped."""
-        return sum(record["status"] not in ("completed", "time_limit") for record in self.records)
+        return sum(record["status"] not in DRIVEN for record in self.records)
+
+    @cached_property
+    def until_s(self) -> float:
+        """When the first robot of any run ran empty, else the end: what is driven after a death is nobody's throughput."""
+        deaths = [run["batteries"]["empty_s"] for run in self.observed if run["batteries"] and run["batteries"]["empty_s"] is not None]
+        return min([self.horizon_s, *deaths])
 
     @cached_property
     def series(self) -> FloatArray:
-        """[BINS] orders done in each part of the horizon, the mean over runs (Welch's picture)."""
-        edges = np.linspace(0, self.horizon_s, BINS + 1)
+        """[BINS] orders done in each part of the time that counts, the mean over runs (Welch's picture)."""
+        edges = np.linspace(0, self.until_s, BINS + 1)
         counts = [np.histogram(run["done_s"][np.isfinite(run["done_s"])], edges)[0] for run in self.observed]
         return np.mean(counts, 0) if counts else np.zeros(BINS)
 
@@ -62,18 +102,25 @@ class Point:
     def warm_up_s(self) -> float:
         """What is left out of every run: MSER-5 on `series`, and half of it where that cannot be told."""
         length = warm_up_length(self.series)
-        return self.horizon_s * (0.5 if length is None else length / BINS)
+        return self.until_s * (0.5 if length is None else length / BINS)
 
     @cached_property
     def per_h(self) -> FloatArray:
         """[R] orders done an hour after the warm-up, run by run; NaN for a run that broke."""
-        span_s = self.horizon_s - self.warm_up_s
-        return self._by_run(lambda t: ((t["done_s"] > self.warm_up_s) & (t["done_s"] <= self.horizon_s)).sum() / span_s * HOUR_S)
+        span_s = self.until_s - self.warm_up_s
+        if span_s < LEAST_S:
+            return np.full(len(self.records), np.nan)
+        return self._by_run(lambda t: ((t["done_s"] > self.warm_up_s) & (t["done_s"] <= self.until_s)).sum() / span_s * HOUR_S)
+
+    @property
+    def step_per_h(self) -> float:
+        """One order more or less, in orders an hour."""
+        return HOUR_S / max(self.until_s - self.warm_up_s, LEAST_S)
 
     @property
     def throughput(self) -> Interval:
         """Orders an hour."""
-        return t_mean(self.per_h)
+        return t_mean(self.per_h, resolution=self.step_per_h)
 
     def punctual(self, within_s: float) -> FloatArray:
         """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out. NaN for
@@ -130,5 +177,7 @@ class Point:
 
 def compared(one: Point, other: Point, share: float = 1.0, confidence: float = 0.95) -> PairedMeans:
     """`other`'s throughput beside a share of `one`'s, on the seeds that both have."""
+    assert one.first_seed == other.first_seed
     count = min(len(one.per_h), len(other.per_h))
-    return paired_t(share * one.per_h[:count], other.per_h[:count], confidence)
+    step_per_h = float(np.hypot(share * one.step_per_h, other.step_per_h))
+    return paired_t(share * one.per_h[:count], other.per_h[:count], confidence, step_per_h)

@@ -46,6 +46,20 @@ QUICK = Effort(horizon_s=1200.0, seeds=3, most_seeds=6, precision=0.1, growth=2.
 
 
 @dataclass(frozen=True)
+class Cycle:
+    """Driving and charging of one robot, over and over."""
+
+    drive_s: float  # from full to where it goes to charge, or empty where it cannot
+    charge_s: float  # 0 where it cannot
+    places: int  # to charge at
+
+    @property
+    def charging_share(self) -> float:
+        """Of the time, with places for all."""
+        return self.charge_s / (self.drive_s + self.charge_s)
+
+
+@dataclass(frozen=True)
 class Question:
     """What is asked of a scenario."""
 
@@ -59,6 +73,7 @@ class Question:
     what_if: tuple[str, ...] = ()  # as the user wrote them; 'auto' tries the obvious ones
     confirm: bool = False  # drive the sizes that the answer names in SUMO, too
     command: str = ""  # that asks it again
+    charging: Cycle | None = None  # of robots with batteries
 
     @property
     def has_tasks(self) -> bool:
@@ -74,6 +89,7 @@ class Trial:
     robots: int
     seed: int
     change: str = ""  # what is otherwise than in the scenario, as `what_if` reads it
+    planner: str = ""  # instead of the scenario's
 
 
 def spendable(question: Question) -> tuple[float, float]:
@@ -84,10 +100,15 @@ def spendable(question: Question) -> tuple[float, float]:
 
 def predicted_cpu_s(trial: Trial, question: Question) -> float:
     """Roughly what a trial takes. A formula and no clock, so that a budget buys the same runs on every machine."""
-    cost = 0.5 + question.effort.horizon_s * trial.robots * (1 + trial.robots / CROWD) / ROBOT_S_PER_CPU_S
+    cost = 0.5 + driving_cpu_s(trial.robots, question.effort.horizon_s)
     if trial.kind == ONE_SHOT:
         cost = 0.3 + trial.robots / 60
     return cost * (SUMO_TIMES if question.engine == "sumo" or trial.change == IN_SUMO else 1.0)
+
+
+def driving_cpu_s(robots: int, sim_time_s: float) -> float:
+    """Roughly what planning and driving a fleet takes on the kinematic engine."""
+    return sim_time_s * robots * (1 + robots / CROWD) / ROBOT_S_PER_CPU_S
 
 
 def values_of(trial: Trial, question: Question, changed: Values) -> Values:
@@ -99,6 +120,8 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
         ("execution", "engine"): ("--engine", question.engine),
         ("record", "bag"): ("capacity", False),
     }
+    if trial.planner and not any(place[0] == "planner" for place in changed):
+        values["planner", "name"] = ("capacity", trial.planner)
     tasks = question.file.scenario.tasks
     if tasks is None:
         return {**values, **changed}

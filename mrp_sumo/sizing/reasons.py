@@ -11,22 +11,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.sizing.points import Point
+from mrp_sumo.sizing.points import UNANSWERED, Point
 
 MINUTE_S, HOUR_S = 60.0, 3600.0
-FULL = 0.85  # utilisation above which a station or the planner is what binds
-CROWDED = 0.15  # share of an order's time on the way spent standing above which the floor is
+FULL = 0.85  # share of the time above which something that is pressed binds
+FELT = 0.05  # share of the robots' time that must be lost to a place on the floor, so that it can bind
+CROWDED = 0.15  # share of the robots' time lost to waiting, or without an order, above which the fleet itself is not what binds
 PARTS = ("assignment", "empty_travel", "loaded_travel", "standing", "queue", "serving")  # of the cycle, metrics `cycle_..._s`
+SERVERS = ("station", "lift", "charger", "planner")
 
 
 @dataclass(frozen=True)
 class Share:
     """How busy something is."""
 
-    kind: str  # 'station', 'lift', 'planner', 'fleet', 'crossing', 'aisle', 'door' or 'area'
+    kind: str  # 'station', 'lift', 'charger', 'planner', 'fleet', 'orders', 'crossing', 'aisle', 'door' or 'area'
     name: str
-    utilisation: float  # share of the time
-    waited_s_per_h: float = 0.0  # of robots, for it
+    utilisation: float  # share of the time for which it serves, or somebody waits because of it
+    waited_s_per_h: float = 0.0  # of robots, because of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,63 +37,74 @@ class Reasons:
 
     robots: int
     limit: Share
-    stations: tuple[Share, ...]  # the busiest first
-    lifts: tuple[Share, ...]  # the busiest first
-    places: tuple[Share, ...]  # where most is waited first
-    planner: Share
+    stations: tuple[Share, ...]  # by the time that they serve, the busiest first
+    places: tuple[Share, ...]  # all that robots wait for, stations, lifts and chargers included, the worst first
     fleet: Share
     vertices: tuple[tuple[int, float], ...]  # of the plan graph, with seconds waited an hour; the heaviest first
 
     @property
     def worst(self) -> tuple[Share, ...]:
-        """The three places that bind: full stations and lifts first, then where most is waited."""
-        full = [share for share in (*self.stations, *self.lifts) if share.utilisation >= FULL]
-        return tuple(dict.fromkeys([*full, *self.places]))[:3]
+        """The three that cost most."""
+        return self.places[:3]
 
 
 def reasons(point: Point) -> Reasons:
     """What binds, from the runs of a fleet."""
     runs = point.observed
-    hours = sum((point.horizon_s - run["steady_s"]) / HOUR_S for run in runs) or 1.0
+    seconds = sum(point.until_s - min(run["steady_s"], point.until_s) for run in runs) or 1.0
     served, queued, room = defaultdict[str, float](float), defaultdict[str, float](float), defaultdict[str, float](float)
-    rides, before = defaultdict[str, float](float), defaultdict[str, float](float)
-    waited, occupied, kinds = defaultdict[str, float](float), defaultdict[str, float](float), dict[str, str]()
+    waited, pressed = defaultdict[tuple[str, str], float](float), defaultdict[tuple[str, str], float](float)
     vertices = defaultdict[int, float](float)
     for run in runs:
         for name, station in run["stations"].items():
             served[name] += station["served_s"]
             queued[name] += station["queued_s"]
             room[name] += station["places"] * station["over_s"]
-        for name, (kind, seconds, share) in run["places"].items():
-            waited[name] += seconds
-            occupied[name] += share / len(runs)
-            kinds[name] = kind
-        for name, (share, seconds) in run["lifts"].items():
-            rides[name] += share / len(runs)
-            before[name] += seconds
-        for vertex, seconds in run["vertices"]:
-            vertices[vertex] += seconds / hours
-    stations = [Share("station", n, served[n] / room[n] if room[n] else 0.0, queued[n] / hours) for n in served]
-    lifts = [Share("lift", n, rides[n], before[n] / hours) for n in rides]
-    places = lifts + [Share(kinds[n], n, occupied[n], waited[n] / hours) for n in waited if n not in rides]
-    for busiest_first in (stations, lifts):
-        busiest_first.sort(key=lambda share: (-share.utilisation, share.name))
-    places.sort(key=lambda share: (-share.waited_s_per_h, share.name))
-    planner = Share("planner", "", mean_of([run["planning_share"] for run in runs]))
+        for kind, name, wait_s, share in run["causes"]:
+            waited[kind, name] += wait_s
+            pressed[kind, name] += share / len(runs)
+        for vertex, wait_s in run["vertices"]:
+            vertices[vertex] += wait_s / seconds * HOUR_S
+    stations = [Share("station", n, served[n] / room[n] if room[n] else 0.0, queued[n] / seconds * HOUR_S) for n in served]
+    stations.sort(key=lambda share: (-share.utilisation, share.name))
+    places = [Share(kind, name, pressed[kind, name], waited[kind, name] / seconds * HOUR_S) for kind, name in waited]
+    places.sort(key=lambda share: (-share.waited_s_per_h, -share.utilisation, share.name))
     fleet = Share("fleet", "", mean_of([r["metrics"].get("robot_busy_share") for r in point.records]))
-    parts = cycle(point)
-    on_the_way = sum(seconds for name, seconds in parts.items() if name not in ("assignment", "serving"))
-    crowded = on_the_way > 0 and (parts["standing"] + parts["queue"]) / on_the_way >= CROWDED
-    limit = fleet
-    full = [share for share in (*stations, *lifts) if share.utilisation >= FULL]
-    if full:
-        limit = max(full, key=lambda share: share.utilisation)
-    elif planner.utilisation >= FULL:
-        limit = planner
-    elif crowded and places:
-        limit = places[0]
     heaviest = sorted(vertices.items(), key=lambda item: (-item[1], item[0]))
-    return Reasons(point.robots, limit, tuple(stations), tuple(lifts), tuple(places), planner, fleet, tuple(heaviest))
+    return Reasons(point.robots, _limit(point, places, fleet), tuple(stations), tuple(places), fleet, tuple(heaviest))
+
+
+def _limit(point: Point, places: Sequence[Share], fleet: Share) -> Share:
+    """The planner where it has no plans; orders where robots stand idle for want of them; else what costs most, if it is pressed or the
+    waiting is much; else the fleet itself. `places` are sorted, the worst first.
+    """
+    if point.unanswered_share > UNANSWERED:
+        return Share("planner", "", point.unanswered_share)
+    idle = mean_of([run["idle_share"] for run in point.observed])
+    lost = {share: share.waited_s_per_h / HOUR_S / point.robots for share in places}
+    if idle >= CROWDED and idle > sum(lost.values()):
+        return Share("orders", "", 1 - idle)
+    if any(run["batteries"] and run["batteries"]["empty"] and run["batteries"]["most_charging"] for run in point.observed):
+        chargers = [share for share in places if share.kind == "charger"]
+        return chargers[0] if chargers else fleet
+    full = [share for share in places if share.utilisation >= FULL and (share.kind in SERVERS or lost[share] >= FELT)]
+    if full or (places and sum(lost.values()) >= CROWDED):
+        return full[0] if full else places[0]
+    return fleet
+
+
+def in_words(share: Share) -> str:
+    """What binds, and how much."""
+    percent = f"{100 * share.utilisation:.0f} %"
+    match share.kind:
+        case "fleet":
+            return f"the fleet itself, at work {percent} of the time: more robots do more"
+        case "orders":
+            return f"a lack of orders that these robots may do: they have one {percent} of the time"
+        case "planner" if not share.waited_s_per_h:
+            return f"the planner, which found no plan in {percent} of its requests: not a property of your floor"
+    waited = f", {share.waited_s_per_h / MINUTE_S:.0f} robot-minutes waited an hour" if share.waited_s_per_h >= 90 else ""
+    return f"{f'the {share.kind} {share.name}'.strip()}, in use or waited for {percent} of the time{waited}"
 
 
 def cycle(point: Point) -> dict[str, float]:

@@ -7,22 +7,29 @@ on who made them, in which order, or how often the study was killed. Three quest
 
 The throughput of a saturated fleet is taken to rise up to its peak. That is checked; where it is not so, nothing is parted further and
 the coarse grid is the answer.
+
+`limits` has two stages. The best of many sizes is partly the luckiest, and knee and collapse hang on it; so sizes are *chosen* on some
+seeds, and those chosen are then *measured* on as many new ones, from which alone the intervals come. An interval ends at a size only where
+the new runs confirm it; where they do not, the next size outwards is tried.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isnan
 
 from mrp_sumo.experiments.replications import t_mean
-from mrp_sumo.experiments.statistics import Interval, holm, wilson
-from mrp_sumo.sizing.points import Point, Record, compared
+from mrp_sumo.experiments.statistics import Interval, wilson
+from mrp_sumo.sizing.points import UNANSWERED, Point, Record, compared
 from mrp_sumo.sizing.question import CORES, DEMAND, ONE_SHOT, SATURATED, Effort, Question, Trial, predicted_cpu_s
 from mrp_sumo.sizing.reasons import undisturbed_s
 
+FALLBACK = ("auto",)  # planners that are tried where the one of the scenario has no plans
 LEVEL = 0.95  # of the peak: the knee reaches it, the collapse falls below it
+NEW_SEEDS = 1000  # the first of those on which chosen sizes are measured
 ONE_SIDED = 0.90  # two-sided limits whose each side is a one-sided 95 % limit
 PATIENCE = 3.0  # times what an order takes undisturbed, in which one without a due time is to be done
+LEAST_SEEDS = 2  # of a size that counts
 STEP = 2  # seeds that are added at a time
 
 Recorded = Callable[[Trial], Record | None]
@@ -55,11 +62,13 @@ class Desk:
     spent_s: float = 0.0
     left_out: list[str] = field(default_factory=list)  # what the budget did not buy
     share: float = 1.0  # of the budget that may be spent by now: the rest is for what comes after
+    closed: bool = False  # no more runs can be made: the clock has reached the budget
 
     def affords(self, trials: Sequence[Trial], reason: str) -> bool:
         """Whether the budget buys these trials; what it does not is noted."""
         cost = sum(predicted_cpu_s(trial, self.question) for trial in trials if trial not in self.asked) / CORES
-        if self.spent_s + cost <= self.share * self.question.effort.budget_s:
+        made = not self.closed or all(self.recorded(trial) is not None for trial in trials)
+        if made and self.spent_s + cost <= self.share * self.question.effort.budget_s:
             return True
         if reason not in self.left_out:
             self.left_out.append(reason)
@@ -79,21 +88,38 @@ class Desk:
 
 @dataclass
 class Curve:
-    """Points by number of robots, all of one kind, which grow."""
+    """Points by number of robots, all of one kind and with one planner, which grow."""
 
     desk: Desk
     kind: str
-    points: dict[int, Point] = field(default_factory=dict)
+    points: dict[int, Point] = field(default_factory=dict)  # that count
+    unfit: dict[int, Point] = field(default_factory=dict)  # whose runs support no answer
+    planner: str = ""  # '': the scenario's
+    first_seed: int = 0
+    chosen: int | None = None  # the best, once that is settled
 
     def ask(self, wanted: dict[int, int], reason: str) -> bool:
         """Have so many seeds at sizes. All are asked for at once; False where the budget does not buy them."""
-        trials = [Trial(self.kind, n, seed) for n, seeds in wanted.items() for seed in range(seeds)]
+        if self.desk.closed:
+            wanted = {n: self._made(n, seeds) for n, seeds in wanted.items()}
+        trials = [self._trial(n, k) for n, seeds in wanted.items() for k in range(seeds)]
         if not self.desk.affords(trials, reason):
             return False
         records = iter(self.desk.records(trials))
         for n, seeds in wanted.items():
-            self.points[n] = Point(n, self.desk.question.effort.horizon_s, tuple(next(records) for _ in range(seeds)))
+            point = Point(n, self.desk.question.effort.horizon_s, tuple(next(records) for _ in range(seeds)), self.first_seed)
+            for sizes in (self.points, self.unfit):
+                sizes.pop(n, None)
+            (self.unfit if self.kind != ONE_SHOT and point.fault else self.points)[n] = point
         return True
+
+    def _trial(self, n: int, k: int) -> Trial:
+        return Trial(self.kind, n, self.first_seed + k, planner=self.planner)
+
+    def _made(self, n: int, seeds: int) -> int:
+        """How many of the first seeds of a size there are; at least the two that a mean with limits takes."""
+        made = next((k for k in range(seeds) if self.desk.recorded(self._trial(n, k)) is None), seeds)
+        return made if made >= LEAST_SEEDS else seeds
 
     @property
     def sizes(self) -> list[int]:
@@ -103,6 +129,8 @@ class Curve:
     @property
     def best(self) -> int:
         """The size with the most throughput; the smaller of equals."""
+        if self.chosen is not None:
+            return self.chosen
         return max(self.sizes, key=lambda n: (self.points[n].throughput.value, -n))
 
     def seeds(self, n: int) -> int:
@@ -120,6 +148,7 @@ class Limits:
     collapse: Bracket
     rises: bool  # whether throughput rises up to the peak, as was taken for granted
     first_deadlock: int | None  # the smallest size of which a run had one
+    measured: bool = True  # whether intervals come from runs on which nothing was chosen
 
 
 def grid(question: Question) -> list[int]:
@@ -132,13 +161,31 @@ def grid(question: Question) -> list[int]:
     return sizes
 
 
-def coarse(desk: Desk) -> Curve:
-    """Saturated fleets of the coarse grid, until throughput has clearly fallen."""
-    curve = Curve(desk, SATURATED)
-    for n in grid(desk.question):
+def coarse(desk: Desk, planner: str = "") -> Curve:
+    """Saturated fleets of the coarse grid, until throughput has fallen, the planner has no plans, or two in a row do not count."""
+    curve = Curve(desk, SATURATED, planner=planner)
+    sizes = grid(desk.question)
+    for k, n in enumerate(sizes):
         if not curve.ask({n: desk.question.effort.seeds}, f"fleets from {n} robots on") or _fell(curve):
             break
+        if _without_plans(curve) or all(size in curve.unfit for size in sizes[max(k - 1, 0) : k + 1]):
+            break
     return curve
+
+
+def _without_plans(curve: Curve) -> bool:
+    """Whether the planner had no plans for a size."""
+    return any(point.unanswered_share > UNANSWERED for point in curve.unfit.values())
+
+
+def planned(desk: Desk) -> Curve:
+    """The coarse grid with the scenario's planner, or with the next one where that has no plans; the one that goes furthest counts."""
+    curves: list[Curve] = []
+    for planner in ("", *(name for name in FALLBACK if name != desk.question.file.scenario.planner.name)):
+        curves.append(coarse(desk, planner))
+        if not _without_plans(curves[-1]):
+            break
+    return max(curves, key=lambda curve: max(curve.points, default=0))
 
 
 def limits(curve: Curve) -> Limits:
@@ -147,8 +194,7 @@ def limits(curve: Curve) -> Limits:
         return Limits(curve, Bracket(), Bracket(), Bracket(), True, None)
     while (wanted := _next(curve, curve.desk.question.effort)) and curve.ask(wanted, "closer limits"):
         pass
-    deadlocked = [n for n in curve.sizes if curve.points[n].num_deadlocked]
-    return Limits(curve, _peak(curve), _knee(curve), _collapse(curve), _rises(curve), min(deadlocked, default=None))
+    return _Measured(curve).limits()
 
 
 def side(curve: Curve, n: int) -> int:
@@ -162,14 +208,17 @@ def side(curve: Curve, n: int) -> int:
 
 def _fell(curve: Curve) -> bool:
     """Whether the last two sizes are clearly beyond the collapse: one alone may be a dip."""
-    last, peak = curve.sizes[-2:], curve.points[curve.best].throughput.value
-    return len(last) == 2 and all(n > curve.best and side(curve, n) < 0 and curve.points[n].throughput.value < 0.9 * peak for n in last)
+    last = curve.sizes[-2:]
+    if len(last) < 2:
+        return False
+    peak = curve.points[curve.best].throughput.value
+    return all(n > curve.best and side(curve, n) < 0 and curve.points[n].throughput.value < 0.9 * peak for n in last)
 
 
 def _next(curve: Curve, effort: Effort) -> dict[int, int]:
     """Sizes that should have more seeds, and how many; {}: the answer is known."""
     sizes, best = curve.sizes, curve.best
-    gaps = [(a, b) for a, b in pairwise(sizes) if b > a + 1 and b > effort.gap * a]
+    gaps = [(a, b) for a, b in pairwise(sizes) if b > a + 1 and b > effort.gap * a and _middle(a, b) not in curve.unfit]
     at = sizes.index(best)
     around = {pair for pair in pairwise(sizes) if best in pair}  # the peak
     if best == sizes[-1]:  # there is none
@@ -182,10 +231,14 @@ def _next(curve: Curve, effort: Effort) -> dict[int, int]:
         around.add((sizes[sizes.index(above[0]) - 1], above[0]))  # the collapse
     if _rises(curve) and (parted := [pair for pair in gaps if pair in around]):
         widest = max(parted, key=lambda pair: pair[1] / pair[0])
-        return {round((widest[0] * widest[1]) ** 0.5): effort.seeds}
+        return {_middle(*widest): effort.seeds}
     ends = sorted({n for pair in around for n in pair})
     vague = [n for n in ends if curve.seeds(n) < effort.most_seeds and _is_vague(curve, n, effort)]
     return {n: min(effort.most_seeds, curve.seeds(n) + STEP) for n in vague}
+
+
+def _middle(a: int, b: int) -> int:
+    return round((a * b) ** 0.5)
 
 
 def _is_vague(curve: Curve, n: int, effort: Effort) -> bool:
@@ -199,39 +252,67 @@ def _rises(curve: Curve) -> bool:
     return all(compared(curve.points[a], curve.points[b]).difference.high >= 0 for a, b in pairwise(rising))
 
 
-def _peak(curve: Curve) -> Bracket:
-    """The size with the most throughput, and how far those reach that are not clearly worse, by Holm's adjustment over all sizes."""
-    best, others = curve.best, [n for n in curve.sizes if n != curve.best]
-    if best == curve.sizes[-1]:
-        return Bracket(None, best, None)  # it still rises at the last size
-    tests = [compared(curve.points[best], curve.points[n]) for n in others]
-    worse = {n for n, p, test in zip(others, holm([t.p_value for t in tests]), tests) if p < 0.05 and test.difference.value < 0}
-    below = [n for n in curve.sizes if n < best and (n in worse or side(curve, n) < 0)]  # the peak is not below the knee
-    high = min((n for n in worse if n > best), default=None)
-    return Bracket(best, below[-1] + 1 if below else curve.sizes[0], None if high is None else high - 1)
+class _Measured:
+    """Sizes that were chosen, on new seeds."""
+
+    def __init__(self, curve: Curve) -> None:
+        best = curve.best
+        self.curve = replace(curve, chosen=best)  # as chosen on
+        self.again = replace(curve, points={}, unfit={}, first_seed=NEW_SEEDS, chosen=best)
+        self.num_seeds = max(curve.desk.question.effort.seeds, curve.seeds(best))
+
+    def limits(self) -> Limits:
+        """Peak, knee and collapse, with intervals that new runs confirm."""
+        curve, best = self.curve, self.curve.best
+        below, above = [n for n in curve.sizes if n < best], [n for n in curve.sizes if n > best]
+        worse = {n for n in curve.sizes if _is_worse(curve, n)}
+        judged = {n: side(curve, n) for n in curve.sizes}
+        short = [n for n in reversed(below) if judged[n] < 0]  # where the knee may begin, the nearest first
+        sure = [n for n in below if judged[n] > 0]  # where it may end
+        fallen = [n for n in above if judged[n] < 0]
+        under, over = [n for n in reversed(below) if n in worse], [n for n in above if n in worse]
+        self._have({best, *(sizes[0] for sizes in (short, sure, fallen, under, over) if sizes)})
+        high = self._first(over, _is_worse)
+        low = self._first(under, _is_worse)
+        peak = Bracket(best if above else None, curve.sizes[0] if low is None else low + 1, None if high is None else high - 1)
+        collapse = Bracket()
+        if (fell := self._first(fallen, _is_short)) is not None:
+            holds = self._first([n for n in reversed(above) if n < fell and judged[n] > 0], _reaches)
+            collapse = Bracket(fell, (best if holds is None else holds) + 1, fell)
+        short_of, enough = self._first(short, _is_short), self._first(sure, _reaches)
+        whole = replace(curve, points={**curve.points, **self.again.points})
+        knee = Bracket()
+        if above or enough is not None:  # else it still rises
+            least, most = curve.sizes[0] if short_of is None else short_of + 1, best if enough is None else enough
+            likely = min(n for n in whole.sizes if n <= best and (n == best or _share(whole, n) >= LEVEL))
+            knee = Bracket(min(max(likely, least), most), None if short_of is None else least, most)
+        deadlocked = [n for n in whole.sizes if whole.points[n].num_deadlocked]
+        return Limits(whole, peak, knee, collapse, _rises(curve), min(deadlocked, default=None), best in self.again.points)
+
+    def _have(self, sizes: Iterable[int]) -> bool:
+        wanted = {n: self.num_seeds for n in sorted(sizes) if n not in self.again.points and n not in self.again.unfit}
+        return not wanted or self.again.ask(wanted, "new runs of the sizes that were chosen, from which limits come")
+
+    def _first(self, sizes: Sequence[int], holds: Callable[[Curve, int], bool]) -> int | None:
+        """The first size of which new runs confirm what it was chosen for; of old ones where the budget does not buy new ones."""
+        for n in sizes:
+            new = self._have({n, self.curve.best}) and self.curve.best in self.again.points
+            if (not new or n in self.again.points) and holds(self.again if new else self.curve, n):
+                return n
+        return None
 
 
-def _knee(curve: Curve) -> Bracket:
-    """The smallest size with LEVEL of the peak."""
-    best = curve.best
-    if best == curve.sizes[-1]:
-        return Bracket()  # the peak is not known
-    if best == curve.sizes[0]:
-        return Bracket(best, None, best)
-    reached = [n for n in curve.sizes if n <= best and _share(curve, n) >= LEVEL]
-    sure = min(n for n in curve.sizes if n <= best and side(curve, n) > 0)
-    short = max((n for n in curve.sizes if n < sure and side(curve, n) < 0), default=None)
-    return Bracket(min(reached), None if short is None else short + 1, sure)
+def _is_short(curve: Curve, n: int) -> bool:
+    return side(curve, n) < 0
 
 
-def _collapse(curve: Curve) -> Bracket:
-    """The smallest size above the peak that clearly falls below LEVEL of it."""
-    best = curve.best
-    sure = [n for n in curve.sizes if n > best and side(curve, n) < 0]
-    if not sure:
-        return Bracket()
-    still = max(n for n in curve.sizes if n < sure[0] and (n == best or side(curve, n) > 0 or _share(curve, n) >= LEVEL))
-    return Bracket(sure[0], still + 1, sure[0])
+def _reaches(curve: Curve, n: int) -> bool:
+    return side(curve, n) > 0
+
+
+def _is_worse(curve: Curve, n: int) -> bool:
+    """Whether a size has clearly less throughput than the best."""
+    return n != curve.best and compared(curve.points[curve.best], curve.points[n], 1.0, ONE_SIDED).difference.high < 0
 
 
 def _share(curve: Curve, n: int) -> float:
@@ -251,7 +332,9 @@ class Served:
 
 def demand(desk: Desk, saturated: Curve) -> Served:
     """The smallest fleet whose share of punctual orders reaches the target: a guess from the saturated curve, a bracket, bisection."""
-    question, curve = desk.question, Curve(desk, DEMAND)
+    question, curve = desk.question, Curve(desk, DEMAND, planner=saturated.planner)
+    if not saturated.points:
+        return Served(curve, Bracket(), question.on_time)
     target, (least, most), wanted = question.on_time, question.sizes, question.demand_per_h or 0.0
     short = [n for n in saturated.sizes if n <= saturated.best and saturated.points[n].throughput.high < target * wanted]
     least = min(max([least, *(n + 1 for n in short)]), most)  # who cannot do it with always work waiting does not do it at all
@@ -308,6 +391,8 @@ def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable
     for seeds in _growing(effort):
         if not curve.ask({n: max(seeds, curve.seeds(n))}, reason):
             return None if n not in curve.points else 0
+        if n not in curve.points:
+            return None
         found = interval(curve.points[n])
         if isnan(found.value):
             return None  # no run is long enough to tell

@@ -5,15 +5,18 @@ Killed and started again, it goes on where it was, and the answer is the same to
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil
+from functools import cached_property
+from math import ceil, inf
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError
-from mrp_sumo.experiments.batch import GO_ON, Lookup, Watcher, run_batch
+from mrp_sumo.experiments.batch import GO_ON, NOW, Lookup, Watcher, run_batch
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -30,8 +33,10 @@ from mrp_sumo.sizing.question import (
     QUICK,
     SATURATED,
     SUCCEED,
+    Cycle,
     Question,
     Trial,
+    driving_cpu_s,
     own_demand_per_h,
     predicted_cpu_s,
     require_answerable,
@@ -41,6 +46,7 @@ from mrp_sumo.sizing.question import (
 from mrp_sumo.sizing.search import grid
 from mrp_sumo.sizing.what_if import AUTO, values_of_change
 
+PILOT_S, PILOT_ROBOTS = 120.0, 24  # simulated, and at most
 LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # by default; fewer where the map holds fewer
 
 
@@ -102,13 +108,36 @@ def fleet_on_map(question: Question, robots: int) -> SetUp:
 
 
 @dataclass(frozen=True)
+class Pilot:
+    """A short run of the study that is measured beforehand."""
+
+    robots: int
+    slower: float  # CPU time of a simulated second, as a multiple of the predicted one
+    power_w: float  # that a robot draws, 0 where robots have no batteries
+
+
+@dataclass(frozen=True)
 class Estimate:
-    """What a study is likely to take, on `CORES` cores."""
+    """What a study is likely to take, on `CORES` cores; measured on a pilot where orders come while robots drive."""
 
     sizes: tuple[int, ...]  # of the coarse grid, as far as the budget goes
     grid_s: float  # the grid alone
     budget_s: float  # at most, with all that follows from it
     confirm_s: float  # at most, what confirmation takes on top
+
+
+class _Clock:
+    """Ends a batch, and the runs under way, when the budget is over; before, what the user asks for."""
+
+    def __init__(self, budget_s: float, stop: Callable[[], int]) -> None:
+        self._budget_s, self._stop, self._began_s = budget_s, stop, inf
+        self.is_over = False
+
+    def __call__(self) -> int:
+        now_s = monotonic()
+        self._began_s = min(self._began_s, now_s)
+        self.is_over = now_s - self._began_s >= self._budget_s
+        return NOW if self.is_over else self._stop()
 
 
 class Study:
@@ -144,15 +173,40 @@ class Study:
         """How long it is likely to take. Said before it begins."""
         question = self.question
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
+        slower = self.pilot.slower if question.has_tasks else 1.0
         for n in grid(question):
-            cost = question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question) / CORES
+            cost = slower * question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question) / CORES
             if spent_s + cost > self._grid_s:
                 break
             sizes.append(n)
             spent_s += cost
-        last = most_trials(question.has_tasks, sizes[-1]) if question.confirm else []
-        confirm_s = sum(predicted_cpu_s(trial, question) for trial in last) / CORES
+        last = most_trials(question.has_tasks, sizes[-1]) if question.confirm and sizes else []
+        confirm_s = slower * sum(predicted_cpu_s(trial, question) for trial in last) / CORES
         return Estimate(tuple(sizes), spent_s, question.effort.budget_s, confirm_s)
+
+    @cached_property
+    def pilot(self) -> Pilot:
+        """Two simulated minutes of a small fleet. Kernels are compiled meanwhile, so that no run of the study has to."""
+        sizes = [n for n in grid(self.question) if n <= PILOT_ROBOTS] or [self.question.sizes[0]]
+        trial, question = Trial(SATURATED, sizes[-1], 0), replace(self.question, engine="kinematic")
+        values = {**values_of(trial, question, {}), ("execution", "time_limit_s"): ("capacity", min(PILOT_S, question.effort.horizon_s))}
+        with MapCache() as maps:
+            execution = carry_out(changed(question.file, values), maps).execution
+        if execution is None or not execution.sim_time_s:
+            return Pilot(trial.robots, 1.0, 0.0)
+        robot_s = execution.sim_time_s * trial.robots
+        used_j = float(execution.batteries.used_j.sum()) if execution.batteries else 0.0
+        return Pilot(trial.robots, max(1.0, execution.cpu_time_s / driving_cpu_s(trial.robots, execution.sim_time_s)), used_j / robot_s)
+
+    def _cycle(self) -> Cycle | None:
+        """Of robots with batteries, the slowest to charge of its types."""
+        batteries = [battery for battery in self.setup.settings.batteries if battery.energy_j > 0]
+        if not (self.question.has_tasks and batteries and self.pilot.power_w > 0):
+            return None
+        battery, charging = max(batteries, key=lambda battery: battery.charge_s(1.0)), self.setup.settings.charging
+        share = charging.maximum - charging.critical if charging else 1.0
+        drive_s = share * battery.energy_j / self.pilot.power_w
+        return Cycle(drive_s, battery.charge_s(share) if charging else 0.0, len(charging.station.places) if charging else 0)
 
     def run(
         self,
@@ -185,11 +239,17 @@ class Study:
         MrpSumoError
             As `run_batch` does.
         """
-        found: list[Answer | None] = [None]
+        if self.question.has_tasks:
+            self.question = replace(self.question, charging=self._cycle())
+        answer: Answer | None = None
+        known: Lookup | None = None
+        clock = _Clock(self.question.effort.budget_s, stop)
 
         def choose(lookup: Lookup) -> list[PlannedRun]:
-            found[0], trials = answer_of(self.question, lambda trial: self._recorded(trial, lookup))
-            wondered(found[0])
+            nonlocal answer, known
+            known = lookup
+            answer, trials = answer_of(self.question, lambda trial: self._recorded(trial, lookup))
+            wondered(answer)
             return [self.planned(trial) for trial in trials]
 
         run_batch(
@@ -198,11 +258,13 @@ class Study:
             watcher,
             workers=workers,
             scheduler=scheduler,
-            stop=stop,
+            stop=clock,
             function=FUNCTION,
             chooser=choose,
         )
-        return found[0]
+        if answer is None and clock.is_over and (last := known):
+            answer, _ = answer_of(self.question, lambda trial: self._recorded(trial, last), closed=True)
+        return answer
 
     def planned(self, trial: Trial) -> PlannedRun:
         """The run of a trial."""

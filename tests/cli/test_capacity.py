@@ -6,7 +6,7 @@ import pytest
 
 from mrp_sumo.cli.main import main
 
-SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3min", "--quick", "--budget", "3s", "--json"]
+SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3min", "--quick", "--budget", "90s", "--json"]
 SMALL += ["--set", "execution.dispatcher=hungarian"]
 
 
@@ -23,7 +23,8 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     for name in ("peak_robots", "knee_robots", "collapse_robots", "smallest_for_demand"):
         assert {"estimate", "low", "high"} <= set(answer[name])
     assert set(answer["limit"]) == {"kind", "name", "utilisation"}
-    assert [set(row) for row in answer["curve"]] == [{"robots", "throughput_per_h", "low", "high", "replications"}] * len(answer["curve"])
+    columns = {"robots", "throughput_per_h", "low", "high", "replications", "unanswered_share", "counts", "why_not"}
+    assert [set(row) for row in answer["curve"]] == [columns] * len(answer["curve"]) and answer["planner"] == "lacam"
     assert [row["robots"] for row in answer["curve"]] == [1, 2] and answer["seeds"][0] == 3000
     assert answer["command"].startswith("mrp-sumo capacity warehouse_lifelong --set execution.dispatcher=hungarian ")
     page = (tmp_path / "out" / "capacity.html").read_bytes()

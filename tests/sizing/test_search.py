@@ -34,7 +34,7 @@ def test_the_search_makes_a_third_of_the_runs_of_a_full_grid_of_the_same_precisi
 
 def test_throughput_that_still_rises_has_no_peak():
     found = limits(coarse(Desk(question((4, 25)), Fleets(rises_and_falls))))
-    assert (found.peak.estimate, found.peak.low, found.peak.high) == (None, 25, None)
+    assert found.peak.estimate is None and 20 <= found.peak.low <= 25 and found.peak.high is None
     assert found.knee.estimate is None and found.collapse.estimate is None
 
 

@@ -19,7 +19,7 @@ from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, k
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PURPLE, SKY, VERMILION
 from mrp_sumo.sizing.answer import Answer
 from mrp_sumo.sizing.points import Point
-from mrp_sumo.sizing.reasons import PARTS, Reasons, Share, cycle, diagram
+from mrp_sumo.sizing.reasons import PARTS, Reasons, cycle, diagram
 
 WIDE, HALF, FLOOR = (9.6, 3.5), (4.7, 3.0), (4.7, 3.6)
 PART_NAMES = {
@@ -193,13 +193,6 @@ def floor(setup: SetUp, found: Reasons) -> Chart:
 
     caption = f"With {found.robots} robots: the larger the dot, the longer robots wait for others there. The numbers are those of the list."
     return draw("floor", "Where robots wait", caption, paint, size=(FLOOR[0], tall))
-
-
-def in_words(share: Share) -> str:
-    """A place and how much it binds."""
-    text = f"{share.kind} {share.name}".strip()
-    waited = f", {share.waited_s_per_h / 60:.0f} robot-minutes waited an hour" if share.waited_s_per_h >= 90 else ""
-    return f"{text}, busy {100 * share.utilisation:.0f} % of the time{waited}"
 
 
 def _where(setup: SetUp, name: str) -> FloatArray | None:

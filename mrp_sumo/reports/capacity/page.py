@@ -12,13 +12,14 @@ from pathlib import Path
 from mrp_sumo import __version__
 from mrp_sumo.experiments.identity import library_versions
 from mrp_sumo.io.results import write_whole
-from mrp_sumo.reports.capacity.charts import floor, flow, in_words, parts, service, success, throughput
+from mrp_sumo.reports.capacity.charts import floor, flow, parts, service, success, throughput
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.page import document
 from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
 from mrp_sumo.sizing.confirmation import Confirmation
 from mrp_sumo.sizing.question import BACKLOG, CORES
+from mrp_sumo.sizing.reasons import in_words
 from mrp_sumo.sizing.replays import Kept
 from mrp_sumo.sizing.search import Bracket
 from mrp_sumo.sizing.study import Study
@@ -59,22 +60,51 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, st
 
 def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]]) -> list[str]:
     found = answer.at_peak
-    lines = [*_charts([throughput(answer)]), "<h2>What binds</h2>"]
+    lines = [*(_charts([throughput(answer)]) if answer.points else []), *_table(answer)]
+    if limit := answer.limit:
+        lines += ["<h2>What binds</h2>", f"<p>{_text(_sentence(in_words(limit)))}</p>"]
     if found:
-        share = found.limit
-        what = {"fleet": "the fleet itself: more robots do more", "planner": "the planner: it is asked more often than it can answer"}
-        lines.append(f"<p>With {found.robots} robots the limit is {_text(what.get(share.kind, f'the {share.kind} {share.name}'))} "
-                     f"(busy {100 * share.utilisation:.0f} % of the time).</p>")  # fmt: skip
-        lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in found.worst) + "</ol>")
+        if found.worst:
+            lines.append(f"<p>With {found.robots} robots most time is lost to:</p>")
+            lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in found.worst) + "</ol>")
         lines += _charts([parts(answer.points), floor(study.setup, found)])
     if replays:
         links = (f'<a href="{_text(path)}#t={run.at_s:.0f}">at the {run.name}, {run.robots} robots</a>' for run, path in replays)
         lines.append(f"<p>Replays, from the slowest minute on: {', '.join(links)}.</p>")
-    lines.append('<h2 class="second">How it got there</h2>')
-    lines += _charts([chart for chart in (service(answer), flow(answer.points)) if chart])
+    if answer.points:
+        lines.append('<h2 class="second">How it got there</h2>')
+        lines += _charts([chart for chart in (service(answer), flow(answer.points)) if chart])
     if answer.gains:
         lines += ["<h2>What would help</h2>", *_help(answer.gains, found.robots if found else 0)]
     return lines
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _table(answer: Answer) -> list[str]:
+    """The curve in figures: every size that was tried, also those that do not count."""
+    rows = []
+    for row in answer.document["answer"]["curve"]:
+        limits = f"{row['low']:.0f} to {row['high']:.0f}" if row["low"] is not None and row["high"] is not None else ""
+        per_h = f"{row['throughput_per_h']:.0f}" if row["throughput_per_h"] is not None else ""
+        cells = (row["robots"], per_h, limits, row["replications"], f"{100 * row['unanswered_share']:.1f} %")
+        numbers = "".join(f"<td class=number>{cell}</td>" for cell in cells)
+        rows.append(
+            f"<tr>{numbers}<td>{_text(_named(answer, row['robots']) if row['counts'] else 'not counted: ' + row['why_not'])}</td></tr>"
+        )
+    names = ("robots", "orders an hour", "95 % limits", "runs", "requests without a plan")
+    head = "".join(f"<th class=number>{name}</th>" for name in names)
+    return [f'<div class="scroll"><table class="help"><thead><tr>{head}<th></th></tr></thead><tbody>{"".join(rows)}</tbody></table></div>']
+
+
+def _named(answer: Answer, robots: int) -> str:
+    """What the answer calls a size."""
+    assert answer.limits is not None
+    limits = answer.limits
+    named = (("knee", limits.knee), ("peak", limits.peak), ("collapse", limits.collapse))
+    return ", ".join(name for name, bracket in named if bracket.estimate == robots)
 
 
 def _one_shot(answer: Answer) -> list[str]:
@@ -174,7 +204,7 @@ def _small_print(study: Study, answer: Answer) -> list[str]:
         ("map", f"{scenario.map.file}, {kind.kind} of {kind.cell_m:g} m cells"),
         ("robots", f"{', '.join(each.type if isinstance(each.type, str) else 'of their own type' for each in scenario.robots.groups)}, "
                    f"{2 * float(robot.radius_m.max()):.2f} m across, up to {float(robot.max_speed_mps.max()):.2f} m/s"),
-        ("planner and policy", f"{scenario.planner.name}, {scenario.execution.policy.name}"
+        ("planner and policy", f"{answer.planner}, {scenario.execution.policy.name}"
                                + (f", dispatcher {scenario.execution.dispatcher.name or 'nearest'}" if scenario.tasks else "")),
         ("engine", question.engine),
         ("runs", f"{runs} of {effort.horizon_s / 60:.0f} simulated minutes, seeds {seeds[0]} to {seeds[-1]}; equal orders for every fleet"

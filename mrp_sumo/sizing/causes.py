@@ -1,0 +1,180 @@
+"""Causes of waiting in a run: for whom, and at which place in the end, robots stood.
+
+Who stands behind a robot that stands waits for what that one waits for. So at every look a robot that stands is followed to the one that
+is where it goes next, from there to the one where *that* one goes, and so on to the first that does not wait: one that is served (the
+station binds), charged (the charger), or drives through (the place). A robot that stands before a free place waits for its station where
+that is taken, for the planner where it has not set out since its last stop, and else for its turn at the place.
+
+Where a robot goes next is read from where it went. Nothing is taken from plans, so that waiting which was planned counts as any other.
+"""
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.places import Places
+from mrp_sumo.metrics.facilities import lift_use
+
+LOOKS = 900  # of a run, at most
+STOOD_M, STOOD_RAD = 0.02, 0.02  # moved and turned by less from a look to a second after it: a robot stands
+IN_USE = 0.5  # share of the time for which the planner is at work, from which on robots at their last stops wait for it
+NONE = -1
+PLANNER = ("planner", "")
+Cause = tuple[str, str]  # kind and name
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """A place, station, lift or charger, or the planner, and what it costs."""
+
+    waited_s: float  # robots, because of it
+    share: float  # of the time for which all its places served somebody, or somebody stood because of it
+
+
+@dataclass(frozen=True, eq=False)
+class Doing:
+    """States of R robots at K looks."""
+
+    vertex: IntArray  # [K, R] where they are
+    towards: IntArray  # [K, R] the next vertex that they went to, NONE: no other
+    aim: IntArray  # [K, R] the place of their next stop, NONE: none
+    served: IntArray  # [K, R] the stop that is being made, NONE: none
+    last: IntArray  # [K, R] the vertex of the stop before
+    stands: BoolArray  # [K, R]
+    busy: BoolArray  # [K, R] has a task
+
+
+def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float) -> dict[Cause, Pressed]:
+    """What robots stood for from a time on, and how much of that time each was pressed.
+
+    Parameters
+    ----------
+    execution
+        With tasks.
+    graph, places
+        What was driven on, and what people call it.
+    since_s
+        The warm-up is left out.
+    planning_share
+        Of the time, for which the planner was at work.
+    """
+    stops, tasks = execution.stops, execution.tasks
+    if stops is None or tasks is None or execution.sim_time_s <= since_s:
+        return {}
+    charges = ~tasks.is_order[stops.task] if len(stops.task) else np.zeros(0, np.bool_)
+    name: list[Cause] = [("charger" if c else "station", s) for s, c in zip(stops.station, charges.tolist())]
+    of_place = dict(zip(stops.vertex.tolist(), name))
+    room = Counter(of_place.values())
+    t_s, look = _looks(execution, since_s)
+    doing = _doing(execution, graph, t_s, look)
+    waited, pressed = defaultdict[Cause, int](int), defaultdict[Cause, set[int]](set)
+    for k in range(len(t_s)):
+        row = _Look(doing, k)
+        served = Counter(name[s] for s in row.served if s != NONE)
+        for cause, num_served in served.items():
+            if num_served >= room[cause]:
+                pressed[cause].add(k)
+        for r in range(len(row.vertex)):
+            if row.served[r] == NONE and row.stands[r] and row.busy[r]:
+                cause = _cause(r, row, name, of_place, places, planning_share)
+                waited[cause] += 1
+                pressed[cause].add(k)
+    each_s = (execution.sim_time_s - since_s) / len(t_s)
+    found = {cause: Pressed(waited[cause] * each_s, len(looks) / len(t_s)) for cause, looks in pressed.items()}
+    for lift in lift_use(execution, graph, since_s):
+        before = found.get(("lift", lift.name), Pressed(0.0, 0.0))
+        found["lift", lift.name] = Pressed(before.waited_s, max(before.share, lift.busy_share))
+    return found
+
+
+class _Look:
+    """A row of `Doing`, as lists."""
+
+    def __init__(self, doing: Doing, k: int) -> None:
+        self.vertex, self.towards, self.aim = doing.vertex[k].tolist(), doing.towards[k].tolist(), doing.aim[k].tolist()
+        self.served, self.last = doing.served[k].tolist(), doing.last[k].tolist()
+        self.stands, self.busy = doing.stands[k].tolist(), doing.busy[k].tolist()
+        self.at = {v: r for r, v in enumerate(self.vertex)}
+
+
+def _cause(r: int, look: _Look, name: list[Cause], of_place: dict[int, Cause], places: Places, planning_share: float) -> Cause:
+    """What a robot that stands waits for in the end."""
+    seen = {r}
+    while True:
+        ahead = look.towards[r] if look.towards[r] != NONE else look.aim[r]
+        other = look.at.get(ahead, NONE)
+        if other in (NONE, r):
+            taken = look.at.get(look.aim[r], NONE)
+            if taken not in (NONE, r) and look.served[taken] != NONE:
+                return name[look.served[taken]]
+            if ahead != NONE and ahead == look.aim[r] and ahead in of_place:
+                return of_place[ahead]  # free for the moment: they change
+            if look.vertex[r] == look.last[r] and planning_share >= IN_USE:
+                return PLANNER
+            place = int(places.of_vertex[look.vertex[r] if ahead == NONE else ahead])
+            return places.kind[place], places.name[place]
+        if look.served[other] != NONE:
+            return name[look.served[other]]
+        if other in seen or not (look.stands[other] and look.busy[other]):
+            if ahead in of_place:
+                return of_place[ahead]
+            place = int(places.of_vertex[ahead])
+            return places.kind[place], places.name[place]
+        seen.add(other)
+        r = other
+
+
+def _looks(execution: Execution, since_s: float) -> tuple[FloatArray, IntArray]:
+    """Times of looks [K], and samples of the trajectory at them, evenly spread; the last second is left out."""
+    t = execution.t_s
+    first, last = int(np.searchsorted(t, since_s)), max(int(np.searchsorted(t, execution.sim_time_s - 1.0)) - 1, 0)
+    first = min(first, last)
+    look = np.unique(np.linspace(first, last, min(LOOKS, last - first + 1)).astype(np.int64))
+    return t[look], look
+
+
+def _doing(execution: Execution, graph: PlanGraph, t_s: FloatArray, look: IntArray) -> Doing:
+    from scipy.spatial import cKDTree
+
+    stops, tasks = execution.stops, execution.tasks
+    assert stops is not None and tasks is not None
+    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
+    later = np.minimum(look + max(1, round(1.0 / period_s)), len(execution.t_s) - 1)
+    here = np.stack([execution.x_m[look], execution.y_m[look]], -1)
+    then = np.stack([execution.x_m[later], execution.y_m[later]], -1)
+    turned = np.abs((execution.yaw_rad[later] - execution.yaw_rad[look] + np.pi) % (2 * np.pi) - np.pi)
+    stands = (np.hypot(*(then - here).transpose(2, 0, 1)) < STOOD_M) & (turned < STOOD_RAD)
+    vertex = cKDTree(graph.xy).query(np.nan_to_num(here.reshape(-1, 2)))[1].reshape(here.shape[:2])
+    towards = np.full(vertex.shape, NONE)
+    for k in range(len(vertex) - 2, -1, -1):
+        towards[k] = np.where(vertex[k + 1] != vertex[k], vertex[k + 1], towards[k + 1])
+    towards = _one_lane_on(graph, vertex, towards)
+    aim, served, last = (np.full(vertex.shape, NONE) for _ in range(3))
+    busy = np.zeros(vertex.shape, np.bool_)
+    for robot, since_s, begin_s, end_s, place, s in zip(
+        *(column.tolist() for column in (stops.robot, stops.since_s, stops.begin_s, stops.end_s, stops.vertex)), range(len(stops.robot))
+    ):
+        a, b, c = np.searchsorted(t_s, [since_s, begin_s, end_s])
+        aim[a:b, robot], served[b:c, robot], last[c:, robot] = place, s, place
+    for robot, assigned_s, done_s in zip(tasks.robot.tolist(), tasks.assigned_s.tolist(), tasks.done_s.tolist()):
+        if robot >= 0 and np.isfinite(assigned_s):
+            a, b = np.searchsorted(t_s, [assigned_s, done_s if np.isfinite(done_s) else np.inf])
+            busy[a:b, robot] = True
+    return Doing(vertex, towards, aim, served, last, stands, busy)
+
+
+def _one_lane_on(graph: PlanGraph, vertex: IntArray, towards: IntArray) -> IntArray:
+    """[K, R] of the vertices one lane from where robots are, the one nearest to where they were seen next."""
+    found = towards.copy()
+    pairs = np.unique(np.stack([vertex.reshape(-1), towards.reshape(-1)], 1), axis=0)
+    step: dict[tuple[int, int], int] = {}
+    for v, w in pairs.tolist():
+        ends = graph.head[graph.first[v] : graph.first[v + 1]]
+        if w != NONE and len(ends):
+            step[v, w] = int(ends[np.hypot(*(graph.xy[ends] - graph.xy[w]).T).argmin()])
+    for (v, w), on in step.items():
+        found[(vertex == v) & (towards == w)] = on
+    return found

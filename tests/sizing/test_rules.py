@@ -1,0 +1,144 @@
+"""Each rule of the search on fleets whose runs are known one by one, where it decides one way, and beside it where it decides the other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fleets import EFFORT, question, record_with
+
+from mrp_sumo.sizing.answer import answer_of
+from mrp_sumo.sizing.points import Point
+from mrp_sumo.sizing.question import DEMAND
+from mrp_sumo.sizing.search import Desk, coarse, limits
+
+FEW = replace(EFFORT, seeds=4, most_seeds=4, gap=9.0)  # the grid alone: nothing is parted, no seeds are added
+SURE, VAGUE = (1, -1, 1, -1), (12, -12, 12, -12)  # orders an hour more or less, seed by seed
+
+
+class Known:
+    """Runs that do so many orders an hour: by size, a mean and what seeds are off by."""
+
+    def __init__(self, asked, rates, **others):
+        self.question, self.rates, self.others = asked, rates, others
+
+    def __call__(self, trial):
+        mean, off = (self.question.demand_per_h, (0,)) if trial.kind == DEMAND else self.rates[trial.robots]
+        per_h = mean + off[trial.seed % len(off)]
+        record = record_with(np.arange(1, int(per_h) + 1) * 3600.0 / per_h, 3600.0)
+        more = {name: values[trial.robots] for name, values in self.others.items() if trial.robots in values}
+        return {**record, "observed": {**record["observed"], **more}}
+
+
+def limits_of(rates):
+    asked = question((min(rates), max(rates)), FEW)
+    return limits(coarse(Desk(asked, Known(asked, rates))))
+
+
+@pytest.mark.parametrize(("off", "falls"), [(SURE, True), (VAGUE, False)])
+def test_a_size_below_the_level_is_a_collapse_only_where_its_interval_says_so(off, falls):
+    found = limits_of({4: (150, SURE), 6: (200, SURE), 9: (184, off)})
+    assert found.curve.best == 6
+    assert found.collapse.estimate == (9 if falls else None)
+
+
+@pytest.mark.parametrize(("off", "low"), [(SURE, 5), (VAGUE, None)])
+def test_the_knee_begins_above_a_size_only_where_its_interval_is_below_the_level(off, low):
+    found = limits_of({4: (184, off), 6: (200, SURE), 9: (196, SURE)})
+    assert (found.knee.estimate, found.knee.low, found.knee.high) == (6, low, 6)
+
+
+@pytest.mark.parametrize(("mean", "high"), [(198, None), (194, 8)])
+def test_the_peak_may_be_at_a_size_that_is_worse_by_chance(mean, high):
+    """2 fewer of 200, with seeds that are 4 off, is p = 0.4; 6 fewer is p = 0.03."""
+    found = limits_of({4: (150, SURE), 6: (200, (0, 0, 0, 0)), 9: (mean, (4, -4, 4, -4))})
+    assert found.curve.best == 6 and found.peak.high == high and found.collapse.estimate is None
+
+
+@pytest.mark.parametrize(("off", "low"), [(SURE, 5), (VAGUE, 4)])
+def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
+    """184 orders an hour of 200 that come, of which 95 % are wanted: 190."""
+    asked = question((4, 9), FEW, demand_per_h=200.0)
+    answer, _ = answer_of(asked, Known(asked, {4: (184, off), 6: (300, SURE), 9: (300, SURE)}))
+    assert answer.served.smallest.low == low
+
+
+def test_equal_counts_have_limits_too():
+    point = Point(4, 3600.0, tuple(record_with(np.arange(1, 121) * 30.0 - 1.0, 3600.0) for _ in range(3)))
+    limits = point.throughput
+    assert limits.value == 120.0 and limits.high - limits.value == pytest.approx(4.303 * 0.5 / 3**0.5, rel=1e-3)
+
+
+def test_sizes_are_measured_on_other_runs_than_they_were_chosen_on():
+    """Size 9 is lucky on the seeds that choose, by 30, and only there."""
+    asked = question((4, 9), FEW)
+    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (200, SURE)})
+
+    def lucky(trial):
+        if trial.robots == 9 and trial.seed < 1000:
+            return Known(asked, {9: (230, SURE)})(trial)
+        return runs(trial)
+
+    found = limits(coarse(Desk(asked, lucky)))
+    assert found.curve.best == 9 and found.measured
+    assert found.curve.points[9].throughput.value == pytest.approx(200, abs=1) and found.curve.points[9].first_seed == 1000
+
+
+@pytest.mark.parametrize(("unanswered", "counts"), [(1, True), (2, False)])
+def test_a_size_counts_where_at_most_one_request_of_a_hundred_went_unanswered(unanswered, counts):
+    asked = question((4, 9), FEW)
+    curve = coarse(Desk(asked, Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (230, SURE)}, requests={9: [100, unanswered]})))
+    assert (9 in curve.points) == counts
+    if not counts:
+        assert curve.unfit[9].fault == "the planner found no plan in 8 of 400 requests: not a property of your floor"
+
+
+def test_the_next_planner_is_tried_where_the_first_has_no_plans():
+    asked = question((4, 9), FEW)
+    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (203, SURE)})
+
+    def refused(trial):
+        record = runs(trial)
+        return record if trial.planner or trial.robots < 6 else {**record, "observed": {**record["observed"], "requests": [52, 52]}}
+
+    answer, trials = answer_of(asked, refused)
+    assert answer.planner == "auto" and not answer.unfit and {t.planner for t in trials} == {"", "auto"}
+    assert any("planned with auto, since lacam left more than 1 % of its requests unanswered" in note for note in answer.notes)
+
+
+def test_without_a_planner_that_answers_there_is_no_headline():
+    asked = question((4, 9), FEW)
+    rates = dict.fromkeys((4, 6, 9), (150, SURE))
+    answer, _ = answer_of(asked, Known(asked, rates, requests={n: [52, 52] for n in rates}))
+    found = answer.document["answer"]
+    assert found["sentence"] == "No answer: with 4 robots the planner found no plan in 208 of 208 requests: not a property of your floor."
+    assert found["limit"]["kind"] == "planner" and found["knee_robots"]["estimate"] is None
+    assert [row["unanswered_share"] for row in found["curve"]] == [1.0]
+
+
+def test_a_size_of_which_a_run_failed_the_operations_audit_does_not_count():
+    asked = question((4, 9), FEW)
+    rates = {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)}
+    answer, _ = answer_of(asked, Known(asked, rates, operations={9: ["station A served two robots at 50 s"]}))
+    assert answer.limits.curve.best == 6
+    assert any("9 robots: not counted; the operations audit failed: station A served two robots at 50 s" in note for note in answer.notes)
+
+
+@pytest.mark.parametrize(("empty_s", "per_h"), [(None, 120.0), (1800.0, 240.0)])
+def test_what_is_driven_after_a_battery_ran_empty_is_not_throughput(empty_s, per_h):
+    """240 orders an hour for half an hour, and none after that."""
+    record = record_with(np.arange(1, 121) * 15.0, 3600.0)
+    batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0}
+    record = {**record, "observed": {**record["observed"], "batteries": batteries if empty_s else None}}
+    point = Point(4, 3600.0, (record, record))
+    assert point.until_s == (empty_s or 3600.0)
+    assert point.per_h.tolist() == pytest.approx([per_h] * 2, abs=3) if empty_s else point.per_h.max() < 240
+
+
+def test_a_study_that_is_closed_answers_from_what_there_is():
+    asked = question((4, 9), FEW)
+    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (203, SURE)})
+    whole, _ = answer_of(asked, lambda trial: runs(trial) if trial.robots < 9 and trial.seed < 3 else None, closed=True)
+    assert [(p.robots, len(p.records)) for p in whole.points] == [(4, 3), (6, 3)] and not whole.in_time
+    assert "the answer is from those that were" in whole.notes[0]
+    nothing, _ = answer_of(asked, lambda trial: None, closed=True)
+    assert nothing.sentence.startswith("Nothing is known") and nothing.document["answer"]["limit"] is None
