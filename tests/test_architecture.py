@@ -40,9 +40,24 @@ HOMES = {
     "cyclonedds": ("mrp_sumo/wire/dds.py",),
     "foxglove": ("mrp_sumo/wire/foxglove.py",),
     "rerun": ("mrp_sumo/wire/rerun.py", "mrp_sumo/data/viewers/"),
+    "ezdxf": ("mrp_sumo/maps/readers/dxf.py",),
     "pyarrow": ("mrp_sumo/io/", "mrp_sumo/reports/exports.py"),
 }
-HEAVY = ("libsumo", "rosbags", "ortools", "matplotlib", "pydantic", "pyarrow", "numba", "scipy", "numpy", "pandas", "yaml", "pettingzoo")
+HEAVY = (
+    "libsumo",
+    "rosbags",
+    "ortools",
+    "matplotlib",
+    "pydantic",
+    "pyarrow",
+    "numba",
+    "scipy",
+    "numpy",
+    "pandas",
+    "yaml",
+    "pettingzoo",
+    "ezdxf",
+)
 
 
 def sources():

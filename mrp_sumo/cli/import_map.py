@@ -1,9 +1,11 @@
 """Make a nav graph, a SUMO network and a picture of a map, and print its key facts.
 
-FILE is an RMF building or nav graph, a MovingAI .map or .scen, a ROS map_server YAML, or the name of a bundled
-map. --out gets NAME.net.xml (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each
-chosen graph (NAME.nav.yaml after repairs), NAME.png, NAME.svg and facts.json, whole or not at all. With --check only findings
-are printed, and the exit code is 2 if the map is refused. Lanes and vertices where walls leave a robot no room are notes.
+FILE is an RMF building or nav graph, a LIF, an openTCS model, a route graph, a MovingAI .map or .scen, a ROS map_server YAML, a
+plan of a floor (DXF with --layers and --unit, PNG with --metres-per-pixel), or the name of a bundled map. --out gets NAME.net.xml
+(and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each chosen graph (NAME.nav.yaml after repairs),
+NAME.png, NAME.svg and facts.json, and of a plan NAME_map.yaml, which a scenario names as its map; whole or not at all. With
+--check only findings are printed, and the exit code is 2 if the map is refused. Lanes and vertices where walls leave a robot no
+room are notes.
 
 A FILE.jsonl is a recorded stream of VDA 5050 messages, `{"t_s":, "topic":, "payload": {}}` a line: --out gets a run folder, for `replay`,
 `render`, `report` and `export`, with the audit of what was driven; --map says which map has its walls.
@@ -114,7 +116,15 @@ def _check(options: argparse.Namespace) -> int:
 
     path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
-        map_ = load_map(path, meters_per_pixel=options.meters_per_pixel, vehicle_type=options.vehicle_type, reader=options.reader)
+        map_ = load_map(
+            path,
+            meters_per_pixel=options.meters_per_pixel,
+            cell_m=options.cell,
+            vehicle_type=options.vehicle_type,
+            layers=options.layers,
+            unit=options.unit,
+            reader=options.reader,
+        )
         findings, notes, without_effect = map_.findings, oddities(map_.building) if map_.building else (), unused(map_)
         clearance = narrow(map_.nav, map_.building, model)
         room, lanes = clearance.notes, clearance.lane_notes
@@ -152,6 +162,7 @@ def _require_replaceable(out: Path) -> None:
 def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.engines.sumo.network import build_network
+    from mrp_sumo.io.floor_plan import write_floor_plan
     from mrp_sumo.maps.readers.nav_graph import write_nav_graph
     from mrp_sumo.reports.pictures.map_picture import draw_map
 
@@ -165,6 +176,8 @@ def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
                 for name, document in _nav_graphs(map_).items():
                     write_nav_graph(document, work / f"{name}.nav.yaml")
                 draw_map(map_, work / f"{map_.name}.png", work / f"{map_.name}.svg")
+                if map_.floor is not None:
+                    write_floor_plan(work, f"{map_.name}_map", map_.floor)
                 network.result()
             (work / FACTS).write_text(json.dumps({**known, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
             if out.exists():

@@ -22,7 +22,15 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     )
     add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
     add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
-    add("--meters-per-pixel", metavar="S", type=float, help="scale of a building's drawing, instead of its measurements")
+    add(
+        "--meters-per-pixel",
+        "--metres-per-pixel",
+        metavar="S",
+        type=float,
+        help="scale of a picture of a floor, or of a building's drawing instead of its measurements",
+    )
+    add("--layers", metavar="NAME,NAME", type=_layers, help="of a DXF: the layers that hold its walls (default: all that are shown)")
+    add("--unit", metavar="U", help="of a DXF: mm, cm, dm, m, in or ft (default: as it says)")
     add("--vehicle-type", metavar="NAME", help="of a LIF: only the edges for this type of vehicle (default: all)")
     add("--cell", metavar="M", type=float, default=0.4, help="side of a grid's cells (default: 0.4 m)")
     add("--robot-radius", metavar="M", type=float, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
@@ -46,6 +54,8 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
         meters_per_pixel=options.meters_per_pixel,
         cell_m=options.cell,
         vehicle_type=options.vehicle_type,
+        layers=options.layers,
+        unit=options.unit,
         reader=options.reader,
         **radius,
     )
@@ -61,6 +71,13 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
     for change in changes or ("nothing to repair",):
         print(f"repair: {change}", file=sys.stderr)
     return map_
+
+
+def _layers(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError(f"'{text}' names no layer")
+    return names
 
 
 def _named(reader: str) -> str:

@@ -12,6 +12,7 @@ from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.robot_states import RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog
 
 # what a robot's second can be spent on, the columns of `Execution.booked_s`
@@ -25,6 +26,8 @@ class Outcome(StrEnum):
 
     COMPLETED = "completed"  # every robot stands at its goal
     TIME_LIMIT = "time_limit"
+    STALLED = "stalled"  # there is work, and at the end nobody had been getting on with any for a while
+    PLANNER_STALLED = "planner_stalled"  # likewise, since the planner had no plans
     DEADLOCK = "deadlock"  # stopped on request when a deadlock was found
     INTERRUPTED = "interrupted"  # stopped by its user; what there is by then is kept
 
@@ -109,6 +112,7 @@ class Execution:
     grants: GrantLog | None = None  # None: not known
     tasks: TaskLog | None = None  # of a run with a stream of tasks
     stops: StopLog | None = None  # of the same
+    robot_states: RobotStateLog | None = None  # of the same
     calls: PlannerCalls | None = None  # of the same
     batteries: BatteryLog | None = None  # of the same, where the robots' type has one
     booked_s: FloatArray = field(default_factory=lambda: np.zeros((0, len(BOOKINGS))))  # [R, 8] every second of every robot

@@ -5,6 +5,7 @@ Refuses tasks without stops, and times that are no times.
 
 from dataclasses import dataclass, replace
 from math import inf, isnan
+from typing import Any
 
 import numpy as np
 
@@ -80,26 +81,34 @@ class Task:
         return self.stops[-1].vertex
 
 
-TASK_STATES = ("revealed", "assigned", "open", "done")
+RELEASED, ASSIGNED, PICKED, DONE, FAILED, CANCELLED, HANDED_OVER = TASK_STATES = (
+    "released",  # it is known, and no robot has it
+    "assigned",  # a robot has it, and has not come to its first stop
+    "picked",  # its first stop was reached: from then on it is that robot's
+    "done",  # the service of its last stop is over
+    "failed",  # it will not be done
+    "cancelled",  # the scenario's rule has withdrawn it
+    "handed over",  # the robot that had picked it is lost, and another is to fetch its load
+)
+
+
+TASK_TIMES = ("released_s", "assigned_s", "opened_s", "done_s", "ended_s")  # of the log
 
 
 @dataclass(frozen=True, eq=False)
 class TaskLog:
-    """What became of K tasks of a run, by release. Times in s, NaN: not yet."""
+    """What became of K tasks of a run, by release. Times in s, NaN: not yet, or never."""
 
     name: tuple[str, ...]
     robot: IntArray  # [K] that has or had it, -1: none
     released_s: FloatArray
     assigned_s: FloatArray
-    opened_s: FloatArray  # when its first stop was reached: from then on it is that robot's
+    opened_s: FloatArray  # when its first stop was reached
     done_s: FloatArray  # when the service of its last stop was over
+    ended_s: FloatArray  # when it was done, failed or cancelled
+    status: tuple[str, ...]  # [K] of `TASK_STATES`, at the end of the run
+    reason: tuple[str, ...]  # [K] why it failed, was cancelled or handed over, '' elsewhere
     kind: tuple[str, ...] = ()  # [K] ORDER or CHARGE; empty: all are orders
-
-    @property
-    def state(self) -> tuple[str, ...]:
-        """[K] of `TASK_STATES`."""
-        reached = np.isfinite(self.assigned_s).astype(np.int64) + np.isfinite(self.opened_s) + np.isfinite(self.done_s)
-        return tuple(TASK_STATES[k] for k in reached.tolist())
 
     @property
     def service_time_s(self) -> FloatArray:
@@ -128,14 +137,29 @@ class StopLog:
     due_s: FloatArray  # [S] of the task, inf: never
 
 
+def log_of_times(
+    name: tuple[str, ...],
+    robot: IntArray,
+    released_s: FloatArray,
+    assigned_s: FloatArray,
+    opened_s: FloatArray,
+    done_s: FloatArray,
+    kind: tuple[str, ...] = (),
+) -> TaskLog:
+    """The log of K tasks of which none failed, was cancelled or handed over; see `TaskLog`."""
+    reached = np.isfinite(assigned_s).astype(np.int64) + np.isfinite(opened_s) + np.isfinite(done_s)
+    status = tuple(TASK_STATES[k] for k in reached.tolist())
+    return TaskLog(name, robot, released_s, assigned_s, opened_s, done_s, done_s, status, ("",) * len(name), kind)
+
+
 def some_tasks(tasks: TaskLog, wanted: BoolArray) -> TaskLog:
     """Those of wanted [K]."""
-    kept = np.flatnonzero(wanted).tolist()
-    names, kinds = tuple(tasks.name[k] for k in kept), tuple(tasks.kind[k] for k in kept) if tasks.kind else ()
-    released_s, assigned_s = frozen(tasks.released_s[wanted]), frozen(tasks.assigned_s[wanted])
-    return TaskLog(
-        names, frozen(tasks.robot[wanted]), released_s, assigned_s, frozen(tasks.opened_s[wanted]), frozen(tasks.done_s[wanted]), kinds
-    )
+    rows = np.flatnonzero(wanted).tolist()
+    arrays: dict[str, Any] = {key: frozen(getattr(tasks, key)[wanted]) for key in ("robot", *TASK_TIMES)}
+    texts: dict[str, Any] = {
+        key: tuple(column[k] for k in rows) for key in ("name", "status", "reason", "kind") if (column := getattr(tasks, key))
+    }
+    return replace(tasks, **arrays, **texts)
 
 
 def orders_of(tasks: TaskLog, stops: StopLog | None) -> tuple[TaskLog, StopLog | None]:

@@ -28,6 +28,7 @@ from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
 from mrp_sumo.drive.disturbances import Intervention
+from mrp_sumo.drive.duties import EMPTY
 from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
@@ -42,7 +43,7 @@ from mrp_sumo.drive.rolling import Rolling, steps_ahead
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Tape
 from mrp_sumo.drive.surroundings import Surroundings
-from mrp_sumo.drive.work import Work
+from mrp_sumo.drive.work import STALLED_S, Work, WorkRequest
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
@@ -169,6 +170,7 @@ class Drive:
             settings.tasks,
             self.ledger.problem,
             settings.planning.budget_s,
+            rules=settings.rules,
             parking=settings.parking,
             batteries=settings.batteries,
             charging=settings.charging,
@@ -233,7 +235,8 @@ class Drive:
                 self.ledger.forget(self.tasks.seen)
                 bodies.divert((), self.ledger.visits)
             decided = step > 0 and self._decide(step)
-            if (step % look_every == 0 and self._dispatch(bodies)) or decided:
+            due = step % look_every == 0 or self.now_s >= self._wake_s - 1e-9
+            if (due and self._dispatch(bodies)) or decided:
                 self.controller.advance(self.now_s, bodies, conditions, observe=False)
             self.controller.command(bodies)
             moving = (state.grants.command_mps > 0) | (state.motion.speed_mps > 0)
@@ -258,7 +261,8 @@ class Drive:
         row, robots = alone.recorder.room(ledger), ledger.num_robots
         periods_s = [LOOK_EVERY_S, 1.0, getattr(self.controller.policy, "decides_every_s", None) or LOOK_EVERY_S]
         until = min(-(-step // every) * every for every in (max(1, round(period_s / dt)) for period_s in periods_s))
-        until = min(until, math.ceil(settings.time_limit_s / dt - 1e-9), math.ceil(alone.witness.due_s / dt - 1e-9))
+        for due_s in (settings.time_limit_s, alone.witness.due_s, self._wake_s):
+            until = min(until, math.ceil(due_s / dt - 1e-9)) if due_s < np.inf else until
         most = min(until - step, len(row) * sample_every)
         if most < 1:
             return step, None
@@ -272,9 +276,17 @@ class Drive:
             alone.grants.add(t_s[:num_grants].copy(), robot[:num_grants].copy(), rank[:num_grants].copy())
         return step + made, seen
 
+    @property
+    def _wake_s(self) -> float:
+        """When something is to be decided that is known by now, but for what robots have yet to do."""
+        if not self.settings.tasks:
+            return math.inf
+        return min(self.tasks.wake_s, math.inf if self.rolling.answer is None else self.rolling.answer.ready_s)
+
     def _close(self) -> None:
         """What is still going on ends with the run."""
         self._update_tasks()
+        self.events += self.rolling.close(self.now_s)
         self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)
         self.events += self.people.close(self.now_s)
@@ -288,10 +300,14 @@ class Drive:
         if all(dispatcher.finished(self.now_s, self.around) for dispatcher in (self.work, self.recovery)):
             self.outcome = Outcome.COMPLETED
             return True
-        if self.settings.tasks and self.now_s >= self.settings.time_limit_s - 1e-9 and self.tasks.endless:
+        if self.now_s < self.settings.time_limit_s - 1e-9:
+            return False
+        if self.settings.tasks and self.tasks.has_stalled(self.now_s):
+            refused = self.now_s - self.rolling.refused_since_s >= STALLED_S
+            self.outcome = Outcome.PLANNER_STALLED if refused else Outcome.STALLED
+        elif self.settings.tasks and self.tasks.endless:
             self.outcome = Outcome.COMPLETED  # there is always more to do: the run ends when its time is over
-            return True
-        return self.now_s >= self.settings.time_limit_s - 1e-9
+        return True
 
     def _decide(self, step: int) -> bool:
         """Let the policy change the order of passages, if it is one that does. Returns whether it did."""
@@ -331,6 +347,7 @@ class Drive:
                 sent = True
                 break
         self.rolling.ask(self.now_s, self._report)
+        self.events += self.rolling.drain()
         return self._deliver(bodies) or sent  # an answer that takes no time is there
 
     def _update_tasks(self) -> None:
@@ -339,15 +356,21 @@ class Drive:
         if self.batteries is not None:
             for robot in self.batteries.observe(self.now_s, state.motion, self.tasks.at_charger):
                 self.events.append(self.world.strand(robot, self.now_s))
-                self.tasks.lose(robot)
+                self.tasks.lose(robot, self.now_s, EMPTY, self.ledger.visits)
             level = self.batteries.level
-        self.tasks.update(self.now_s, self.ledger.visits, state.waits.booked_s, level)
+        self.tasks.update(self.now_s, self.ledger.visits, state, level, self.world.down_until_s)
+        self.events += self.tasks.drain()
 
     def _deliver(self, bodies: Engine) -> bool:
         """Have the ledger take the answer that is due. Returns whether it has."""
         answer = self.rolling.due(self.now_s)
         if answer is None:
             return False
+        if answer.ways is not None and isinstance(answer.request, WorkRequest):
+            moved = {r for r, way in answer.ways.reroute.items() if len(way.vertex)}
+            if not self.tasks.fits(answer.request, moved):
+                self.rolling.drop(self.now_s, failed=False)
+                return False
         if answer.ways is None or not self._append(answer.ways, bodies):
             self.rolling.drop(self.now_s, failed=True)
             return False
@@ -443,6 +466,7 @@ def _execution(
         booked_s=frozen(ledger.state.waits.booked_s),
         tasks=drive.tasks.log() if settings.tasks else None,
         stops=drive.tasks.stops_made() if settings.tasks else None,
+        robot_states=drive.tasks.robot_states(drive.now_s) if settings.tasks else None,
         calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
         facilities=facilities.log() if facilities else None,

@@ -16,7 +16,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from mrp_sumo.core.execution import PlannerCalls
+from mrp_sumo.core.execution import Event, PlannerCalls
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.replanning import LatePlanError, Limits, planned, supports_of
@@ -52,6 +52,8 @@ class Rolling:
         self._next_s = 0.0  # no request before
         self._window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
+        self._events: list[Event] = []
+        self.refused_since_s = np.inf  # since when there have been no plans; inf: the last request had one
 
     def ask(self, now_s: float, report: Callable[[str], None]) -> None:
         """Have what is due answered, if nothing is under way; `report` hears why there is no plan."""
@@ -112,9 +114,10 @@ class Rolling:
 
     def taken(self, answer: Answer, now_s: float) -> None:
         """The ledger has an answer."""
-        self.answer, self._failures, work = None, 0, self._around.work
+        self.answer, work = None, self._around.work
+        self._end_series(now_s)
         if isinstance(answer.request, WorkRequest):
-            work.accepted(answer.request, now_s, self._around.state.waits.booked_s)
+            work.accepted(answer.request, now_s, self._around.ledger.visits, self._around.state)
         short = not self._around.state.home.all()
         window_s = self._window_steps * self._around.ledger.problem.step_s
         self._window_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
@@ -126,9 +129,32 @@ class Rolling:
         answer, self.answer = self.answer, None
         self._around.ledger.lift()
         self._failures += failed
+        if failed:
+            self.refused_since_s = min(self.refused_since_s, answer.request.now_s)
         if failed and answer.ways is not None:
             self._count(failed=1)
-        self._around.work.failed(now_s)
+        if failed:
+            self._around.work.failed(now_s)
+        else:
+            self._around.work.news = True
+
+    def close(self, now_s: float) -> list[Event]:
+        """The run is over. Returns what has not been reported yet."""
+        self._end_series(now_s)
+        return self.drain()
+
+    def drain(self) -> list[Event]:
+        """What happened since this was last asked."""
+        events, self._events = self._events, []
+        return events
+
+    def _end_series(self, now_s: float) -> None:
+        """Requests that had no plan one after the other, if there were several."""
+        if self._failures > 1:
+            duration_s = round(now_s - self.refused_since_s, 9)
+            text = f"{self._failures} requests in a row without a plan"
+            self._events.append(Event(self.refused_since_s, "no_plan", -1, duration_s=duration_s, text=text))
+        self._failures, self.refused_since_s = 0, np.inf
 
     def _count(self, **counts: float) -> None:
         calls = self.calls

@@ -1,33 +1,57 @@
-"""Work: the tasks of a run as they become known and are done, who has which, and how far it is.
+"""Work: which robot has which order, and how far it is with it; when robots charge, and what becomes of the orders of those that are lost.
 
-A robot makes its task's stops one after the other, each at a place of the stop's station that no other robot is at or on its way to; it
-stays there for the service time, or goes by where that is none and the planner knows stops ahead. Where no place is free it goes to one of
-the station's places to wait, or near them. Robots without work stay where they are, unless somebody has to come there.
+A robot makes its task's stops one after the other, each at a place of the stop's station that no other robot is at or on its way to. It
+stays there for the service time, and goes by where that is none. Who comes to a station first is served first, unless orders differ in
+priority; others drive up behind (`drive.places`). Robots without work stay where they are, unless somebody has to come there.
+
+What a robot is at changes by the table of `drive.duties`, the state of an order by that of `drive.orders`.
 """
 
-import heapq
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import chain
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import dropwhile
+from typing import NamedTuple
 
 import numpy as np
 
 from mrp_sumo.core.battery import Battery, Charging
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.execution import BOOKINGS
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
+from mrp_sumo.core.execution import BOOKINGS, Event
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request, with_stops_before
-from mrp_sumo.core.stream import TaskList, TaskSource
-from mrp_sumo.core.task import CHARGE, NOBODY, Stop, StopLog, Task, TaskLog
+from mrp_sumo.core.robot_states import RobotStateLog
+from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.core.task import CHARGE, NOBODY, Station, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits
+from mrp_sumo.drive._causes import FACILITY, PLANNED
+from mrp_sumo.drive.duties import (
+    BROKEN,
+    CHARGING,
+    EMPTY,
+    IDLE,
+    IN_SERVICE,
+    LEAVING,
+    LOST,
+    STALLED,
+    TO_CHARGER,
+    TO_STOP,
+    Duties,
+)
+from mrp_sumo.drive.orders import KEPT, Orders, Rules
+from mrp_sumo.drive.places import Places
+from mrp_sumo.drive.state import State
 from mrp_sumo.errors import PlugInError
-from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.search.distance import distances
 
 NONE = -1
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
+STALLED_S = 60.0  # for which a robot with work has not got on, nor stood for the work's sake
+SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop without service, its way on is asked for
 LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
+PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
+WHY_LOST = {BROKEN: "broke down", EMPTY: "ran empty"}
 TRY_AGAIN_S = 2.0  # after a request that had no answer
 
 
@@ -36,12 +60,36 @@ class WorkRequest(Request):
     """A request for ways to the stops of tasks."""
 
     given: Mapping[int, int] = field(default_factory=dict)  # tasks, by the robots that are to have them
-    task: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [K] whose stop each robot is to make, -1: none
-    nth: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [K] and which of the task's
+    legs: Mapping[int, Sequence["Leg"]] = field(default_factory=dict)  # stops on the ways of its robots
+    waits: frozenset[int] = frozenset()  # robots that are to wait for a place at the ends of their ways
+    at_once: frozenset[int] = frozenset()  # robots that may begin with what they are given as soon as they are done with what they have
+
+
+class Leg(NamedTuple):
+    """A stop to which the way of a robot leads."""
+
+    task: int
+    nth: int  # of the task's stops
+    vertex: int
+
+
+class StopRow(NamedTuple):
+    """A row of the `StopLog`."""
+
+    task: int
+    robot: int
+    station: str
+    vertex: int
+    since_s: float
+    begin_s: float
+    end_s: float
+    stood_s: float
+    queued_s: float
+    due_s: float
 
 
 class Work:
-    """Tasks of R robots; `tasks` are those that are known by now, numbered by release."""
+    """The work of R robots."""
 
     def __init__(
         self,
@@ -49,6 +97,7 @@ class Work:
         problem: Problem,
         lead_s: float = 0.0,
         *,
+        rules: Rules = KEPT,
         parking: Sequence[int] = (),
         batteries: Sequence[Battery] = (),
         charging: Charging | None = None,
@@ -56,91 +105,118 @@ class Work:
     ) -> None:
         """`ahead_steps` is how far the planner wants to know stops at which nothing is to be done; with 0 robots stop at each."""
         num_robots = problem.num_robots
-        self.out = np.zeros(num_robots, np.bool_)  # [R] robots that will never go on
-        self._parking, self._batteries, self._charging = parking, batteries, charging
-        self._charges = np.zeros(num_robots, np.bool_)  # [R] whether the task is to charge
-        self.level = np.ones(num_robots)  # [R] states of charge
-        self._num_charges = 0
-        self._row = np.zeros(num_robots, np.int64)  # [R] that of each robot's last stop in the log
-        self.problem = problem
-        self.tasks: list[Task] = []
-        self.current = np.full(num_robots, NONE)  # [R] the task of each robot
-        self.stop = np.zeros(num_robots, np.int64)  # [R] its stop that is to be made next
-        self.serving = np.zeros(num_robots, np.bool_)  # [R] whether it is being made
-        self.lead_s = lead_s  # what is asked for takes effect so much later: services that are over by then count as over
-        self._leaving = np.zeros(num_robots, np.bool_)  # [R] whether it is being made, and will be over by then
-        self.news = True  # whether something has changed since the last request
-        self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over
-        self._since_s = np.zeros(num_robots)  # [R] before which the stop cannot have been made
-        self._aim = np.full(num_robots, NONE)  # [R] vertex where it is to be made; -1: the robot is on its way to no stop
-        self._aims_at = np.zeros(num_robots, np.int64)  # [R] and which of its task's stops that is
+        self.problem, self.lead_s = problem, lead_s  # what is asked for takes effect so much later
+        self.orders = Orders(sources, rules)
+        self.duties = Duties(num_robots)
+        self._places = Places(problem, parking)
+        self._batteries, self._charging = batteries, charging
         self._ahead_steps = ahead_steps
+        self.current = np.full(num_robots, NONE)  # [R] the task of each robot
+        self.then = np.full(num_robots, NONE)  # [R] the one that it goes on with, whose way begins where this one's last stop is
+        self.stop = np.zeros(num_robots, np.int64)  # [R] the stop of its task that is to be made next, or is being made
+        self.level = np.ones(num_robots)  # [R] states of charge
+        self.news = True  # whether something has changed since the last request
+        self.wake_s = 0.0  # when something will have changed that is known already
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
+        self._legs: list[list[Leg]] = [[] for _ in range(num_robots)]  # stops that each robot's way leads to, in their order
+        self._wait_at = np.full(num_robots, NONE)  # [R] vertex where its way ends and it is to wait for a place
+        self._came_s = np.full(num_robots, np.inf)  # [R] since when it has waited there, or before there
+        self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over that it is at
+        self._over_s = np.full(num_robots, -np.inf)  # [R] when its last one was
+        self._since_s = np.zeros(num_robots)  # [R] when it was given the task, or was done with the stop before
+        self._earliest_s = np.zeros(num_robots)  # [R] before which the next stop cannot begin
+        self._moved_s = np.zeros(num_robots)  # [R] when it last got on, or stood for the work's sake
+        self._resumes = np.full(num_robots, IDLE)  # [R] what a broken robot goes on with
         self._idle = np.zeros((num_robots, 2))  # [R, 2] s that each had stood on its way, and where it was sent, when it set out
-        self._stops: list[tuple[int, int, str, int, float, float, float, float, float, float]] = []  # rows of the `StopLog`
-        self._robot: list[int] = []
-        self._times: dict[str, list[float]] = {"released_s": [], "assigned_s": [], "opened_s": [], "done_s": []}
-        self._waiting: list[int] = []  # tasks that nobody has, by urgency
-        listed = bool(sources) and isinstance(sources[0], TaskList)
-        self._sources = [_Source(source.tasks(), source.num_open) for source in (sources if listed else (TaskList(()), *sources))]
-        self._listed = self._sources[0]  # in which tasks may be put that are added while robots drive
+        self._row = np.zeros(num_robots, np.int64)  # [R] that of each robot's last stop in the log
+        self._stops: list[StopRow | None] = []  # of the `StopLog`
+        self._events: list[Event] = []
+        self._num_charges = 0
         self._again_s = 0.0
-        self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one, found once
+        self._looked_s = self._looked_before_s = -np.inf
         self._piece: dict[int, IntArray] = {}  # [V] strong components of the graphs of types
+
+    @property
+    def tasks(self) -> Sequence[Task]:
+        """Those that are known by now, numbered by release."""
+        return self.orders.tasks
 
     @property
     def unassigned(self) -> Sequence[int]:
         """Tasks that no robot has: the most urgent first, then the oldest."""
-        return sorted(self._waiting, key=lambda k: (-self.tasks[k].priority, k))
+        return sorted(self.orders.waiting, key=lambda k: (-self.tasks[k].priority, k))
 
     @property
     def free(self) -> IntArray:
-        """Robots without a task, ascending; also those whose last service will be over when what is asked for now takes effect."""
-        last = [bool(self._leaving[r]) and self._is_last(r) for r in range(len(self.current))]
-        return np.flatnonzero(((self.current == NONE) | np.array(last, np.bool_)) & ~self.out)
+        """Robots without a task, ascending; also those that will be done with theirs when what is asked for now takes effect."""
+        return np.array([r for r, duty in enumerate(self.duties.of) if duty == IDLE or (duty == LEAVING and self._is_last(r))], np.int64)
+
+    @property
+    def serving(self) -> BoolArray:
+        """[R] robots that are at a stop, or at a charger."""
+        serving: BoolArray = np.isfinite(self._until_s)
+        return serving
 
     @property
     def busy(self) -> BoolArray:
         """[R] who is being served, and still will be when what is asked for now takes effect."""
-        return self.serving & ~self._leaving
+        busy: BoolArray = self.serving & (self.duties.of != LEAVING)
+        return busy
 
     @property
-    def endless(self) -> bool:
-        """Whether more tasks will come."""
-        return any(source.next is not None for source in self._sources)
+    def out(self) -> BoolArray:
+        """[R] robots that are empty, or broken for a while or for good."""
+        return self.duties.are(*LOST)
 
     @property
     def all_done(self) -> bool:
         """Whether no task is left, and none will come."""
-        return not self._waiting and bool(((self.current == NONE) | self._charges).all()) and not self.endless
+        orders = [k for k in (*self.current.tolist(), *self.then.tolist()) if k != NONE and self.orders.is_order(k)]
+        return not self.orders.waiting and not orders and not self.orders.endless
+
+    @property
+    def endless(self) -> bool:
+        """Whether more tasks will come."""
+        return self.orders.endless
 
     @property
     def at_charger(self) -> BoolArray:
         """[R] robots that are being charged."""
-        return self._charges & self.serving
+        return self.serving & ~self.out & np.array([self._is_charge(r) for r in range(len(self.current))], np.bool_)
 
-    def update(self, now_s: float, visits: Visits, booked_s: FloatArray, level: FloatArray | None = None) -> None:
+    def update(
+        self, now_s: float, visits: Visits, state: State, level: FloatArray | None = None, down_until_s: FloatArray | None = None
+    ) -> None:
         """Note what robots have done by now; reveal tasks; see who has to charge.
 
         Parameters
         ----------
-        booked_s
-            [R, 8] what their time was spent on (`core.execution.BOOKINGS`).
         level
             [R] states of charge, where robots have batteries.
+        down_until_s
+            [R] until when robots are broken, inf: for good.
         """
-        if level is not None:
-            self.level = level
+        booked_s = state.waits.booked_s
+        if down_until_s is not None:
+            self._see_who_is_broken(now_s, down_until_s, visits)
         for r in np.flatnonzero(self.current != NONE).tolist():
-            if self._ahead_steps:
-                self._pass_stops(r, now_s, visits, booked_s[r])
             self._note(r, now_s, visits, booked_s[r])
         self.seen[:] = visits.reached
-        self._reveal(now_s)
-        if level is not None and self._charging is not None:
-            self._see_who_charges(now_s, self._charging, booked_s)
+        self._see_who_waits(visits)
+        self._cancel(now_s)
+        for task in self.orders.reveal(now_s):
+            self._fail_if_nobody_can(task, now_s)
+            self.news |= self._some_could_take_it
+        if level is not None:
+            self.level = level
+            if self._charging is not None:
+                self._see_who_charges(now_s, self._charging, booked_s)
+        self._see_who_leaves(now_s, visits, state)
+        self._see_who_stalls(now_s, visits, state)
         if now_s >= self._again_s:
             self.news, self._again_s = True, np.inf
+        self._looked_before_s, self._looked_s = self._looked_s, now_s
+        self.wake_s = self._next_change_s(now_s, visits, state)
 
     def request(self, now_s: float, committed: Sequence[Sequence[int]], closed: BoolArray, given: Mapping[int, int]) -> WorkRequest:
         """The request for the ways of all robots that are not at work.
@@ -166,22 +242,28 @@ class Work:
             raise PlugInError(f"task '{needs.name}' is nothing for {name}, which has no room on the way")
         self.news = False
         start = np.array([way[-1] for way in committed], np.int64)
-        passed_on = np.isin(self.current, list(given.values())) | np.isin(np.arange(len(self.current)), list(given))
-        keeps = (self.current != NONE) & ~passed_on
-        nth = self.stop + self._leaving
-        for r in np.flatnonzero(keeps & self._leaving).tolist():
-            keeps[r] = not self._is_last(r)
-        nth[~keeps] = 0
+        goes, passed_on = ~self.busy & ~self.out, set(given.values())
+        robots = np.flatnonzero(goes)
+        kept: dict[int, list[Leg]] = {}  # stops that robots make on what they are committed to
+        legs: dict[int, list[Leg]] = {}  # and on their new ways
         stop: dict[int, Stop] = {}
-        via: dict[int, Sequence[int]] = {}
-        for r in (*given, *np.flatnonzero(keeps & ~self.busy & ~self.out).tolist()):
-            stops = self.tasks[given.get(r, int(self.current[r]))].stops
-            nth[r], via[r] = self._ahead(committed[r], stops, int(nth[r]))
-            stop[r] = stops[int(nth[r])]
-        vertex, made = self._aims(start, stop, given)
-        robots = np.flatnonzero(~self.busy & ~self.out)
-        task = np.array([given.get(r, int(self.current[r]) if keeps[r] else NONE) for r in robots.tolist()], np.int64)
-        nth = nth[robots]
+        for r in robots.tolist():
+            kept[r], task, nth = self._after_committed(r, committed[r])
+            if r in given or task in passed_on:
+                task, nth = given.get(r, NONE), 0
+            legs[r] = []
+            if task != NONE:
+                legs[r] = [Leg(task, n, v) for n, v in self._in_passing(start[r], task, nth)]
+                nth += len(legs[r])
+                stop[r] = self.tasks[task].stops[nth]
+                legs[r].append(Leg(task, nth, NONE))
+        turn = self._turn(start, stop, {r: legs[r][-1].task for r in stop})
+        vertex, makes = self._places.choose(start, ~goes, stop, turn)
+        via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
+        for r in stop:
+            last = legs[r].pop()
+            if makes[r]:
+                legs[r].append(last._replace(vertex=int(vertex[r])))
         request = WorkRequest(
             now_s=now_s,
             site=self.problem,
@@ -192,52 +274,151 @@ class Work:
             closed=closed.copy(),
             reason="tasks",
             given=dict(given),
-            task=np.where(made[robots], task, NONE),
-            nth=nth,
+            legs={r: (*kept[r], *legs[r]) for r in robots.tolist()},
+            waits=frozenset(r for r in stop if not makes[r]),
+            at_once=frozenset(r for r in given if self.duties.of[r] == LEAVING or self._is_just_done(r)),
         )
-        return with_stops_before(request, [via.get(r, ()) for r in robots.tolist()])
+        return with_stops_before(request, via)
 
-    def accepted(self, request: WorkRequest, now_s: float, booked_s: FloatArray) -> None:
-        """Robots are on the ways that were asked for; `booked_s` as for `update`."""
+    def fits(self, request: WorkRequest, moved: Collection[int]) -> bool:
+        """Whether those robots of a request that are sent on may still leave: a service may have begun, or a robot be lost."""
+        stays = self.busy | self.out
+        return not any(stays[r] for r in request.robot.tolist() if r in moved)
+
+    def accepted(self, request: WorkRequest, now_s: float, visits: Visits, state: State) -> None:
+        """Robots are on the ways that were asked for."""
+        booked_s = state.waits.booked_s
         given = {r: k for r, k in request.given.items() if self._may_take(r, k)}
-        taken_back = {other for r, task in given.items() for other in (r, self._robot[task]) if other != NOBODY}
-        freed = [self._take_back(robot) for robot in sorted(taken_back) if self.current[robot] != NONE]
+        taken_back = {other for r, task in given.items() for other in (r, self.orders.robot[task]) if other != NOBODY}
+        freed = [self._take_back(r, now_s) for r in sorted(taken_back) if self.may_pass_on(r)]
         for r, task in given.items():
-            self.current[r], self.stop[r], self._since_s[r] = task, 0, request.now_s
-            self._idle[r] = _idle(booked_s[r])
-            self._robot[task], self._times["assigned_s"][task] = r, request.now_s
-            self._waiting.remove(task)
-        self.news |= len(given) < len(request.given) or any(self._robot[k] == NOBODY for k in freed)
-        for r, vertex, task, nth in zip(*(column.tolist() for column in (request.robot, request.end, request.task, request.nth))):
-            if not self.serving[r]:
-                asked = task != NONE and task == self.current[r] and nth >= self.stop[r]
-                self._aim[r], self._aims_at[r] = vertex if asked else NONE, nth
+            self._give(r, task, now_s, request, booked_s[r])
+        self.news |= len(given) < len(request.given) or any(self.orders.robot[k] == NOBODY for k in freed)
+        for r in request.robot.tolist():
+            if self.serving[r] or self.out[r]:
+                continue
+            self._legs[r] = [leg for leg in request.legs[r] if self._is_ahead(r, leg)]
+            self._wait_at[r] = visits.vertex[visits.last[r]] if r in request.waits and self.current[r] != NONE else NONE
+            if self.duties.of[r] == LEAVING:
+                self.duties.enter(r, TO_STOP, now_s, int(self.current[r]))
+            self._note(r, now_s, visits, booked_s[r])
+        self._see_who_leaves(now_s, visits, state)
+        self.wake_s = self._next_change_s(now_s, visits, state)
 
     def failed(self, now_s: float) -> None:
         """There was no answer to a request: it is made again in a while."""
         self._again_s = now_s + TRY_AGAIN_S
+        self.wake_s = min(self.wake_s, self._again_s)
 
     def add(self, task: Task) -> None:
         """Have a task that nobody knew of, among those that are listed with times of their own."""
-        self._listed.add(task)
+        self.orders.add(task)
+        self.wake_s = min(self.wake_s, task.release_s)
 
     def log(self) -> TaskLog:
         """What has become of the tasks."""
-        times = {name: frozen(np.array(column, np.float64)) for name, column in self._times.items()}
-        names, kinds = (tuple(getattr(task, key) for task in self.tasks) for key in ("name", "kind"))
-        return TaskLog(names, frozen(np.array(self._robot, np.int64)), **times, kind=kinds)
+        return self.orders.log()
+
+    def robot_states(self, end_s: float) -> RobotStateLog:
+        """What the robots were at."""
+        return self.duties.log(end_s)
 
     def stops_made(self) -> StopLog:
         """The stops that were made, by task."""
-        rows = sorted(self._stops, key=lambda row: (row[0], row[4]))
-        task, robot, station, vertex, *times = zip(*rows) if rows else [()] * 10
+        rows = sorted((row for row in self._stops if row is not None), key=lambda row: (row.task, row.begin_s))
+        task, robot, station, vertex, *times = zip(*rows) if rows else [()] * len(StopRow._fields)
         numbers = [frozen(np.array(column, np.int64)) for column in (task, robot, vertex)]
         return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
+
+    def has_stalled(self, now_s: float) -> bool:
+        """Whether orders are open, and for a while nobody has been at work, or charging for it, or broken for a while only."""
+        open_since_s = self.orders.open_since_s
+        if np.isinf(open_since_s) or (self.duties.are(BROKEN) & (self._resumes < BROKEN)).any():
+            return False
+        if self.duties.are(TO_STOP, IN_SERVICE, LEAVING, TO_CHARGER, CHARGING).any():
+            return False
+        return bool(self.duties.are(STALLED).any() or now_s - max(open_since_s, self.duties.changed_s) >= STALLED_S)
+
+    def drain(self) -> list[Event]:
+        """What happened to orders since this was last asked."""
+        events, self._events = self._events, []
+        return events
 
     def can_do(self, robot: int, task: int) -> bool:
         """Whether a robot is of the type that a task needs, and has room on the way to its stops."""
         needed, types = self.tasks[task].robot_type, self.problem.fleet.type_name
         return (not needed or types[robot] == needed) and self._has_room(robot, task)
+
+    def some_cannot(self, task: int) -> bool:
+        """Whether a task is not for every robot."""
+        return bool(self.tasks[task].robot_type) or self.problem.barred is not None
+
+    def may_pass_on(self, robot: int) -> bool:
+        """Whether a robot has a task and has not come to its first stop, nor is about to."""
+        if self.current[robot] == NONE or self._is_charge(robot) or self.duties.of[robot] == LEAVING:
+            return False
+        return bool(self.stop[robot] == 0 and not self.serving[robot])
+
+    def lose(self, robot: int, now_s: float, duty: int, visits: Visits) -> None:
+        """A robot will never go on, being `EMPTY` or `BROKEN`: what it has goes to others, or fails, by the rules of the orders."""
+        task, why = int(self.current[robot]), f"{self.problem.fleet.robot_name[robot]} {WHY_LOST[duty]} with it on board"
+        self.duties.enter(robot, duty, now_s)
+        self._resumes[robot] = duty
+        begun = bool(self.serving[robot])
+        if begun:
+            self._stops[self._row[robot]] = None if not self._is_charge(robot) else self._stops[self._row[robot]]
+        self._give_up_next(robot)
+        if task != NONE and self._is_charge(robot):
+            self.orders.fail(task, now_s, why.removesuffix(" with it on board"))
+        elif task != NONE and self.stop[robot] == 0:
+            self.orders.take_back(task)
+        elif task != NONE:
+            self._lose_load(robot, task, now_s, why, visits)
+        self.current[robot] = self._wait_at[robot] = NONE
+        self._until_s[robot], self._came_s[robot], self._legs[robot] = np.inf, np.inf, []
+        self.news = True
+        for waiting in list(self.orders.waiting):
+            self._fail_if_nobody_can(waiting, now_s)
+
+    def serving_until_s(self, robot: int) -> float:
+        """When the service that a robot is at will be over; inf: it is at none."""
+        return float(self._until_s[robot])
+
+    def _lose_load(self, robot: int, task: int, now_s: float, why: str, visits: Visits) -> None:
+        """What becomes of an order whose robot is lost after its first stop."""
+        orders, rules, stops = self.orders, self.orders.rules, self.tasks[task].stops
+        name = self.tasks[task].name
+        if rules.hand_over:
+            fetch = self._place_to_hand_over(robot, stops[0], visits)
+            orders.hand_over(task, (fetch, *stops[int(self.stop[robot]) :]), why)
+            self._events.append(Event(now_s, "handed_over", robot, fetch.vertex, text=f"order '{name}': {why}; another is to fetch it"))
+        elif orders.tries[task] < rules.retries:
+            orders.begin_anew(task, why)
+            self._events.append(Event(now_s, "begun_anew", robot, text=f"order '{name}': {why}; it is begun anew"))
+        else:
+            self._fail(task, now_s, why, robot)
+
+    def _fail(self, task: int, now_s: float, why: str, robot: int = NOBODY) -> None:
+        self.orders.fail(task, now_s, why)
+        self._events.append(Event(now_s, "failed", robot, text=f"order '{self.tasks[task].name}': {why}"))
+
+    def _fail_if_nobody_can(self, task: int, now_s: float) -> None:
+        """An order that is for none of the robots that are left will not be done; without any left the run has come to a stand."""
+        left = np.flatnonzero(self._resumes < BROKEN).tolist()
+        if left and self.some_cannot(task) and not any(self.can_do(r, task) for r in left):
+            self._fail(task, now_s, "no robot that can do it is left")
+
+    def _place_to_hand_over(self, robot: int, first: Stop, visits: Visits) -> Stop:
+        """A stop beside a robot that stands for good, which takes as long as the first."""
+        graph, fleet = self.problem.graph, self.problem.fleet
+        apart_m = 2 * float(fleet.radius_m.max()) + float(fleet.gap_m.max())
+        here = int(visits.reached[robot])
+        ahead = int(visits.next[here])
+        stands = graph.xy[visits.vertex[[here, ahead if ahead >= 0 else here]]]
+        away_m = np.hypot(*(graph.xy[:, None] - stands[None]).transpose(2, 0, 1))
+        near = np.argsort(np.where((away_m >= apart_m).all(1), away_m.sum(1), np.inf), kind="stable")[:PLACES_TO_HAND_OVER]
+        station = Station(f"beside {fleet.robot_name[robot]}", tuple(near.tolist()))
+        return Stop(station.places[0], first.service_s, "pickup", station)
 
     def _has_room(self, robot: int, task: int) -> bool:
         """Whether a robot's type can come from its start to the stops of a task and back."""
@@ -250,115 +431,183 @@ class Work:
         piece, start = self._piece[kind], int(self.problem.start[robot])
         return all(any(piece[v] == piece[start] for v in stop.places) for stop in self.tasks[task].stops)
 
-    def some_cannot(self, task: int) -> bool:
-        """Whether a task is not for every robot."""
-        return bool(self.tasks[task].robot_type) or self.problem.barred is not None
-
-    def may_pass_on(self, robot: int) -> bool:
-        """Whether a robot has a task and has not come to its first stop."""
-        return bool(self.current[robot] != NONE and self.stop[robot] == 0 and not self.serving[robot] and not self._charges[robot])
-
-    def lose(self, robot: int) -> None:
-        """A robot will never go on: a task that it has not begun goes to others."""
-        if self.may_pass_on(robot):
-            self._take_back(robot)
-        self.out[robot] = self.news = True
-
-    def serving_until_s(self, robot: int) -> float:
-        """When the service that a robot is at will be over; inf: it is at none."""
-        return float(self._until_s[robot])
-
-    def _may_take(self, robot: int, task: int) -> bool:
-        """Whether a robot may still be given a task: both may have come to a first stop since it was decided."""
-        holder = self._robot[task]
-        held = holder != NOBODY and self.current[holder] == task
-        return (self.current[robot] == NONE or self.may_pass_on(robot)) and (not held or self.may_pass_on(holder))
-
-    def _take_back(self, robot: int) -> int:
-        """The robot's task, which has not been begun, waits again."""
-        task = int(self.current[robot])
-        self.current[robot], self._aim[robot], self._robot[task] = NONE, NONE, NOBODY
-        self._times["assigned_s"][task] = np.nan
-        self._waiting.append(task)
-        return task
+    def _is_charge(self, robot: int) -> bool:
+        return bool(self.current[robot] != NONE and not self.orders.is_order(int(self.current[robot])))
 
     def _is_last(self, robot: int) -> bool:
-        """Whether its next stop is its task's last."""
-        return int(self.stop[robot]) + 1 == len(self.tasks[int(self.current[robot])].stops)
+        """Whether nothing is left for a robot that is leaving, after what it is about to have made."""
+        made = 1 if self.serving[robot] else len(self._legs[robot])
+        return bool(int(self.stop[robot]) + made == len(self.tasks[int(self.current[robot])].stops) and self.then[robot] == NONE)
 
-    def _next(self, robot: int) -> Stop:
-        return self.tasks[int(self.current[robot])].stops[int(self.stop[robot])]
+    def _is_ahead(self, robot: int, leg: Leg) -> bool:
+        """Whether a stop is still to be made."""
+        return leg.task == self.then[robot] or bool(leg.task == self.current[robot] and leg.nth >= self.stop[robot])
 
-    def _ahead(self, committed: Sequence[int], stops: Sequence[Stop], nth: int) -> tuple[int, Sequence[int]]:
-        """Which of its task's stops a robot's way is to end at, and the vertices of those that it makes in passing before."""
-        via: list[int] = []
-        for v in committed:
-            while self._is_passed(stops, nth) and stops[nth].places[0] == v:
-                nth += 1
-        at, left = committed[-1], self._ahead_steps
-        while self._is_passed(stops, nth):
+    def _is_just_done(self, robot: int) -> bool:
+        """Whether a robot's last service ended since the look before, and what is asked for now takes effect now."""
+        return bool(not self.lead_s and self._over_s[robot] > self._looked_before_s)
+
+    def _may_take(self, robot: int, task: int) -> bool:
+        """Whether a robot may still be given a task: both may have come to a first stop since it was decided, or be gone."""
+        holder = self.orders.robot[task]
+        if self.out[robot] or not (task in self.orders.waiting or (holder != NOBODY and self.may_pass_on(holder))):
+            return False
+        about_to_end = self.duties.of[robot] == LEAVING and self.then[robot] == NONE
+        return bool(self.current[robot] == NONE or about_to_end or self.may_pass_on(robot))
+
+    def _give(self, r: int, task: int, now_s: float, request: WorkRequest, booked_s: FloatArray) -> None:
+        """A robot has a task, or will have it when it comes to the last stop of the one it has."""
+        if self.current[r] != NONE:
+            self.then[r] = task
+            self.orders.assign(task, r, now_s)
+            return
+        since_s = max(float(self._over_s[r]), self.orders.released_s(task)) if r in request.at_once else request.now_s
+        self.orders.assign(task, r, since_s)
+        self._begin_task(r, task, since_s, since_s if r in request.at_once else now_s, booked_s)
+
+    def _begin_task(self, r: int, task: int, since_s: float, earliest_s: float, booked_s: FloatArray) -> None:
+        self.current[r], self.stop[r], self._since_s[r], self._earliest_s[r] = task, 0, since_s, earliest_s
+        self._came_s[r], self._moved_s[r], self._idle[r] = np.inf, earliest_s, _idle(booked_s)
+        if self.orders.is_order(task):
+            self.duties.enter(r, TO_STOP, earliest_s, task)
+        else:
+            self.duties.enter(r, TO_CHARGER, earliest_s)
+
+    def _take_back(self, robot: int, now_s: float) -> int:
+        """The robot's task, which has not been begun, waits again."""
+        task = int(self.current[robot])
+        self.orders.take_back(task)
+        self._free(robot, now_s)
+        return task
+
+    def _free(self, robot: int, now_s: float) -> None:
+        """A robot has nothing to do."""
+        self.current[robot] = self._wait_at[robot] = NONE
+        self._legs[robot], self._came_s[robot] = [], np.inf
+        self.duties.enter(robot, IDLE, now_s)
+
+    def _give_up_next(self, robot: int) -> None:
+        """The task that a robot was to go on with waits again."""
+        if self.then[robot] != NONE:
+            self.orders.take_back(int(self.then[robot]))
+            self.then[robot] = NONE
+
+    def _turn(self, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int]) -> list[int]:
+        """Robots in the order in which they choose where to make their stops.
+
+        The most urgent first; then who came first and waits; then who is nearest. Nobody comes before one that stands on its way there.
+        """
+        away = {r: self._places.away(r, int(start[r]), stop) for r, stop in stops.items()}
+        wished = sorted(stops, key=lambda r: (-self.tasks[task[r]].priority, self._came_s[r], away[r], task[r]))
+        order: list[int] = []
+        for n, r in enumerate(wished):
+            if r in order:
+                continue
+            nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
+            if nearer:
+                way = self._places.way(r, int(start[r]), stops[r])[:-1]
+                order += sorted((s for s in nearer if int(start[s]) in way), key=lambda s: away[s])
+            order.append(r)
+        return order
+
+    def _after_committed(self, r: int, committed: Sequence[int]) -> tuple[list[Leg], int, int]:
+        """Stops that a robot makes on what it is committed to; then the task that it goes on with, and which of its stops."""
+        task, nth, kept = int(self.current[r]), int(self.stop[r]), list[Leg]()
+        if task == NONE:
+            return kept, NONE, 0
+        leaves, at = self.duties.of[r] == LEAVING, 0
+        if leaves and self.serving[r]:
+            nth += 1
+        else:
+            for leg in self._legs[r][: len(self._legs[r]) - (not leaves)]:
+                if leg.vertex not in committed[at:]:
+                    break
+                at = list(committed).index(leg.vertex, at)
+                kept.append(leg)
+                task, nth = leg.task, leg.nth + 1
+        if nth == len(self.tasks[task].stops):
+            task, nth = int(self.then[r]) if task == self.current[r] else NONE, 0
+        return kept, task, nth
+
+    def _in_passing(self, at: int, task: int, nth: int) -> list[tuple[int, int]]:
+        """Stops of a task that are made in passing, from a vertex and one of its stops on, and their vertices."""
+        stops, passed, left = self.tasks[task].stops, [], self._ahead_steps
+        while left > 0 and nth + 1 < len(stops) and not stops[nth].service_s and len(stops[nth].places) == 1:
             v = stops[nth].places[0]
             left -= int(distances(self.problem.graph).to(v)[at])
-            if left <= 0:
-                break
-            via.append(v)
-            at, nth = v, nth + 1
-        return nth, via
-
-    def _is_passed(self, stops: Sequence[Stop], nth: int) -> bool:
-        """Whether a stop of a task is made in passing: at one place, for no time, and not its last."""
-        return bool(self._ahead_steps) and nth + 1 < len(stops) and not stops[nth].service_s and len(stops[nth].places) == 1
-
-    def _pass_stops(self, r: int, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
-        """Note stops that were made in passing."""
-        stops, reached, k = self.tasks[int(self.current[r])].stops, int(visits.reached[r]), int(self.seen[r])
-        stands = k == reached == int(visits.granted[r])
-        here = k if stands else int(visits.next[k]) if k != reached else NONE
-        while here != NONE:
-            while self._is_passed(stops, int(self.stop[r])) and stops[int(self.stop[r])].places[0] == visits.vertex[here]:
-                begins_s = max(float(visits.arrived_s[here]), float(self._since_s[r]))
-                if np.isnan(self._times["opened_s"][int(self.current[r])]):
-                    self._times["opened_s"][int(self.current[r])] = begins_s
-                self._until_s[r] = begins_s
-                self._note_stop(r, int(visits.vertex[here]), begins_s, now_s, booked_s)
-                self._since_s[r], self._until_s[r], self._idle[r] = begins_s, np.inf, _idle(booked_s)
-                self.stop[r] += 1
-                self.news = True
-            here = int(visits.next[here]) if here != reached else NONE
+            if left > 0:
+                passed.append((nth, v))
+                at, nth = v, nth + 1
+        return passed
 
     def _note(self, r: int, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
-        """Arrivals, and services that are over."""
-        last = visits.last[r]
-        aims = self._aim[r] != NONE and self._aims_at[r] == self.stop[r]
-        if not self.serving[r] and aims and visits.reached[r] == last and visits.vertex[last] == self._aim[r]:
-            begins_s = max(float(visits.arrived_s[last]), float(self._since_s[r]))
-            opened_s = self._times["opened_s"]
-            if np.isnan(opened_s[self.current[r]]):
-                opened_s[self.current[r]] = begins_s
-            self.serving[r], self._until_s[r] = True, begins_s + self._service_s(r)
-            self._note_stop(r, int(visits.vertex[last]), begins_s, now_s, booked_s)
-        if self.serving[r] and not self._leaving[r] and self._until_s[r] <= now_s + self.lead_s + 1e-9:
-            self._leaving[r] = self.news = True
-        if not self.serving[r] or self._until_s[r] > now_s:
+        """Services that are over, and stops to which a robot has come."""
+        if self.duties.of[r] in LOST:
             return
+        if self.serving[r]:
+            if self._until_s[r] > now_s + 1e-9:
+                return
+            self._end_stop(r, booked_s)
+        reached, k = int(visits.reached[r]), int(self.seen[r])
+        stands = k == reached == int(visits.granted[r])
+        here = k if stands else int(visits.next[k]) if k != reached else NONE
+        while here != NONE and self._legs[r]:
+            while self._legs[r] and self._comes_to(r, here, visits):
+                self._begin_stop(r, here, now_s, visits, booked_s)
+                if self._until_s[r] > now_s + 1e-9:
+                    return
+                self._end_stop(r, booked_s)
+            here = int(visits.next[here]) if here != reached else NONE
+
+    def _comes_to(self, r: int, visit: int, visits: Visits) -> bool:
+        """Whether a robot makes the next stop on its way at a visit."""
+        leg = self._legs[r][0]
+        if leg.vertex != visits.vertex[visit] or leg.task != self.current[r]:
+            return False
+        return bool(visit == visits.last[r] or not self.tasks[leg.task].stops[leg.nth].service_s)
+
+    def _begin_stop(self, r: int, visit: int, now_s: float, visits: Visits, booked_s: FloatArray) -> None:
+        """A service begins, also one that takes no time."""
+        leg = self._legs[r].pop(0)
+        begins_s, task = max(float(visits.arrived_s[visit]), float(self._earliest_s[r])), leg.task
+        if leg.nth == 0:
+            self.orders.pick(task, begins_s)
+        takes_s = self._service_s(r)
+        self._until_s[r] = begins_s + takes_s
+        self._moved_s[r], self._came_s[r], self._wait_at[r] = begins_s, np.inf, NONE
+        self._note_stop(r, leg.vertex, begins_s, now_s, booked_s)
+        if takes_s:
+            if self._is_charge(r):
+                self.duties.enter(r, CHARGING, begins_s)
+            else:
+                self.duties.enter(r, IN_SERVICE, begins_s, task)
+
+    def _end_stop(self, r: int, booked_s: FloatArray) -> None:
+        """A service is over; so is the task with its last."""
         over_s, task = float(self._until_s[r]), int(self.current[r])
-        self.serving[r], self._leaving[r], self._until_s[r], self._since_s[r], self._aim[r] = False, False, np.inf, over_s, NONE
-        if self._charges[r]:  # which may have been cut short
-            row = self._stops[self._row[r]]
-            self._stops[self._row[r]] = (*row[:6], over_s, *row[7:])
+        if self._is_charge(r):  # which may have been cut short
+            self._set_end(r, over_s)
+        self._until_s[r] = np.inf
+        self._over_s[r] = self._since_s[r] = self._earliest_s[r] = self._moved_s[r] = over_s
+        self._came_s[r], self._idle[r] = np.inf, _idle(booked_s)
         self.stop[r] += 1
-        self._charges[r] = False
-        self._idle[r] = _idle(booked_s)
-        if self.stop[r] == len(self.tasks[task].stops):
-            self._times["done_s"][task] = over_s
-            self.current[r] = NONE
-            for source in self._sources:
-                source.done(task)
+        self.news |= bool(self.duties.of[r] != LEAVING)  # else what comes next has been asked for
+        if self.stop[r] < len(self.tasks[task].stops):
+            if self.duties.of[r] != TO_STOP:
+                self.duties.enter(r, TO_STOP, over_s, task)
+            return
+        self.orders.finish(task, over_s)
+        self.current[r] = NONE
+        self.duties.enter(r, IDLE, over_s)
+        if self.then[r] != NONE:
+            task, self.then[r] = int(self.then[r]), NONE
+            self.orders.begin(task, over_s)
+            self._begin_task(r, task, over_s, over_s, booked_s)
 
     def _service_s(self, r: int) -> float:
         """How long the service at a robot's next stop takes."""
-        if not self._charges[r]:
-            return self._next(r).service_s
+        if not self._is_charge(r):
+            return self.tasks[int(self.current[r])].stops[int(self.stop[r])].service_s
         assert self._charging is not None
         return max(self._charging.least_s, self._charge_s(r, max(self._charging.maximum - float(self.level[r]), 0.0)))
 
@@ -366,156 +615,182 @@ class Work:
         """How long charging by a share of the capacity takes a robot."""
         return self._batteries[int(self.problem.fleet.kind[r])].charge_s(share) if self._batteries else 0.0
 
-    def _see_who_charges(self, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
-        """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
-        level = self.level
-        for r in np.flatnonzero((level <= charging.critical) & ~self._charges & ~self.out).tolist():
-            if self.may_pass_on(r):
-                self._take_back(r)
-            if self.current[r] == NONE:
-                self._charge(r, now_s, charging, booked_s)
-        if not charging.opportunity:
-            return
-        free = np.flatnonzero((self.current == NONE) & ~self.out).tolist()
-        idle = max(0, len(free) - len(self._waiting))
-        room = len(charging.station.places) - int(self._charges.sum())
-        for r in sorted(free, key=lambda r: (level[r], r))[: max(0, min(idle, room))]:
-            if self._charge_s(r, charging.maximum - float(level[r])) >= max(charging.least_s, LEAST_CHARGE_S):
-                self._charge(r, now_s, charging, booked_s)
-        ready = np.flatnonzero(self.at_charger & (level >= charging.minimum)).tolist()
-        wanted = max(0, len(self._waiting) - len(free))
-        for r in sorted((r for r in ready if now_s - self._begun_s(r) >= charging.least_s), key=lambda r: (-level[r], r))[:wanted]:
-            self._until_s[r] = now_s  # noted when robots are looked at next
-
-    def _charge(self, r: int, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
-        """A robot gets the task to charge."""
-        number = len(self.tasks)
-        stop = Stop(
-            charging.station.places[0],
-            self._charge_s(r, 1.0 - float(self.level[r])),
-            CHARGE,
-            charging.station,
-        )
-        self.tasks.append(Task(number, (stop,), now_s, robot=r, name=f"{CHARGE}_{self._num_charges}", kind=CHARGE))
-        self._num_charges += 1
-        self._robot.append(r)
-        for name, column in self._times.items():
-            column.append(now_s if name in ("released_s", "assigned_s") else np.nan)
-        self.current[r], self.stop[r], self._since_s[r], self._aim[r], self._charges[r] = number, 0, now_s, NONE, True
-        self._idle[r] = _idle(booked_s[r])
-        self.news = True
-
-    def _begun_s(self, r: int) -> float:
-        return self._times["opened_s"][int(self.current[r])]
+    def _set_end(self, r: int, end_s: float) -> None:
+        """The stop that a robot makes ends at another time."""
+        row = self._stops[self._row[r]]
+        if row is not None:
+            self._stops[self._row[r]] = row._replace(end_s=end_s)
 
     def _note_stop(self, r: int, vertex: int, begin_s: float, now_s: float, booked_s: FloatArray) -> None:
         """A service has begun. What was booked since then, until now, is none of the way there."""
-        task, stop, since_s = self.tasks[int(self.current[r])], self._next(r), float(self._since_s[r])
+        task, since_s = self.tasks[int(self.current[r])], float(self._since_s[r])
+        stop = task.stops[int(self.stop[r])]
         stood_s, queued_s = (_idle(booked_s) - self._idle[r]).tolist()
         queued_s = min(max(queued_s - (now_s - begin_s), 0.0), begin_s - since_s)
         stood_s = min(stood_s, begin_s - since_s - queued_s)
         station, end_s = stop.station.name if stop.station else "", float(self._until_s[r])
         self._row[r] = len(self._stops)
-        self._stops.append((task.id, r, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s))
+        self._stops.append(StopRow(task.id, r, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s))
 
-    def _reveal(self, now_s: float) -> None:
-        for source in self._sources:
-            while (task := source.take(now_s, len(self.tasks))) is not None:
-                known_s = now_s if source.num_open else task.release_s  # a due time goes with it
-                self.tasks.append(replace(task, id=len(self.tasks), release_s=known_s, due_s=task.due_s - task.release_s + known_s))
-                self._robot.append(NOBODY)
-                for name, column in self._times.items():
-                    column.append(known_s if name == "released_s" else np.nan)
-                self._waiting.append(len(self.tasks) - 1)
+    def _see_who_charges(self, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
+        """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
+        level, charges = self.level, np.array([self._is_charge(r) for r in range(len(self.current))], np.bool_)
+        for r in np.flatnonzero((level <= charging.critical) & ~charges & ~self.out).tolist():
+            if self.may_pass_on(r):
+                self._take_back(r, now_s)
+            if self.current[r] == NONE:
+                self._charge(r, now_s, charging, booked_s)
+        if not charging.opportunity:
+            return
+        free = np.flatnonzero((self.current == NONE) & ~self.out).tolist()
+        idle = max(0, len(free) - len(self.orders.waiting))
+        room = len(charging.station.places) - sum(self._is_charge(r) for r in range(len(self.current)))
+        for r in sorted(free, key=lambda r: (level[r], r))[: max(0, min(idle, room))]:
+            if self._charge_s(r, charging.maximum - float(level[r])) >= max(charging.least_s, LEAST_CHARGE_S):
+                self._charge(r, now_s, charging, booked_s)
+        ready = np.flatnonzero(self.at_charger & (level >= charging.minimum)).tolist()
+        wanted = max(0, len(self.orders.waiting) - len(free))
+        for r in sorted((r for r in ready if now_s - self._begun_s(r) >= charging.least_s), key=lambda r: (-level[r], r))[:wanted]:
+            self._until_s[r] = now_s
+            self._end_stop(r, booked_s[r])
+
+    def _charge(self, r: int, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
+        """A robot gets the task to charge."""
+        stop = Stop(charging.station.places[0], self._charge_s(r, 1.0 - float(self.level[r])), CHARGE, charging.station)
+        task = self.orders.charge(r, stop, f"{CHARGE}_{self._num_charges}", now_s)
+        self._num_charges += 1
+        self._begin_task(r, task, now_s, now_s, booked_s[r])
+        self.news = True
+
+    def _begun_s(self, r: int) -> float:
+        return self.orders.opened_s(int(self.current[r]))
+
+    @property
+    def _some_could_take_it(self) -> bool:
+        """Whether a new order changes anything now: a robot is free, or may change the order it has for another."""
+        return bool(len(self.free)) or any(self.may_pass_on(r) for r in range(len(self.current)))
+
+    def _cancel(self, now_s: float) -> None:
+        """Withdraw orders that nobody has picked in time."""
+        late = [k for k in self.orders.not_picked if self.orders.last_chance_s(k) <= now_s]
+        for task in late:
+            robot, at_s = self.orders.robot[task], self.orders.last_chance_s(task)
+            if robot != NOBODY and self.then[robot] == task:
+                self.then[robot] = NONE
+            elif robot != NOBODY:
+                self._free(robot, now_s)
+            why = f"not picked up by {at_s:g} s"
+            self.orders.cancel(task, at_s, why)
+            self._events.append(Event(at_s, "cancelled", robot, text=f"order '{self.tasks[task].name}': {why}"))
+            self.news = True
+
+    def _see_who_is_broken(self, now_s: float, down_until_s: FloatArray, visits: Visits) -> None:
+        """Robots break down, for a while or for good, and go on."""
+        broken = self.duties.are(BROKEN)
+        for r in np.flatnonzero((down_until_s > now_s) & ~self.out).tolist():
+            if down_until_s[r] == np.inf:
+                self.lose(r, now_s, BROKEN, visits)
+                continue
+            if self.may_pass_on(r):
+                self._take_back(r, now_s)
+            self._give_up_next(r)
+            charge, task = self._is_charge(r), int(self.current[r])
+            if self.serving[r]:
+                self._until_s[r] += down_until_s[r] - now_s
+                self._set_end(r, float(self._until_s[r]))
+                self._resumes[r] = CHARGING if charge else IN_SERVICE
+            else:
+                self._resumes[r] = IDLE if task == NONE else TO_CHARGER if charge else TO_STOP
+            self.duties.enter(r, BROKEN, now_s, NONE if charge else task)
+            self.news = True
+        for r in np.flatnonzero(broken & (down_until_s <= now_s) & (self._resumes < BROKEN)).tolist():
+            self.duties.enter(r, int(self._resumes[r]), now_s, NONE if self._is_charge(r) else int(self.current[r]))
+            self._moved_s[r], self.news = now_s, True
+
+    def _see_who_waits(self, visits: Visits) -> None:
+        """Note since when robots have waited where they were sent to."""
+        for r in np.flatnonzero((self._wait_at != NONE) & np.isinf(self._came_s)).tolist():
+            last = int(visits.last[r])
+            if visits.reached[r] == last and visits.vertex[last] == self._wait_at[r]:
+                self._came_s[r] = max(float(visits.arrived_s[last]), float(self._since_s[r]))
+
+    def _see_who_leaves(self, now_s: float, visits: Visits, state: State) -> None:
+        """Robots whose ways on can be asked for: they will be done with what they are at when what is asked for now takes effect."""
+        for r in np.flatnonzero(self.duties.are(IN_SERVICE, CHARGING) & (self._until_s <= now_s + self.lead_s + 1e-9)).tolist():
+            self.duties.enter(r, LEAVING, now_s)
+            self.news = True
+        for r in self._passing(visits):
+            if visits.granted[r] == visits.last[r] and self._is_near(r, visits, state):
+                self.duties.enter(r, LEAVING, now_s)
                 self.news = True
 
-    def _aims(self, start: IntArray, stops: Mapping[int, Stop], given: Mapping[int, int]) -> tuple[IntArray, BoolArray]:
-        """[R] where robots are to go, all different, and whether they can make their stops there. Who is near chooses first."""
-        known = [distances(graph) for graph in self.problem.graph_of_kind]
-        of, vertex, made = [known[k] for k in self.problem.fleet.kind.tolist()], start.copy(), np.zeros(len(start), np.bool_)
-        stays = self.busy | self.out
-        taken = set(start[stays].tolist())
-        away = {r: min(int(of[r].to(v)[start[r]]) for v in stop.places) for r, stop in stops.items()}
-        around: dict[int, int] = {r: int(start[r]) for r in range(len(start)) if not stays[r]}  # vertices to be near to
-        for r in sorted(stops, key=lambda r: (away[r], given.get(r, int(self.current[r])))):
-            for makes, choice in ((True, stops[r].places), (False, stops[r].queue)):
-                free = [(int(of[r].to(v)[start[r]]), v) for v in choice if v not in taken]
-                if free and min(free)[0] < UNREACHABLE:
-                    vertex[r], made[r] = min(free)[1], makes
-                    taken.add(int(vertex[r]))
-                    del around[r]
-                    break
-            else:
-                around[r] = stops[r].places[0] if away[r] < UNREACHABLE else int(start[r])
-        for r in sorted(set(around) - set(stops)):
-            parking = [(int(of[r].to(v)[start[r]]), v) for v in self._parking if v not in taken]
-            if parking and min(parking)[0] < UNREACHABLE:
-                vertex[r] = min(parking)[1]
-                taken.add(int(vertex[r]))
-                del around[r]
-        stood_on = set(start.tolist())
-        for r, centre in sorted(around.items(), key=lambda item: item[0] not in stops):  # without a place, then without work
-            vertex[r] = self._resting_place(r, int(start[r]), centre, taken, stood_on)
-            taken.add(int(vertex[r]))
-        return vertex, made
+    def _passing(self, visits: Visits) -> list[int]:
+        """Robots on the way to stops without service, at the last of which their ways end."""
+        to_stop = (r for r in np.flatnonzero(self.duties.are(TO_STOP)).tolist() if self._legs[r] and self.then[r] == NONE)
+        return [r for r in to_stop if self._legs[r][-1].vertex == visits.vertex[visits.last[r]] and not self._takes_s(self._legs[r][-1])]
 
-    def _resting_place(self, r: int, at: int, centre: int, taken: set[int], stood_on: set[int]) -> int:
-        """The vertex nearest to another that nobody needs, where best nobody is; not before its doorstep, if a robot waits for it."""
-        if at == centre and at not in taken:
-            return at
-        graph, doorstep = self.problem.graph_of_kind[int(self.problem.fleet.kind[r])], set[int]()
-        if at != centre:
-            doorstep = {centre, *graph.head[graph.first[centre] : graph.first[centre + 1]].tolist()}
-        if (graph, centre) not in self._outwards:
-            self._outwards[graph, centre] = tuple(_outwards(graph, centre))
-        free = (v for v in self._outwards[graph, centre] if v not in taken)
-        nearest = next(free)
-        passed = graph.vertex_options
-        clear = (v for v in chain((nearest,), free) if v not in doorstep and not passed[v].get("is_passthrough_point"))
-        return next((v for v in clear if v == at or v not in stood_on), nearest)
+    def _takes_s(self, leg: Leg) -> float:
+        return self.tasks[leg.task].stops[leg.nth].service_s
 
+    def _is_near(self, r: int, visits: Visits, state: State) -> bool:
+        """Whether a robot would have to brake soon after what is asked for now takes effect, if it had to stop."""
+        return bool(visits.at_m[visits.last[r]] - state.motion.s_m[r] <= self._near_m(r) + 1e-9)
 
-class _Source:
-    """A stream, the task that it gives next, and how many of its tasks are known and not done."""
+    def _near_m(self, r: int) -> float:
+        top, decel = float(self.problem.fleet.max_speed_mps[r]), float(self.problem.fleet.decel_mps2[r])
+        return top * (self.lead_s + SLACK_S) + top**2 / (2 * decel)
 
-    def __init__(self, tasks: Iterator[Task], num_open: int) -> None:
-        self._tasks, self.num_open = tasks, num_open  # 0: tasks have times of their own
-        self._known: set[int] = set()
-        self.next = next(tasks, None)
+    def _see_who_stalls(self, now_s: float, visits: Visits, state: State) -> None:
+        """Robots with work that have not got on for long, for nothing that the work itself asks for."""
+        gets_on = (state.motion.speed_mps > 0) | state.motion.turning | self.serving | (self.current == NONE)
+        self._moved_s[gets_on] = now_s
+        lost = np.flatnonzero(self.out)
+        lost_at = set(visits.vertex[visits.granted[lost]].tolist())
+        for r in np.flatnonzero(self.duties.are(TO_STOP, TO_CHARGER, STALLED)).tolist():
+            task = NONE if self._is_charge(r) else int(self.current[r])
+            if self.duties.of[r] == STALLED:
+                if self._moved_s[r] == now_s:
+                    self.duties.enter(r, TO_CHARGER if self._is_charge(r) else TO_STOP, now_s, task)
+            elif now_s - self._moved_s[r] >= STALLED_S:
+                if self._waits_for_work(r, state, lost_at):
+                    self._moved_s[r] = now_s
+                    continue
+                self.duties.enter(r, STALLED, now_s, task)
+                doing = "its way to a charger" if task == NONE else f"order '{self.tasks[task].name}'"
+                self._events.append(Event(now_s, "stalled", r, text=f"has not got on with {doing} for {STALLED_S:g} s"))
 
-    def take(self, now_s: float, number: int) -> Task | None:
-        """The next task, if it is to be known by now; `number` is what it is called."""
-        task = self.next
-        if task is None or (len(self._known) >= self.num_open if self.num_open else task.release_s > now_s + 1e-9):
-            return None
-        self._known.add(number)
-        self.next = next(self._tasks, None)
-        return task
+    def _waits_for_work(self, robot: int, state: State, lost_at: set[int]) -> bool:
+        """Whether a robot that stands will get on by itself: the last of those that it waits for gets on, or is being served."""
+        r, seen, other, cause = robot, set[int](), state.grants.other, state.grants.cause
+        while r not in seen:
+            seen.add(r)
+            if self.duties.of[r] in LOST or (r != robot and self.current[r] == NONE):
+                return False
+            if r != robot and self._moved_s[r] > self._looked_s - STALLED_S / 2:
+                return True
+            if np.isfinite(self._came_s[r]):  # in line: for one of those who are at the places
+                places = self.tasks[int(self.current[r])].stops[int(self.stop[r])].places
+                return not lost_at.issuperset(places)
+            if cause[r] in (PLANNED, FACILITY):
+                return True
+            if other[r] < 0:
+                return False
+            r = int(other[r])
+        return False
 
-    def add(self, task: Task) -> None:
-        """Add one to a finite source without an open number, by its time."""
-        rest = [] if self.next is None else [self.next, *self._tasks]
-        self._tasks = iter(sorted([*rest, task], key=lambda each: each.release_s))
-        self.next = next(self._tasks)
-
-    def done(self, number: int) -> None:
-        self._known.discard(number)
+    def _next_change_s(self, now_s: float, visits: Visits, state: State) -> float:
+        """When something will have changed that is known by now."""
+        ends_s = np.where(self.busy & ~self.out, self._until_s - self.lead_s, self._until_s)
+        times = [self._again_s, self.orders.next_release_s, *ends_s[~self.out].tolist()]
+        if self.orders.rules.cancels:
+            times += [self.orders.last_chance_s(k) for k in self.orders.not_picked]
+        for r in self._passing(visits):
+            if state.motion.speed_mps[r] > 0:
+                left_m = float(visits.at_m[visits.last[r]] - state.motion.s_m[r]) - self._near_m(r)
+                times.append(now_s + max(left_m / float(self.problem.fleet.max_speed_mps[r]), 1e-6))
+        return min((t for t in times if t > now_s), default=np.inf)
 
 
 def _idle(booked_s: FloatArray) -> FloatArray:
     """[2] of a robot's time: s stood on its way, and where it was sent."""
     return np.array([booked_s[STANDS].sum(), booked_s[AT_GOAL]])
-
-
-def _outwards(graph: PlanGraph, start: int) -> Iterator[int]:
-    """Vertices by their distance from one, then all others."""
-    seen, heap = set[int](), [(0.0, start)]
-    while heap:
-        cost, v = heapq.heappop(heap)
-        if v in seen:
-            continue
-        seen.add(v)
-        yield v
-        for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
-            heapq.heappush(heap, (cost + float(graph.length_m[lane]), int(graph.head[lane])))
-    yield from (v for v in range(graph.num_vertices) if v not in seen)

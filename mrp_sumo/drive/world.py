@@ -56,6 +56,7 @@ class World:
     told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive
     closed: BoolArray = field(init=False)  # [L] lanes nobody may set out on
     broken: BoolArray = field(init=False)  # [R] whether a robot stands still for good
+    down_until_s: FloatArray = field(init=False)  # [R] when each breakdown is over, inf: never
 
     def __post_init__(self) -> None:
         what, num_robots = self.what, self.num_robots
@@ -67,6 +68,7 @@ class World:
         self.told_m = np.zeros(num_robots)
         self.closed = np.zeros(self.graph.num_lanes, np.bool_)
         self.broken = np.zeros(num_robots, np.bool_)
+        self.down_until_s = np.zeros(num_robots)
         self._u = np.zeros(num_robots)
         self._late = max(1, round(what.latency_s / self.step_length_s))  # steps; the loop sends what the step before allowed
         self._sent: list[FloatArray] = []
@@ -118,6 +120,7 @@ class World:
         self._pending = [breakdown for breakdown in self._pending if breakdown.begin_s > now + 1e-9]
         for breakdown in begun:
             self.broken[breakdown.robot] |= breakdown.duration_s == np.inf
+            self.down_until_s[breakdown.robot] = max(self.down_until_s[breakdown.robot], now + breakdown.duration_s)
             events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
         self._visitors.update(now)
         return events + self._update_closures(now, grants)

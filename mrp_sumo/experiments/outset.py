@@ -3,7 +3,7 @@
 import numpy as np
 
 from mrp_sumo.core.execution import Execution, Outcome
-from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.experiments.result import levels_of
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
@@ -29,7 +29,7 @@ def record_at_outset(setup: SetUp, solution: Solution) -> RunRecord:
         sim_time_s=0.0,
         wall_time_s=0.0,
         cpu_time_s=0.0,
-        tasks=TaskLog((), none.astype(np.int64), none, none, none, none) if has_tasks else None,
+        tasks=log_of_times((), none.astype(np.int64), none, none, none, none) if has_tasks else None,
         stops=StopLog(*(none.astype(np.int64),) * 2, (), none.astype(np.int64), *(none,) * 6) if has_tasks else None,
         level=problem.graph.level[problem.start][None] if levels else None,
     )

@@ -63,6 +63,16 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError]
     return data
 
 
+def read_head(path: Path, num_bytes: int, error: type[MrpSumoError] = MrpSumoError) -> bytes:
+    """The first bytes of a regular file of any size; as `require_regular`."""
+    require_regular(path, 2**63, error)
+    try:
+        with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
+            return file.read(num_bytes)
+    except OSError as fault:
+        raise error(f"{shortened(path)}: {sentence(fault)}") from None
+
+
 def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> str:
     """The text of a regular file in UTF-8, a byte order mark left out; as `require_regular`."""
     data = read_bytes(path, max_bytes, error)

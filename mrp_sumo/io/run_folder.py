@@ -241,6 +241,7 @@ def _write_logs(
     from mrp_sumo.io.grants import write_grants
     from mrp_sumo.io.people_table import PEOPLE, write_people
     from mrp_sumo.io.replans import write_replans
+    from mrp_sumo.io.robot_states import ROBOT_STATES_TABLE, write_robot_states
     from mrp_sumo.io.tasks_table import write_stops, write_tasks
     from mrp_sumo.io.trajectory import write_trajectory
     from mrp_sumo.io.visits import write_visits
@@ -260,6 +261,8 @@ def _write_logs(
         write_tasks(folder, execution.tasks, problem.fleet.robot_name)
     if execution.tasks is not None and execution.stops is not None:
         write_stops(folder / "stops.parquet", execution.stops, execution.tasks, problem.fleet.robot_name, problem.graph.label)
+    if execution.tasks is not None and execution.robot_states is not None:
+        write_robot_states(folder / ROBOT_STATES_TABLE, execution.robot_states, execution.tasks, problem.fleet.robot_name)
     if execution.batteries is not None:
         write_batteries(folder / "battery.parquet", execution.batteries, problem.fleet.robot_name)
     if execution.facilities is not None:

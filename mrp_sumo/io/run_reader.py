@@ -17,6 +17,7 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.robot_states import RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import read_json
@@ -176,6 +177,7 @@ class RunFolder:
             grants=self._grants(),
             tasks=self._tasks(),
             stops=self._stops(),
+            robot_states=self._robot_states(),
             calls=self._calls(),
             batteries=self._batteries(),
         )
@@ -255,6 +257,12 @@ class RunFolder:
         from mrp_sumo.io.tasks_table import read_stops
 
         return read_stops(self.folder / "stops.parquet", tasks, self.fleet.robot_name, self.graph.vertex_of_name)
+
+    def _robot_states(self) -> RobotStateLog | None:
+        from mrp_sumo.io.robot_states import ROBOT_STATES_TABLE, read_robot_states
+
+        there = self._has(ROBOT_STATES_TABLE)
+        return read_robot_states(self.folder / ROBOT_STATES_TABLE, self.fleet.robot_name) if there else None
 
     def _batteries(self) -> BatteryLog | None:
         if not self._has("battery.parquet"):

@@ -17,6 +17,7 @@ from mrp_sumo.maps.finding import Finding
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, GraphChoice, MapFile, Reader, Selection, map_file
 from mrp_sumo.maps.readers.registry import OF_TEXT, OURS
+from mrp_sumo.maps.readers.strangers import advice
 from mrp_sumo.plugins import registry
 from mrp_sumo.plugins.face import place_of
 from mrp_sumo.plugins.limit import limited
@@ -36,6 +37,8 @@ def load_map(
     cell_m: float = 0.4,
     robot_radius_m: float = ROBOT_RADIUS_M,
     vehicle_type: str | None = None,
+    layers: tuple[str, ...] | None = None,
+    unit: str | None = None,
     reader: str | None = None,
     beside: Path | None = None,
 ) -> Map:
@@ -57,6 +60,8 @@ def load_map(
         How much room a robot needs on an occupancy map.
     vehicle_type
         Only the lanes of this type of vehicle, where a format knows types; those of all by default.
+    layers, unit
+        Of a drawing in DXF: the layers that hold its walls, by default all that are shown; and mm, cm, m, in or ft, by default as it says.
     reader
         The reader, by name or as `FILE.py:CLASS`; by default the first that recognises the file.
     beside
@@ -69,11 +74,12 @@ def load_map(
     PlugInError
         For a reader from outside that breaks its contract.
     """
-    file, selection = map_file(Path(path)), Selection(graph, level, meters_per_pixel, cell_m, robot_radius_m, vehicle_type)
+    selection = Selection(graph, level, meters_per_pixel, cell_m, robot_radius_m, vehicle_type, layers, unit)
+    file = map_file(Path(path))
     if reader is not None or len(file.text) < LARGE or any(_reader(name).detects(file) for name in OF_TEXT):
         return _named(file, _read(reader or _detected(file), file, selection, beside))
     outside = [digest(registry.find("readers", name)) for name in registry.names("readers") if name not in OURS]
-    choice = (str(file.path.resolve()), str(file.path), graph, level, meters_per_pixel, cell_m, robot_radius_m, vehicle_type, *outside)
+    choice = (str(file.path.resolve()), str(file.path), *vars(selection).values(), *outside)
     found = remembered("map", f"{choice}\n{file.text}".encode(), lambda: _read(_detected(file), file, selection))
     _read_only(found.nav)
     return _named(file, found)
@@ -102,10 +108,14 @@ def _detected(file: MapFile) -> str:
     for name in registry.names("readers"):
         if name not in OURS and _asked(name, file):
             return name
+    if stranger := advice(file.head):
+        raise file.source.fault(stranger)
     if file.fault:
         raise file.fault
-    known = ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in map(_reader, registry.names("readers")))
-    raise file.source.fault(f"not a map this program reads: {known}")
+    known = ", ".join(dict.fromkeys(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in map(_reader, registry.names("readers"))))
+    raise file.source.fault(
+        f"not a map this program reads: {known}; a table of lanes or a plan of the floor (DXF, PNG) can be made of most drawings"
+    )
 
 
 def _reader(name: str, beside: Path | None = None) -> Reader:

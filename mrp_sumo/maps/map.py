@@ -10,6 +10,15 @@ from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.finding import Finding
 
 
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """What of a plan is floor, in pixels."""
+
+    clear: BoolArray  # [h, w], row 0 has the lowest y
+    resolution_m: float
+    origin_m: tuple[float, float]  # lower left corner of pixel (0, 0)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Map:
     """A read map. `nav` and `building` share one frame, in which levels that are driven on do not overlap."""
@@ -26,3 +35,4 @@ class Map:
     level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level, to lay levels side by side
     changes: tuple[str, ...] = ()  # what repairs have done to `nav`
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
+    floor: Floor | None = None  # of a plan of a floor

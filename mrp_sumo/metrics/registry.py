@@ -56,6 +56,8 @@ METRICS: tuple[Metric, ...] = (
     tasks.throughput_per_h,
     tasks.tasks_done,
     tasks.tasks_open,
+    tasks.tasks_failed,
+    tasks.tasks_cancelled,
     tasks.service_time_mean_s,
     tasks.service_time_p95_s,
     tasks.warm_up_s,

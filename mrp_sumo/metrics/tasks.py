@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.core.task import StopLog, TaskLog, orders_of
+from mrp_sumo.core.task import CANCELLED, FAILED, StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import Evidence, metric
 from mrp_sumo.metrics.warm_up import warm_up_length
 
@@ -35,10 +35,22 @@ def tasks_done(run: Evidence) -> int | None:
     return None if tasks is None else int(np.isfinite(tasks.done_s).sum())
 
 
-@metric("", "less", "tasks that are known and not done at the end")
+@metric("", "less", "tasks that are known and have not ended at the end: not done, failed or cancelled")
 def tasks_open(run: Evidence) -> int | None:
     tasks = _tasks(run)
-    return None if tasks is None else int(np.isnan(tasks.done_s).sum())
+    return None if tasks is None else int(np.isnan(tasks.ended_s).sum())
+
+
+@metric("", "less", "tasks that failed: their robot was lost with them on board, or none that could do them was left")
+def tasks_failed(run: Evidence) -> int | None:
+    tasks = _tasks(run)
+    return None if tasks is None else tasks.status.count(FAILED)
+
+
+@metric("", "none", "tasks that were cancelled, since nobody had picked them in time")
+def tasks_cancelled(run: Evidence) -> int | None:
+    tasks = _tasks(run)
+    return None if tasks is None else tasks.status.count(CANCELLED)
 
 
 @metric("s", "less", "mean time from release to done of the tasks done after the warm-up")
@@ -218,7 +230,7 @@ def overload(tasks: TaskLog, end_s: float, num_robots: int) -> str:
     given_s = np.where(np.isnan(tasks.assigned_s), np.inf, tasks.assigned_s)
     waited = [np.clip(np.minimum(given_s, b) - np.maximum(tasks.released_s, a), 0, None).sum() for a, b in pairwise(edges)]
     second, third, last = (float(total) * 4 / end_s for total in waited[1:])
-    num_open = int(np.isnan(tasks.done_s).sum())
+    num_open = int(np.isnan(tasks.ended_s).sum())
     if second < third < last and last >= max(1.5 * second, 1.0) and num_open > num_robots:
         return f"orders wait longer and longer: {num_open} open at the end"
     return ""

@@ -174,8 +174,8 @@ def _tasks_table(run: RunFolder) -> Table | None:
     names, columns = run.fleet.robot_name, (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.done_s)
     times = [[None if np.isnan(t) else float(t) for t in column] for column in columns]
     robots = ["" if r < 0 else names[r] for r in tasks.robot.tolist()]
-    rows: list[list[Cell]] = [list(row) for row in zip(tasks.name, robots, *times, tasks.state)]
-    head = ("task", "robot", "released s", "assigned s", "opened s", "done s", "state")
+    rows: list[list[Cell]] = [list(row) for row in zip(tasks.name, robots, *times, tasks.status, tasks.reason)]
+    head = ("task", "robot", "released s", "assigned s", "opened s", "done s", "status", "reason")
     return Table("tasks", "Tasks", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 

@@ -9,10 +9,10 @@ from worlds import record_of_four
 
 from mrp_sumo.bags.messages import EPOCH_NS
 from mrp_sumo.bags.writer import write_bag
-from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, StopLog, TaskLog
+from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, StopLog, log_of_times
 
 NAN = np.nan
-TASKS = TaskLog(
+TASKS = log_of_times(
     ("done", "open", "waits", "charge_0"),
     np.array([1, 2, NOBODY, 0]),
     released_s=np.array([0.0, 1.0, 4.0, 2.0]),

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from worlds import line, problem_on
 
-from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive.dispatcher import dispatcher_of
+from mrp_sumo.drive.state import state_at_rest
 from mrp_sumo.drive.work import Work
 from mrp_sumo.errors import PlugInError
 
@@ -33,7 +33,9 @@ class Fleet:
             )
             for k, (task, of) in enumerate(zip(tasks, stations))
         ]
-        self.booked_s = np.zeros((len(at), len(BOOKINGS)))
+        self.state, number = state_at_rest(len(at), 1, 1, np.arange(len(at))), np.arange(len(at))
+        columns = dict.fromkeys(("reached", "last", "granted"), number)
+        self.visits = SimpleNamespace(**columns, vertex=np.array(at), next=np.full(len(at), -1), arrived_s=np.zeros(len(at)))
         self.work = Work([TaskList(tuple(listed))], problem)
         ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at])
         self.around = SimpleNamespace(
@@ -46,10 +48,10 @@ class Fleet:
 
     def decides(self, dispatcher, now_s=0.0, **parameters):
         """Who has which task after a decision, before anybody moves."""
-        self.work._reveal(now_s)
+        self.work.orders.reveal(now_s)
         self.work.news = True
         (request,) = dispatcher_of(dispatcher, parameters).due(now_s, self.around)
-        self.work.accepted(request, now_s, self.booked_s)
+        self.work.accepted(request, now_s, self.visits, self.state)
         return {r: k for r, k in enumerate(self.work.current.tolist()) if k >= 0}
 
 
@@ -69,7 +71,7 @@ def test_a_task_goes_to_a_robot_of_the_type_that_it_needs_or_waits(dispatcher):
 
 def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
     fleet = Fleet([2, 15], (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
-    fleet.work._reveal(0.0)
+    fleet.work.orders.reveal(0.0)
     with pytest.raises(PlugInError, match="task '' needs a robot of type 'lift', robot_0 is none"):
         fleet.work.request(0.0, fleet.around.ledger.committed, fleet.around.closed, {0: 0})
 

@@ -37,7 +37,7 @@ def work(tmp_path, graph, starts, *streams, **settings):
 def test_one_robot_makes_the_stops_of_a_task_one_after_the_other(tmp_path):
     run = work(tmp_path, line(5), [0], orders([(2, 4)], count=1))
     (robot,), (assigned_s,), (opened_s,), (done_s,) = run.tasks.robot, run.tasks.assigned_s, run.tasks.opened_s, run.tasks.done_s
-    assert run.outcome is Outcome.COMPLETED and run.tasks.state == ("done",) and robot == 0 and assigned_s == 0
+    assert run.outcome is Outcome.COMPLETED and run.tasks.status == ("done",) and robot == 0 and assigned_s == 0
     assert opened_s == pytest.approx(2 * CELL_S, abs=0.3)
     assert done_s == pytest.approx(opened_s + 5 + 2 * CELL_S + 5, abs=1.0)  # the second service included
     assert run.x_m[-1, 0] == pytest.approx(1.6, abs=0.01)
@@ -57,7 +57,7 @@ def test_a_task_goes_to_the_nearest_free_robot(tmp_path):
 def test_a_robot_in_the_way_makes_room(tmp_path):
     # robot_1 stands without work where robot_0 has to go
     run = work(tmp_path, square_grid(3), [0, 8], orders([(0, 4)], count=1, service_s=3.0), orders([(8, 0)], count=1, number=1))
-    assert run.outcome is Outcome.COMPLETED and set(run.tasks.state) == {"done"}
+    assert run.outcome is Outcome.COMPLETED and set(run.tasks.status) == {"done"}
 
 
 def test_orders_are_the_same_for_any_fleet(tmp_path):
@@ -74,13 +74,13 @@ def test_closed_loop_keeps_so_many_open_until_the_time_is_over(tmp_path):
     assert run.outcome is Outcome.COMPLETED and run.sim_time_s == pytest.approx(120)
     known = [(run.tasks.released_s <= t).sum() - (run.tasks.done_s <= t).sum() for t in (1.0, 60.0, 119.0)]
     assert known == [3, 3, 3]
-    assert run.tasks.state.count("done") >= 6
+    assert run.tasks.status.count("done") >= 6
 
 
 def test_a_station_serves_as_many_as_it_has_places_and_others_wait_in_its_queue(tmp_path):
     pack = Station("pack", (4,), (3,))
     run = work(tmp_path, line(6), [0, 2], orders([(pack,)], count=2, service_s=8.0))
-    assert set(run.tasks.state) == {"done"}
+    assert set(run.tasks.status) == {"done"}
     first, second = sorted(zip(run.tasks.opened_s.tolist(), run.tasks.done_s.tolist()))
     assert second[0] >= first[1]  # one place: one after the other
 
@@ -100,14 +100,14 @@ def test_the_same_run_twice_is_the_same(tmp_path):
 def test_a_robot_at_work_is_not_sent_away_by_recovery(tmp_path):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("open", num_open=4), service_s=6.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=100.0, on_deadlock="resolve", policy="open_loop")
-    assert run.tasks.state.count("done") >= 3
+    assert run.tasks.status.count("done") >= 3
 
 
 def test_the_parts_of_a_cycle_add_up_to_it(tmp_path):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=500), service_s=4.0, count=8)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, planning=Planning(budget_s=1.0))
     tasks, stops = run.tasks, run.stops
-    assert set(tasks.state) == {"done"} and stops.task.tolist() == [k for k in range(8) for _ in range(2)]
+    assert set(tasks.status) == {"done"} and stops.task.tolist() == [k for k in range(8) for _ in range(2)]
     assert (stops.stood_s >= 0).all() and (stops.queued_s >= 0).all()
     assert (stops.stood_s + stops.queued_s <= stops.begin_s - stops.since_s + 1e-9).all()
     for k in range(8):
@@ -139,7 +139,7 @@ def listed(*tasks):
 def test_the_robot_in_between_is_left_for_the_task_that_needs_it(tmp_path, dispatcher):
     # task 0 is nearer to robot_1, too, but then robot_0 would have to go all the way to task 1
     run = work(tmp_path, line(7), [0, 4], listed((3, 0.0, 2.0), (6, 0.0, 2.0)), dispatcher=dispatcher)
-    assert run.tasks.robot.tolist() == [0, 1] and set(run.tasks.state) == {"done"}
+    assert run.tasks.robot.tolist() == [0, 1] and set(run.tasks.status) == {"done"}
 
 
 def test_a_task_waits_for_the_robot_that_is_there_sooner_though_busy(tmp_path):
@@ -152,7 +152,7 @@ def test_a_task_is_passed_on_before_its_first_stop(tmp_path):
     # robot_1 is on its way to 4 when a task at 11 comes, which is far from robot_0
     tasks = listed((4, 0.0, 2.0), (11, 0.5, 2.0))
     run = work(tmp_path, line(12), [0, 6], tasks, dispatcher="hungarian")
-    assert run.tasks.robot.tolist() == [0, 1] and set(run.tasks.state) == {"done"}
+    assert run.tasks.robot.tolist() == [0, 1] and set(run.tasks.status) == {"done"}
     assert run.tasks.assigned_s[0] >= 0.5  # by robot_0
 
 
@@ -166,7 +166,7 @@ def test_a_task_that_is_kept_stays_with_its_robot(tmp_path):
 def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], count=8, service_s=2.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning=Planning(budget_s=1.0))
-    assert set(run.tasks.state) == {"done"}
+    assert set(run.tasks.status) == {"done"}
 
 
 def test_orders_in_a_closed_loop_are_due_after_they_become_known(tmp_path):
@@ -186,7 +186,7 @@ def charging(at, *, opportunity=False, least_s=0.0):
 def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
     run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), batteries=(SMALL,), charging=charging(4), start_level=(0.25, 0.25))
     tasks = run.tasks
-    assert tasks.name == ("t0", "charge_0") and set(tasks.state) == {"done"}
+    assert tasks.name == ("t0", "charge_0") and set(tasks.status) == {"done"}
     assert tasks.done_s[1] - tasks.opened_s[1] == pytest.approx(76, abs=2)  # from 24 % at its arrival
     assert tasks.assigned_s[0] >= tasks.done_s[1] and run.stops.station[1] == "charger"
     assert run.batteries.level.min() > 0.2 and run.batteries.level.max() == pytest.approx(1.0, abs=0.01)
@@ -207,7 +207,7 @@ def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
 def test_a_robot_that_runs_empty_stands_and_others_do_its_task(tmp_path):
     run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), batteries=(SMALL,), start_level=(0.004, 0.004), time_limit_s=30.0)
     assert [event.robot for event in run.events if event.kind == "battery_empty"] == [0, 1]
-    assert run.outcome is Outcome.TIME_LIMIT and run.tasks.state == ("revealed",) and (run.speed_mps[-1] == 0).all()
+    assert run.outcome is Outcome.TIME_LIMIT and run.tasks.status == ("released",) and (run.speed_mps[-1] == 0).all()
     assert run.x_m[-1, 0] < 1.2 and (run.batteries.level[-1] == 0).all()
 
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from mrp_sumo.cli.main import main
-from mrp_sumo.core.task import TaskLog
+from mrp_sumo.core.task import log_of_times
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.scenario.tasks import TasksChoice
 from mrp_sumo.io.tasks import Site, sources_of
@@ -201,14 +201,14 @@ def test_what_contradicts_itself_is_refused(choice, says):
 def test_the_table_keeps_what_became_of_tasks(tmp_path):
     nan = np.nan
     times = [np.array(column) for column in ([0.0, 1, 2, 3], [0.5, 2, 3, nan], [4.0, 5, nan, nan], [9.0, nan, nan, nan])]
-    log = TaskLog(("a", "b", "c", "d"), np.array([1, 0, 0, -1]), *times)
+    log = log_of_times(("a", "b", "c", "d"), np.array([1, 0, 0, -1]), *times)
     write_tasks(tmp_path, log, ("r0", "r1"))
     table = pq.read_table(tmp_path / "tasks.parquet")
-    assert table.column_names == ["task", "robot", "released_s", "assigned_s", "opened_s", "done_s", "state"]
+    assert table.column_names == ["task", "robot", "released_s", "assigned_s", "opened_s", "done_s", "ended_s", "status", "reason"]
     assert table["robot"].to_pylist() == ["r1", "r0", "r0", None] and table["done_s"].to_pylist() == [9, None, None, None]
-    assert table["state"].to_pylist() == ["done", "open", "assigned", "revealed"]
+    assert table["status"].to_pylist() == ["done", "picked", "assigned", "released"]
     again = read_tasks(tmp_path, ("r0", "r1"))
-    assert again.state == log.state and again.robot.tolist() == log.robot.tolist()
+    assert again.status == log.status and again.robot.tolist() == log.robot.tolist()
 
 
 def test_a_scenario_with_tasks_is_run_from_the_command_line(tmp_path, monkeypatch, capsys):

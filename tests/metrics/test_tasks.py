@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.task import TaskLog
+from mrp_sumo.core.task import log_of_times
 from mrp_sumo.metrics.tasks import overload, spent_s, steady_from
 
 
 def log_of(service_s):
     """A task done every 10 s, with these service times."""
     done_s = 10.0 * np.arange(1, len(service_s) + 1)
-    return TaskLog(tuple(map(str, range(len(done_s)))), np.zeros(len(done_s), np.int64), done_s - service_s, done_s, done_s, done_s)
+    return log_of_times(tuple(map(str, range(len(done_s)))), np.zeros(len(done_s), np.int64), done_s - service_s, done_s, done_s, done_s)
 
 
 def test_what_is_steady_from_the_beginning_has_no_warm_up():
@@ -33,7 +33,7 @@ def test_a_few_tasks_tell_nothing():
 def waiting(released_s, assigned_s):
     """Tasks that wait for a robot, or have one; none is done."""
     none = np.full(len(released_s), np.nan)
-    return TaskLog(tuple(map(str, range(len(none)))), np.zeros(len(none), np.int64), released_s, assigned_s, none, none)
+    return log_of_times(tuple(map(str, range(len(none)))), np.zeros(len(none), np.int64), released_s, assigned_s, none, none)
 
 
 def test_a_stream_that_is_faster_than_the_fleet_is_reported():
@@ -51,5 +51,5 @@ def test_a_queue_that_does_not_grow_is_no_overload():
 def test_a_robot_that_has_its_next_task_already_is_not_busy_twice():
     none = np.full(4, np.nan)
     robot, assigned_s = np.array([0, 0, 1, -1]), np.array([10.0, 59.0, 5.0, np.nan])
-    log = TaskLog(("a", "b", "c", "d"), robot, np.zeros(4), assigned_s, none, np.array([60.0, np.nan, 30.0, np.nan]))
+    log = log_of_times(("a", "b", "c", "d"), robot, np.zeros(4), assigned_s, none, np.array([60.0, np.nan, 30.0, np.nan]))
     assert spent_s(log, 100.0).tolist() == [50.0, 40.0, 25.0, 0.0]

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from mrp_sumo.core.task import CHARGE, ORDER, TaskLog
+from mrp_sumo.core.task import CHARGE, ORDER, log_of_times
 from mrp_sumo.reports.charts.task_charts import _known, task_charts
 
 
 def log(released_s, done_s, kind=()):
     nan = np.full(len(released_s), np.nan)
     times = np.array(released_s, float), np.array(released_s, float) + 1, nan, np.array(done_s, float)
-    return TaskLog(tuple(map(str, range(len(nan)))), np.zeros(len(nan), np.int64), *times, kind=kind)
+    return log_of_times(tuple(map(str, range(len(nan)))), np.zeros(len(nan), np.int64), *times, kind=kind)
 
 
 def test_open_tasks_are_counted_from_release_to_done():

@@ -1,5 +1,6 @@
 """What a map reader is: one class for each format, which recognises it by content and makes a `Map` of it."""
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -7,12 +8,17 @@ from typing import Any, Literal, Protocol
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError
+from mrp_sumo.files.reading import read_head, shortened
 from mrp_sumo.maps.check import check_graph
 from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.strangers import advice
 from mrp_sumo.maps.yaml_text import Text, parse, parse_json, read_text
 
 GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
+HEAD = 4096
+DXF = re.compile(rb"AutoCAD Binary DXF|(?:\xef\xbb\xbf)?\s*(?:999\s*?\n[^\n]*\n\s*)*0\s*?\r?\n\s*SECTION\b")
+PICTURE = re.compile(rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a|BM.{4}\0{4}|II\*\0|MM\0\*|P[2-6]\s|RIFF....WEBP", re.DOTALL)
 ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
 
 
@@ -26,13 +32,16 @@ class Selection:
     cell_m: float = 0.4
     robot_radius_m: float = ROBOT_RADIUS_M
     vehicle_type: str | None = None
+    layers: tuple[str, ...] | None = None
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
 class MapFile:
     """A map file as readers see it."""
 
-    source: Text
+    source: Text  # its text; '' of plans of a floor
+    head: bytes = b""  # its first bytes
 
     @property
     def path(self) -> Path:
@@ -81,14 +90,42 @@ class Reader(Protocol):
 
 
 def map_file(path: Path) -> MapFile:
-    """A file to be read. Raises MapError when it is missing, or no text."""
-    return MapFile(read_text(path))
+    """A file to be read. Raises MapError when it is missing, or neither text nor a plan; with what could be done about it."""
+    head = read_head(path, HEAD, MapError)
+    if plan_kind(head):
+        return MapFile(Text(path, ""), head)
+    try:
+        return MapFile(read_text(path), head)
+    except MapError as error:
+        if stranger := advice(head):
+            raise MapError(f"{shortened(path)}: {stranger}") from None
+        raise error
+
+
+def plan_kind(head: bytes) -> str:
+    """'dxf' or 'picture' for what begins like a plan of a floor, else ''."""
+    return "dxf" if DXF.match(head) else "picture" if PICTURE.match(head) else ""
 
 
 def map_name(path: Path) -> str:
     """The name a map goes by: its file's, without the suffixes."""
     name = path.name
-    for suffix in (".yaml", ".json", ".xml", ".geojson", ".csv", ".building", ".nav", ".map", ".lif", ".site", ".net"):
+    for suffix in (
+        ".yaml",
+        ".json",
+        ".xml",
+        ".geojson",
+        ".csv",
+        ".building",
+        ".nav",
+        ".map",
+        ".lif",
+        ".site",
+        ".net",
+        ".dxf",
+        ".png",
+        ".jpg",
+    ):
         name = name.removesuffix(suffix)
     return name
 
@@ -102,6 +139,7 @@ def grid_map(source: Text, nav: PlanGraph, free: BoolArray) -> Map:
 def refuse_choice(source: Text, selection: Selection, *known: str) -> None:
     """Refuse to choose what this kind of map does not have; `known` are the fields of a selection that it does have."""
     names = {"graph": "graph", "level": "level", "meters_per_pixel": "scale in metres per pixel", "vehicle_type": "vehicle types"}
+    names |= {"layers": "layers", "unit": "unit"}
     for field, what in names.items():
         given = getattr(selection, field)
         if field not in known and given is not None and not (field == "graph" and given in (0, "all")):

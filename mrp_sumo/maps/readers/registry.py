@@ -3,6 +3,8 @@
 OURS = {
     "movingai_scen": "mrp_sumo.maps.readers.movingai:MovingAiScen",
     "movingai_map": "mrp_sumo.maps.readers.movingai:MovingAiMap",
+    "dxf_plan": "mrp_sumo.maps.readers.plan:DxfPlan",
+    "picture_plan": "mrp_sumo.maps.readers.plan:PicturePlan",
     "lane_table": "mrp_sumo.maps.readers.tables:LaneTable",
     "sumo_net": "mrp_sumo.maps.readers.sumo_net:SumoNet",
     "opentcs": "mrp_sumo.maps.readers.opentcs:OpenTcs",

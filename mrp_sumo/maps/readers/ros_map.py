@@ -7,7 +7,7 @@ mode `raw`, and maps without any place to stand.
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,7 +18,7 @@ from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError, first_line, sentence
 from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.map import Floor, Map
 from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
@@ -67,7 +67,15 @@ def read_ros_map(
         raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
     if len(origin) == 3 and abs(origin[2]) > 1e-6:
         raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
-    clear = _clear_pixels(document, source)  # [h, w], row 0 is the lowest
+    clear = _clear_pixels(document, source)
+    return floor_grid(source, Floor(clear, resolution_m, (float(origin[0]), float(origin[1]))), name, cell_m, robot_radius_m)
+
+
+def floor_grid(
+    source: Text, floor: Floor, name: str, cell_m: float, robot_radius_m: float, only: BoolArray | None = None
+) -> tuple[PlanGraph, BoolArray]:
+    """The grid of cells of `cell_m` where a robot has room on a floor, and those cells [H, W]; with `only`, none but these [H, W]."""
+    clear, resolution_m = floor.clear, floor.resolution_m
     reach = _distance_px(clear) * resolution_m - resolution_m / 2  # [h, w] m to the nearest edge that is not clear
     height, width = (max(int(n * resolution_m / cell_m + 1e-9), 0) for n in clear.shape)
     if not width or not height:
@@ -75,13 +83,15 @@ def read_ros_map(
     per_cell = cell_m / resolution_m
     rows, columns = ((np.arange(n) + 0.5) * per_cell for n in (height, width))
     free = _reach_at(reach, rows, columns) >= robot_radius_m
+    if only is not None:
+        free &= only
     right, up = free[:, :-1] & free[:, 1:], free[:-1] & free[1:]
     for part in np.linspace(0, per_cell, max(math.ceil(per_cell), 1) + 1)[1:-1]:
         right &= _reach_at(reach, rows, columns[:-1] + part) >= robot_radius_m
         up &= _reach_at(reach, rows[:-1] + part, columns) >= robot_radius_m
     if not free.any():
         raise source.fault(f"no place where a robot of radius {robot_radius_m:g} m can stand")
-    graph = grid_graph(free, cell_m, origin[:2], name=name, source=str(source.path), passages=(right, up))
+    graph = grid_graph(free, cell_m, floor.origin_m, name=name, source=str(source.path), passages=(right, up))
     if not graph.num_lanes:
         raise source.fault(f"no two cells of {cell_m:g} m that a robot of radius {robot_radius_m:g} m can drive between")
     return graph, free
@@ -100,34 +110,53 @@ def image_of(document: Mapping[str, Any], source: Text) -> Path:
 
 def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     """[h, w] pixels that are surely free; row 0 is the lowest."""
-    from PIL import Image
-
     mode = document.get("mode", "trinary")
     if mode not in MODES:
         raise source.fault(f"mode is '{mode}', expected {' or '.join(MODES)}", "mode")
     free_below = _number(document, "free_thresh", source, 0.25)
     path = image_of(document, source)
     name = document["image"]
-    require_regular(path, MAX_BYTES, MapError)
-    try:
-        with Image.open(path) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise source.fault(f"image '{name}' has {image.width} x {image.height} pixels, too many", "image")
-            with_alpha = "A" in image.getbands()
-            pixels = np.asarray(image.convert("LA" if with_alpha else "L"), np.float64)
-    except MapError:
-        raise
-    except OSError as error:
-        why = sentence(error) if error.errno is not None else first_line(error)  # Pillow's own have no number
-        raise source.fault(f"image '{name}' cannot be read: {why}", "image") from None
-    except Exception as error:  # Pillow's decoders raise anything on damaged files
-        raise source.fault(f"image '{name}' cannot be read: {first_line(error)}", "image") from None
+    pixels = picture(path, name, lambda why: source.fault(why, "image"))
+    with_alpha = pixels.ndim == 3
     shade = pixels[..., 0] if with_alpha else pixels
     occupied = shade / 255 if document.get("negate") in (1, True) else (255 - shade) / 255
     clear = occupied < free_below
     if with_alpha:
         clear &= pixels[..., 1] == 255  # see-through is unknown
     return clear[::-1]
+
+
+def picture(path: Path, name: str, fault: Callable[[str], MapError], on_white: bool = False) -> np.ndarray:
+    """Shades [h, w] of 0 to 255, or [h, w, 2] with how opaque each pixel is where the picture says so.
+
+    Parameters
+    ----------
+    path, name
+        Of the picture; the name is for messages.
+    fault
+        Makes the error to raise of what is wrong.
+    on_white
+        Lay what is see-through on white instead.
+    """
+    from PIL import Image
+
+    require_regular(path, MAX_BYTES, MapError)
+    try:
+        with Image.open(path) as image:
+            if image.width * image.height > MAX_PIXELS:
+                at_most = f"at most {MAX_PIXELS // 10**6} million are read"
+                raise fault(f"image '{name}' has {image.width} x {image.height} pixels, too many: {at_most}")
+            if on_white and ("A" in image.getbands() or "transparency" in image.info):
+                opaque = image.convert("RGBA")
+                return np.asarray(Image.alpha_composite(Image.new("RGBA", image.size, "white"), opaque).convert("L"))
+            return np.asarray(image.convert("LA" if "A" in image.getbands() else "L"))
+    except MapError:
+        raise
+    except OSError as error:
+        why = sentence(error) if error.errno is not None else first_line(error)  # Pillow's own have no number
+        raise fault(f"image '{name}' cannot be read: {why}") from None
+    except Exception as error:  # Pillow's decoders raise anything on damaged files
+        raise fault(f"image '{name}' cannot be read: {first_line(error)}") from None
 
 
 def _distance_px(clear: BoolArray) -> np.ndarray:

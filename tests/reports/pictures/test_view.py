@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worlds import record_of_two
 
-from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
 from mrp_sumo.reports.pictures.view import ABSENT, furniture_and_walls, plan_as_execution, state_names, view_states
 
@@ -24,7 +24,7 @@ def test_who_has_no_task_or_is_served_does_not_wait():
     quiet = replace(execution, speed_mps=np.zeros_like(execution.speed_mps), yaw_rad=np.zeros_like(execution.yaw_rad), events=())
     quiet = replace(quiet, goal_s=np.full(2, np.nan), x_m=np.ones_like(execution.x_m), y_m=np.ones_like(execution.y_m))
     once, robot = np.array([0.5]), np.array([0])
-    tasks = TaskLog(("order",), robot, none, once, np.array([1.0]), np.array([long_s]))
+    tasks = log_of_times(("order",), robot, none, once, np.array([1.0]), np.array([long_s]))
     stops = StopLog(robot, robot, ("dock",), robot, once, np.array([1.0]), np.array([1.5]), *(np.zeros(1),) * 3)
     state, t_s = view_states(replace(quiet, tasks=tasks, stops=stops)), execution.t_s
     assert set(state[:, 1].tolist()) == {AT_GOAL}

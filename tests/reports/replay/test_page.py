@@ -18,7 +18,7 @@ from worlds import NASTY, record_of_two
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.core.task import StopLog, TaskLog
+from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import AT_GOAL
@@ -263,7 +263,7 @@ def test_the_library_comes_with_its_licence():
 def test_tasks_stand_on_the_page_with_the_queues_of_their_stations():
     record, none = record_of_two(), np.nan
     times = [np.array(column) for column in ([0.0, 1.0], [0.5, none], [1.0, none], [3.0, none])]
-    tasks = TaskLog(("order_0", "order_1"), np.array([1, -1]), *times)
+    tasks = log_of_times(("order_0", "order_1"), np.array([1, -1]), *times)
     numbers = [np.array([value]) for value in (0.5, 1.0, 3.0, 0.1, 0.25, np.inf)]
     stops = StopLog(np.zeros(1, int), np.ones(1, int), ("pack",), np.zeros(1, int), *numbers)
     head, _ = read_back(replay_page(replace(record, execution=replace(record.execution, tasks=tasks, stops=stops)), About("trial")))

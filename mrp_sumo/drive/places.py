@@ -1,0 +1,205 @@
+"""Where robots are to go: to places where their stops are made, to places to wait for one, or out of the others' way.
+
+A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
+there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can
+still get out and past it. All robots are sent to different vertices.
+"""
+
+import heapq
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.task import Stop
+from mrp_sumo.search._distance import reversed_lanes, steps_to
+from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
+
+
+class Places:
+    """Where the robots of a problem can go."""
+
+    def __init__(self, problem: Problem, parking: Sequence[int] = ()) -> None:
+        """Robots without work go to `parking`, as far as there is room."""
+        self._problem, self._parking = problem, parking
+        self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
+        fleet = problem.fleet
+        self._apart_m = 2 * float(fleet.radius_m.max()) + float(fleet.gap_m.max())
+
+    def away(self, robot: int, at: int, stop: Stop) -> int:
+        """Steps from a vertex to the nearest place of a stop, `UNREACHABLE` where there is no way."""
+        known = self._distances(robot)
+        return min(int(known.to(v)[at]) for v in stop.places)
+
+    def way(self, robot: int, at: int, stop: Stop) -> list[int]:
+        """The vertices of a shortest way from one to the nearest place of a stop, both included; just the first where there is none."""
+        known = self._distances(robot)
+        away, place = min((int(known.to(v)[at]), v) for v in stop.places)
+        return self._way(robot, at, place) if away < UNREACHABLE else [at]
+
+    def choose(self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int]) -> tuple[IntArray, BoolArray]:
+        """[R] vertices where robots are to go, and whether they can make their stops there.
+
+        Parameters
+        ----------
+        start
+            [R] vertices where their ways begin.
+        stays
+            [R] robots that stay there.
+        stops
+            By robots that are to make one.
+        turn
+            These robots, in the order in which they choose.
+        """
+        vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
+        blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
+        waits: set[int] = set()  # vertices where somebody is to wait
+        stuck: list[int] = []
+        for r in turn:
+            place = self._place(r, int(start[r]), stops[r], taken, blocked)
+            if place is not None:
+                vertex[r], makes[r] = place, True
+            elif (wait := self._where_to_wait(r, int(start[r]), stops[r], taken, blocked, waits)) is not None:
+                vertex[r] = wait
+                waits.add(wait)
+            else:
+                stuck.append(r)
+                continue
+            taken.add(int(vertex[r]))
+        rest = [r for r in range(len(start)) if not stays[r] and r not in stops]
+        parked = set[int]()
+        for r in rest:
+            if self._parking and (spot := self._nearest(r, int(start[r]), self._parking, taken)) is not None:
+                vertex[r] = spot
+                taken.add(spot)
+                parked.add(r)
+        stood_on = set(start.tolist())
+        for r in [*stuck, *(r for r in rest if r not in parked)]:
+            vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
+            taken.add(int(vertex[r]))
+        return vertex, makes
+
+    def _distances(self, robot: int) -> Distances:
+        return distances(self._graph(robot))
+
+    def _graph(self, robot: int) -> PlanGraph:
+        return self._problem.graph_of_kind[int(self._problem.fleet.kind[robot])]
+
+    def _nearest(self, robot: int, at: int, choice: Sequence[int], taken: set[int]) -> int | None:
+        """The nearest of some vertices that nobody has, None where none can be reached."""
+        known = self._distances(robot)
+        away, v = min(((int(known.to(v)[at]), v) for v in choice if v not in taken), default=(UNREACHABLE, -1))
+        return v if away < UNREACHABLE else None
+
+    def _place(self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int]) -> int | None:
+        """The nearest free place of a stop that the robot can come to."""
+        free = [v for v in stop.places if v not in taken]
+        if not free:
+            return None
+        if blocked:
+            reach = self._reach(robot, at, blocked)
+            free = [int(v) for v in free if reach[v] < UNREACHABLE]
+        return self._nearest(robot, at, free, taken)
+
+    def _where_to_wait(self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int], waits: set[int]) -> int | None:
+        """The first free place to wait of a stop's station; elsewhere the nearest vertex that leaves the way out open."""
+        known, graph = self._distances(robot), self._graph(robot)
+        away, place = min((int(known.to(v)[at]), v) for v in stop.places)
+        if away >= UNREACHABLE:
+            return None
+        reach = self._reach(robot, at, blocked)
+        for v in stop.queue:
+            if v not in taken and reach[v] < UNREACHABLE:
+                return v
+        occupied = self._occupied(robot, at, place, blocked)
+        steps, held = known.to(place), np.array(sorted(taken), np.int64)
+        for v in np.argsort(np.where(reach < UNREACHABLE, steps, UNREACHABLE), kind="stable").tolist():
+            if reach[v] >= UNREACHABLE or steps[v] >= UNREACHABLE:
+                return None
+            if v in taken or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
+                continue
+            if len(held) and self._is_near(graph, v, held):
+                continue
+            if all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
+                return int(v)
+        return None
+
+    def _occupied(self, robot: int, at: int, place: int, blocked: set[int]) -> list[int]:
+        """The place that a robot waits for, and the first blocked vertex on the shortest way there."""
+        ahead = (v for v in self._way(robot, at, place)[1:] if v in blocked)
+        return list(dict.fromkeys([place, *([first] if (first := next(ahead, None)) is not None else [])]))
+
+    def _is_near(self, graph: PlanGraph, vertex: int, others: IntArray) -> bool:
+        """Whether a robot on a vertex would stand too near to one on another."""
+        away_m = np.hypot(*(graph.xy[others] - graph.xy[vertex]).T)
+        return bool(((away_m < self._apart_m) & (graph.level[others] == graph.level[vertex])).any())
+
+    def _leaves_way_out(self, robot: int, place: int, vertex: int, waits: set[int]) -> bool:
+        """Whether who is at a place can still get out, and clear of the way in, if a robot waits at a vertex and others at theirs.
+
+        Getting out is not enough where it is a dead end: from there the rest of the floor must be in reach without the place.
+        """
+        if vertex == place:
+            return False
+        graph = self._graph(robot)
+        out = self._reach(robot, place, waits | {vertex}) < UNREACHABLE
+        out[self._way(robot, vertex, place)] = False
+        first, head = _without(graph, {place}, tails=True)
+        back, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
+        steps_to(vertex, *reversed_lanes(first, head), back, queue)
+        return bool((out & (back < UNREACHABLE)).any())
+
+    def _reach(self, robot: int, at: int, blocked: set[int]) -> StepArray:
+        """[V] steps from a vertex to each other without passing some."""
+        graph = self._graph(robot)
+        first, head = _without(graph, blocked)
+        steps, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
+        steps_to(at, first, head, steps, queue)
+        return steps
+
+    def _way(self, robot: int, start: int, end: int) -> list[int]:
+        """The vertices of a shortest way, both ends included."""
+        graph, steps, way = self._graph(robot), self._distances(robot).to(end), [start]
+        while way[-1] != end:
+            v = way[-1]
+            way.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))
+        return way
+
+    def _resting_place(self, robot: int, at: int, taken: set[int], stood_on: set[int]) -> int:
+        """The vertex nearest to where a robot is that nobody needs, where best nobody is."""
+        if at not in taken:
+            return at
+        graph = self._graph(robot)
+        if (graph, at) not in self._outwards:
+            self._outwards[graph, at] = tuple(_outwards(graph, at))
+        free = (v for v in self._outwards[graph, at] if v not in taken)
+        nearest = next(free)
+        clear = (v for v in chain((nearest,), free) if not graph.vertex_options[v].get("is_passthrough_point"))
+        return next((v for v in clear if v not in stood_on), nearest)
+
+
+def _without(graph: PlanGraph, vertices: set[int], *, tails: bool = False) -> tuple[IntArray, IntArray]:
+    """[V + 1], [L'] the lanes that do not lead to some vertices, nor, with `tails`, from them."""
+    if not vertices:
+        return graph.first, graph.head
+    barred = np.zeros(graph.num_vertices, np.bool_)
+    barred[list(vertices)] = True
+    kept = ~(barred[graph.head] | barred[graph.tail]) if tails else ~barred[graph.head]
+    count = np.bincount(graph.tail[kept], minlength=graph.num_vertices)
+    return np.concatenate([[0], np.cumsum(count)]).astype(np.int64), graph.head[kept]
+
+
+def _outwards(graph: PlanGraph, start: int) -> Iterator[int]:
+    """Vertices by their distance from one, then all others."""
+    seen, heap = set[int](), [(0.0, start)]
+    while heap:
+        cost, v = heapq.heappop(heap)
+        if v in seen:
+            continue
+        seen.add(v)
+        yield v
+        for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
+            heapq.heappush(heap, (cost + float(graph.length_m[lane]), int(graph.head[lane])))
+    yield from (v for v in range(graph.num_vertices) if v not in seen)

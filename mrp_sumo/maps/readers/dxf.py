@@ -1,0 +1,163 @@
+"""Strokes of a drawing in DXF: the lines, polylines, arcs, curves and outlines of chosen layers, blocks taken apart, in metres.
+
+The home of ezdxf. Text, dimensions, hatches and points are no walls. What a block draws on layer 0 is on the layer where the block is
+inserted; layers that are off or frozen count when they are named. Curves are flattened within 1 cm. Refuses drawings without a unit,
+layers that do not exist or hold no stroke, damaged files, and drawings of more than half a million strokes.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.errors import MapError, first_line, nearest
+from mrp_sumo.files.reading import read_bytes, shortened
+from mrp_sumo.maps.yaml_text import MAX_BYTES
+
+UNIT_M = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "ft": 0.3048}
+OF_HEADER = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}  # $INSUNITS
+CURVES = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "HELIX"}
+CORNERS = {"SOLID", "TRACE", "3DFACE"}
+NESTED = {"INSERT", "MLINE"}
+END = re.compile(rb"\bEOF[\s\0\x1a]*\Z")
+FLAT_M = 0.01
+MAX_STROKES = 500_000
+MAX_DEPTH = 16  # of blocks in blocks
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What was read."""
+
+    strokes: FloatArray  # [N, 2, 2] m, the two ends of each
+    unit: str
+    layers: dict[str, int]  # strokes of each layer that was read
+    left_out: dict[str, int] = field(default_factory=dict)  # strokes of the others
+
+
+def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None = None) -> Drawing:
+    """The strokes of a drawing.
+
+    Parameters
+    ----------
+    path
+        The file, as text or binary.
+    layers
+        Which layers, in any case; by default all that are shown.
+    unit
+        One of `UNIT_M`; that of the file's header by default.
+
+    Raises
+    ------
+    MapError
+        As the module refuses.
+    """
+    if unit is not None and unit not in UNIT_M:
+        raise MapError(f"unit '{unit}' is none of {', '.join(UNIT_M)}{nearest(unit, UNIT_M)}")
+    document = _document(path)
+    shown = {layer.dxf.name.lower(): layer.dxf.name for layer in document.layers if layer.is_on() and not layer.is_frozen()}
+    flat = FLAT_M / UNIT_M[unit or OF_HEADER.get(document.header.get("$INSUNITS", 0), "m")]
+    strokes: dict[str, list[np.ndarray]] = {}
+    others: Counter[tuple[str, str]] = Counter()  # (layer, kind) of what is no stroke
+    count = 0
+    try:
+        for layer, kind, line in _lines(document.modelspace(), flat):
+            if line is None:
+                others[layer, kind] += 1
+                continue
+            count += len(line) - 1
+            if count > MAX_STROKES:
+                raise MapError(f"{shortened(path)}: more than {MAX_STROKES} strokes: choose layers with --layers")
+            strokes.setdefault(layer, []).append(np.stack([line[:-1], line[1:]], axis=1))
+    except MapError:
+        raise
+    except Exception as error:  # ezdxf raises anything on damaged entities
+        raise _damaged(path, first_line(error)) from None
+    found = {layer: np.concatenate(parts) for layer, parts in strokes.items()}
+    chosen = _chosen(path, found, others, layers, document, shown)
+    if not chosen:
+        raise MapError(f"{shortened(path)}: nothing is drawn: no line, polyline, arc or block on a layer that is shown")
+    drawn = np.concatenate([found[layer] for layer in chosen])
+    if not np.isfinite(drawn).all():
+        raise _damaged(path, "a coordinate is no number")
+    known = unit or OF_HEADER.get(document.header.get("$INSUNITS", 0))
+    if known is None:
+        width, height = np.ptp(drawn.reshape(-1, 2), axis=0)
+        raise MapError(
+            f"{shortened(path)}: says no unit ($INSUNITS is {document.header.get('$INSUNITS', 0)}): state it with --unit, one of "
+            f"{', '.join(UNIT_M)}; in m the drawing is {width:.4g} x {height:.4g} m, in mm {width / 1e3:.4g} x {height / 1e3:.4g} m"
+        )
+    return Drawing(
+        strokes=drawn * UNIT_M[known],
+        unit=known,
+        layers={layer: len(found[layer]) for layer in chosen},
+        left_out={layer: len(lines) for layer, lines in found.items() if layer not in chosen},
+    )
+
+
+def _document(path: Path) -> Any:
+    import ezdxf
+    from ezdxf import recover
+
+    data = read_bytes(path, MAX_BYTES, MapError)
+    if not END.search(data[-40:]):
+        raise _damaged(path, "it does not end with EOF")
+    try:
+        if data.startswith(b"AutoCAD Binary DXF"):
+            return ezdxf.readfile(path)  # type: ignore[attr-defined,unused-ignore]
+        return recover.readfile(path)[0]  # whatever the encoding, and where other programs take liberties
+    except OSError as error:
+        raise MapError(f"{shortened(path)}: {error.strerror or first_line(error)}") from None
+    except Exception as error:  # its readers raise anything on damaged files
+        raise _damaged(path, first_line(error)) from None
+
+
+def _damaged(path: Path, why: str) -> MapError:
+    return MapError(
+        f"{shortened(path)}: not a complete DXF ({why[:100]}): open it in a CAD program, have it checked, and save it as DXF again"
+    )
+
+
+def _lines(entities: Any, flat: float, layer: str = "", depth: int = 0) -> Iterator[tuple[str, str, np.ndarray | None]]:
+    """(layer, kind, places [N, 2]) of every entity in units of the drawing, blocks taken apart; no places of what is no stroke."""
+    from ezdxf.path import make_path
+
+    for entity in entities:
+        kind = entity.dxftype()
+        own = entity.dxf.get("layer", "0")
+        on = layer if layer and own == "0" else own
+        if kind in NESTED and depth < MAX_DEPTH:
+            parts = entity.multi_insert() if kind == "INSERT" and entity.mcount > 1 else (entity,)
+            for part in parts:
+                yield from _lines(part.virtual_entities(), flat, on, depth + 1)
+        elif kind in CORNERS:
+            corners = [tuple(corner)[:2] for corner in entity.wcs_vertices()]
+            yield on, kind, np.array([*corners, corners[0]], np.float64)
+        elif kind in CURVES and not (kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)):
+            places = np.array([(p.x, p.y) for p in make_path(entity).flattening(flat)], np.float64)
+            yield on, kind, places if len(places) > 1 else None
+        else:
+            yield on, kind, None
+
+
+def _chosen(
+    path: Path, found: dict[str, np.ndarray], others: Counter[tuple[str, str]], layers: Sequence[str] | None, document: Any, shown: Any
+) -> list[str]:
+    """The names of the layers that are read."""
+    if layers is None:
+        return [layer for layer in found if layer.lower() in shown or layer.lower() not in {x.dxf.name.lower() for x in document.layers}]
+    drawn = {layer.lower(): layer for layer in found}
+    known = drawn | {layer.lower(): layer for layer, _ in others} | {layer.dxf.name.lower(): layer.dxf.name for layer in document.layers}
+    for name in layers:
+        if name.lower() not in known:
+            there = ", ".join(sorted(found)[:12]) + (f" and {len(found) - 12} more" if len(found) > 12 else "")
+            raise MapError(f"{shortened(path)}: no layer '{name}'{nearest(name, known.values())}; strokes are on {there or 'no layer'}")
+        if name.lower() not in drawn:
+            holds = ", ".join(f"{n} {kind}" for (layer, kind), n in others.items() if layer.lower() == name.lower())
+            raise MapError(f"{shortened(path)}: layer '{name}' holds no line, polyline, arc or block ({holds or 'it is empty'})")
+    return list(dict.fromkeys(drawn[name.lower()] for name in layers))

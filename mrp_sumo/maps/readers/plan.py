@@ -1,0 +1,169 @@
+"""Plans of a floor: drawings in DXF, and pictures with a scale. What is drawn is wall; robots drive on a grid between.
+
+Of a picture everything darker than three quarters of white is wall. What lies outside is left out where the walls enclose a floor: the
+part that reaches the plan's edge, if what does not is at least a tenth of the plan. Of pieces that no robot can drive between, the
+largest stays. Both are reported, with their areas. Refuses pictures without a scale, and plans larger than 50 million pixels.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.maps.finding import Notes
+from mrp_sumo.maps.map import Floor, Map
+from mrp_sumo.maps.readers.draft import Draft, building_of_walls
+from mrp_sumo.maps.readers.reader import MapFile, Selection, map_name, plan_kind, refuse_choice
+from mrp_sumo.maps.readers.ros_map import MAX_PIXELS, floor_grid, picture
+
+LEVEL = "L1"
+WALL_BELOW = 0.75  # of white
+RESOLUTION_M = 0.05  # of a drawing's pixels, or as coarse as it needs
+COARSEST_M = 0.2
+SMALLEST_M = 2.0  # of a drawing: a smaller one is in another unit
+ENCLOSED = 0.1  # share of the plan
+ROUNDING_PX = 0.25  # pixels' centres are less far from a wall than a robot may be
+MAX_TRACED = 20_000  # strokes of a picture's outlines
+
+
+@dataclass(frozen=True)
+class DxfPlan:
+    """Drawings in DXF."""
+
+    name: ClassVar[str] = "plan of a floor"
+    suffixes: ClassVar[tuple[str, ...]] = (".dxf",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Its first section, or the mark of a binary one."""
+        return plan_kind(file.head) == "dxf"
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The strokes of the chosen layers as walls, and a grid between them."""
+        from mrp_sumo.maps.readers.dxf import read_dxf
+
+        refuse_choice(file.source, selection, "layers", "unit")
+        drawing = read_dxf(file.path, selection.layers, selection.unit)
+        low, high = drawing.strokes.min((0, 1)), drawing.strokes.max((0, 1))
+        width, height = (high - low).tolist()
+        resolution_m = max(RESOLUTION_M, math.sqrt(width * height / MAX_PIXELS) * 1.01)
+        if resolution_m > COARSEST_M or max(width, height) < SMALLEST_M:
+            raise file.source.fault(
+                f"the drawing is {width:.4g} x {height:.4g} m in {drawing.unit}: state another --unit, or choose --layers"
+                f" ({', '.join(list(drawing.layers)[:8])})"
+            )
+        clear = _rasterised(drawing.strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1)
+        notes = Notes()
+        shown = ", ".join(f"{layer} ({count})" for layer, count in drawing.layers.items())
+        left = f"; left out: {', '.join(drawing.left_out)}" if drawing.left_out else "; --layers chooses" if len(drawing.layers) > 1 else ""
+        notes.add("walls_of_layers", f"{shown} in {drawing.unit}{left}")
+        return _plan(file, selection, Floor(clear, resolution_m, (float(low[0]), float(low[1]))), drawing.strokes, notes)
+
+
+@dataclass(frozen=True)
+class PicturePlan:
+    """Pictures."""
+
+    name: ClassVar[str] = "plan of a floor"
+    suffixes: ClassVar[tuple[str, ...]] = (".png", ".jpg")
+
+    def detects(self, file: MapFile) -> bool:
+        """The marks of pictures."""
+        return plan_kind(file.head) == "picture"
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """What is dark as walls, and a grid between them."""
+        refuse_choice(file.source, selection, "meters_per_pixel")
+        scale_m = selection.meters_per_pixel
+        if scale_m is None:
+            raise file.source.fault(
+                "a picture has no scale: state it with --meters-per-pixel (0.05 where a door of 0.9 m is 18 pixels wide); "
+                "a map that a robot recorded is named by its YAML"
+            )
+        if not (math.isfinite(scale_m) and 1e-4 <= scale_m <= 100):
+            raise file.source.fault(f"{scale_m:g} m a pixel, expected a number above 0")
+        shade = picture(file.path, file.path.name, file.source.fault, on_white=True)
+        clear = (shade >= WALL_BELOW * 255)[::-1]
+        notes, walls = Notes(), _traced(clear) * scale_m
+        if len(walls) > MAX_TRACED:
+            notes.add("walls_not_traced", f"{len(walls)} strokes: the grid alone keeps robots off what is dark")
+            walls = walls[:0]
+        return _plan(file, selection, Floor(clear, scale_m, (0.0, 0.0)), walls, notes)
+
+
+def _plan(file: MapFile, selection: Selection, floor: Floor, walls: FloatArray, notes: Notes) -> Map:
+    """The grid between walls [N, 2, 2], without what is outside and the smaller pieces."""
+    pixel_m2 = floor.resolution_m**2
+    outside = _outside(floor.clear)
+    if outside.any():
+        notes.add("outside_left_out", f"{np.count_nonzero(outside) * pixel_m2:.0f} m2 that the walls do not enclose")
+        floor = replace(floor, clear=floor.clear & ~outside)
+    radius_m = selection.robot_radius_m + ROUNDING_PX * floor.resolution_m
+    nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m)
+    pieces = np.bincount(nav.component)
+    if len(pieces) > 1:
+        left_m2, all_m2 = ((n * nav.cell_m**2) for n in (pieces.sum() - pieces.max(), pieces.sum()))
+        notes.add(
+            "pieces_left_out",
+            f"{len(pieces) - 1} pieces, {left_m2:.0f} m2 of {all_m2:.0f}, which a robot of radius "
+            f"{selection.robot_radius_m:g} m cannot reach: the inside of racks, or rooms whose doors are drawn shut",
+        )
+        number = np.cumsum(free.ravel()).reshape(free.shape) - 1
+        kept = free & (nav.component == pieces.argmax())[number]
+        floor = replace(floor, clear=_piece(floor, nav.xy[pieces.argmax() == nav.component][0]))
+        nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m, kept)
+    draft = Draft(file.source, level_names=[LEVEL])
+    building = building_of_walls(draft, {LEVEL: walls.tolist()}) if len(walls) else None
+    return Map(name=nav.name, path=file.path, nav=nav, building=building, findings=notes.findings(), free=free, floor=floor)
+
+
+def _outside(clear: BoolArray) -> BoolArray:
+    """[h, w] what reaches the plan's edge, where enough does not."""
+    from scipy.ndimage import label
+
+    part, _ = label(clear)
+    edge = np.unique(np.concatenate([part[0], part[-1], part[:, 0], part[:, -1]]))
+    outside: BoolArray = np.isin(part, edge[edge > 0])
+    inside = np.count_nonzero(clear & ~outside)
+    return outside if inside >= ENCLOSED * clear.size else np.zeros_like(clear)
+
+
+def _piece(floor: Floor, xy: FloatArray) -> BoolArray:
+    """[h, w] the pixels that are joined to a place."""
+    from scipy.ndimage import label
+
+    part, _ = label(floor.clear)
+    column, row = ((xy - floor.origin_m) / floor.resolution_m).astype(int)
+    piece: BoolArray = part == part[row, column]
+    return piece
+
+
+def _rasterised(strokes: FloatArray, low: FloatArray, resolution_m: float, width: int, height: int) -> BoolArray:
+    """[h, w] pixels that no stroke touches."""
+    from PIL import Image, ImageDraw
+
+    image = Image.new("1", (width, height), 1)
+    draw = ImageDraw.Draw(image)
+    for x0, y0, x1, y1 in ((strokes - low) / resolution_m).reshape(-1, 4).tolist():
+        draw.line((int(x0), int(y0), int(x1), int(y1)), fill=0)
+    return np.array(image, np.bool_)
+
+
+def _traced(clear: BoolArray) -> FloatArray:
+    """[N, 2, 2] pixels: the outlines of what is not clear, sides in a row as one stroke; the plan's edge has none."""
+    upright = _runs(clear[:, 1:] != clear[:, :-1], True)
+    level = _runs((clear[1:] != clear[:-1]).T, False)
+    return np.concatenate([upright, level])
+
+
+def _runs(sides: BoolArray, upright: bool) -> FloatArray:
+    """Strokes for runs along the first axis of [n, m] sides, the k-th of which lie at k + 1."""
+    padded = np.zeros((sides.shape[0] + 2, sides.shape[1]), np.int8)
+    padded[1:-1] = sides
+    step = np.diff(padded, axis=0).T  # a row of `step` is a line of sides
+    at, begin = np.nonzero(step == 1)
+    _, end = np.nonzero(step == -1)
+    along = np.stack([begin, end], axis=1).astype(np.float64)
+    across = np.repeat(at[:, None] + 1.0, 2, axis=1)
+    return np.stack([across, along] if upright else [along, across], axis=2)

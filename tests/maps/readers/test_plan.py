@@ -1,0 +1,196 @@
+"""Plans of a floor: drawings in DXF and pictures with a scale. All are of one hall, 12 x 8 m, with a rack of 4 x 1 m in it."""
+
+import ezdxf
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.errors import MapError
+from mrp_sumo.maps.load import load_map
+
+MM, M, NONE = 4, 6, 0  # $INSUNITS
+
+
+def hall(path, unit=M, scale=1.0, form="asc", around=False):
+    """A drawing of the hall, with the rack as a block, a word, and a door's arc of 1 m."""
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = unit
+    space = drawing.modelspace()
+    for name in ("WALLS", "RACKS", "DOORS", "WORDS", "SPARE", "SITE"):
+        drawing.layers.add(name)
+    space.add_lwpolyline([(0, 0), (12 * scale, 0), (12 * scale, 8 * scale), (0, 8 * scale)], close=True, dxfattribs={"layer": "WALLS"})
+    rack = drawing.blocks.new("RACK")
+    rack.add_lwpolyline([(0, 0), (4, 0), (4, 1), (0, 1)], close=True)  # on layer 0: of the layer where it is inserted
+    space.add_blockref("RACK", (4 * scale, 4 * scale), dxfattribs={"layer": "RACKS", "xscale": scale, "yscale": scale})
+    space.add_arc((0, 2 * scale), 1 * scale, 0, 90, dxfattribs={"layer": "DOORS"})
+    space.add_text("Hall", dxfattribs={"layer": "WORDS"})
+    if around:
+        space.add_circle((6 * scale, 4 * scale), 7.4 * scale, dxfattribs={"layer": "SITE"})
+    drawing.saveas(path, fmt=form)
+    return path
+
+
+@pytest.mark.parametrize(("unit", "scale", "form"), [(M, 1.0, "asc"), (MM, 1000.0, "asc"), (M, 1.0, "bin")])
+def test_a_drawing_has_its_walls_in_metres_and_a_grid_between_them(tmp_path, unit, scale, form):
+    found = load_map(hall(tmp_path / "hall.dxf", unit, scale, form), layers=("WALLS", "racks"), cell_m=0.5, robot_radius_m=0.2)
+    walls = found.building.levels["L1"].wall_xy
+    assert np.ptp(walls.reshape(-1, 2), axis=0).tolist() == pytest.approx([12, 8])
+    assert sorted(np.hypot(*(walls[:, 1] - walls[:, 0]).T).round(6)) == [1, 1, 4, 4, 8, 8, 12, 12]
+    assert len(walls) == 8
+    # 24 x 16 cells; each has 0.25 m to a wall beside it, and the 8 x 2 in the rack are left out
+    assert found.nav.num_vertices == 24 * 16 - 8 * 2
+    assert "pieces_left_out" in {finding.kind for finding in found.findings}
+
+
+def test_a_robot_that_is_too_large_for_the_cells_beside_walls_leaves_them_out(tmp_path):
+    path = hall(tmp_path / "hall.dxf")
+    assert load_map(path, layers=("WALLS",), cell_m=0.5, robot_radius_m=0.2).nav.num_vertices == 24 * 16
+    assert load_map(path, layers=("WALLS",), cell_m=0.5, robot_radius_m=0.3).nav.num_vertices == 22 * 14
+
+
+def test_all_layers_that_are_shown_are_walls_by_default(tmp_path):
+    path = hall(tmp_path / "hall.dxf")
+    found = load_map(path)
+    assert next(f.details[0] for f in found.findings if f.kind == "walls_of_layers").startswith("WALLS (4), RACKS (4), DOORS (")
+    drawing = ezdxf.readfile(path)
+    drawing.layers.get("DOORS").off()
+    drawing.layers.get("RACKS").freeze()
+    drawing.saveas(path)
+    assert len(load_map(path).building.levels["L1"].wall_xy) == 4
+    assert len(load_map(path, layers=("RACKS", "WALLS")).building.levels["L1"].wall_xy) == 8  # named, they count
+
+
+def test_arcs_are_flattened_within_a_centimetre(tmp_path):
+    ends = load_map(hall(tmp_path / "hall.dxf"), layers=("WALLS", "DOORS")).building.levels["L1"].wall_xy[4:]
+    middles = ends.mean(axis=1) - (0, 2)
+    assert np.hypot(*(ends.reshape(-1, 2) - (0, 2)).T) == pytest.approx(1.0, abs=1e-3)
+    assert (np.hypot(*middles.T) > 0.99).all()
+
+
+def test_what_the_walls_do_not_enclose_is_left_out(tmp_path):
+    around = load_map(hall(tmp_path / "a.dxf", around=True), layers=("SITE", "WALLS"), cell_m=0.5, robot_radius_m=0.2)
+    alone = load_map(hall(tmp_path / "b.dxf"), layers=("WALLS",), cell_m=0.5, robot_radius_m=0.2)
+    kinds = {finding.kind for finding in around.findings}
+    assert {"outside_left_out", "pieces_left_out"} <= kinds  # the corners round the circle; the ring between it and the hall
+    assert (around.nav.xy > 0.2).all()
+    assert (around.nav.xy < np.array([12, 8]) - 0.2).all()
+    assert "outside_left_out" not in {finding.kind for finding in alone.findings}
+
+
+@pytest.mark.parametrize(
+    ("made", "choice", "message"),
+    [
+        (
+            {"unit": NONE},
+            {},
+            "hall.dxf: says no unit ($INSUNITS is 0): state it with --unit, one of mm, cm, dm, m, in, ft; in m the drawing is 12 x 8 m",
+        ),
+        ({}, {"layers": ("WALS",)}, "hall.dxf: no layer 'WALS' (did you mean 'WALLS'?); strokes are on DOORS, RACKS, WALLS"),
+        ({}, {"layers": ("WORDS",)}, "hall.dxf: layer 'WORDS' holds no line, polyline, arc or block (1 TEXT)"),
+        ({}, {"layers": ("SPARE",)}, "hall.dxf: layer 'SPARE' holds no line, polyline, arc or block (it is empty)"),
+        ({}, {"unit": "mile"}, "unit 'mile' is none of mm, cm, dm, m, in, ft"),
+        (
+            {"scale": 1000.0},
+            {},
+            "hall.dxf: the drawing is 1.2e+04 x 8000 m in m: state another --unit, or choose --layers (WALLS, RACKS, DOORS)",
+        ),
+        ({}, {"unit": "mm"}, "hall.dxf: the drawing is 0.012 x 0.008 m in mm: state another --unit"),
+        ({}, {"meters_per_pixel": 0.1}, "hall.dxf: this kind of map has no scale in metres per pixel to choose"),
+    ],
+)
+def test_drawings_that_cannot_be_read_say_what_could_be_done(tmp_path, made, choice, message):
+    path = hall(tmp_path / "hall.dxf", **made)
+    with pytest.raises(MapError) as error:
+        load_map(path, **choice)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_unit_that_is_stated_counts_more_than_the_headers(tmp_path):
+    stated = load_map(hall(tmp_path / "hall.dxf", NONE, 1000.0), unit="mm")
+    assert stated.nav.num_vertices == load_map(hall(tmp_path / "m.dxf")).nav.num_vertices
+
+
+@pytest.mark.parametrize("form", ["asc", "bin"])
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.999])
+def test_a_drawing_that_breaks_off_is_refused(tmp_path, form, share):
+    data = hall(tmp_path / "whole.dxf", form=form).read_bytes()
+    path = tmp_path / "cut.dxf"
+    path.write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(MapError, match="not a complete DXF"):
+        load_map(path)
+
+
+def picture(path, mode="RGB", **save):
+    """The hall at 5 cm a pixel, walls of one pixel inside its edge."""
+    image = Image.new(mode, (240, 160), (255, 255, 255, 0) if mode == "RGBA" else "white")
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, 0, 239, 159), outline="black")
+    draw.rectangle((80, 60, 159, 79), outline="navy", fill="lightgray")
+    image.save(path, **save)
+    return path
+
+
+@pytest.mark.parametrize(("name", "mode"), [("hall.png", "RGB"), ("hall.png", "RGBA"), ("hall.bmp", "RGB"), ("hall.tif", "L")])
+def test_a_picture_with_a_scale_has_walls_and_a_grid(tmp_path, name, mode):
+    found = load_map(picture(tmp_path / name, mode), meters_per_pixel=0.05, cell_m=0.5, robot_radius_m=0.15)
+    assert found.nav.num_vertices == 24 * 16 - 8 * 2
+    walls = found.building.levels["L1"].wall_xy
+    assert sorted(np.hypot(*(walls[:, 1] - walls[:, 0]).T).round(6)) == pytest.approx(
+        [0.9, 0.9, 1, 1, 3.9, 3.9, 4, 4, 7.9, 7.9, 11.9, 11.9]
+    )
+    rack = walls[(np.abs(walls - (6, 4.5)) < (2.01, 0.51)).all((1, 2))]  # the picture's first row is the highest y
+    assert len(rack) == 8
+
+
+def test_pictures_that_cannot_be_read_say_what_could_be_done(tmp_path):
+    path = picture(tmp_path / "hall.png")
+    with pytest.raises(MapError, match=r"hall.png: a picture has no scale: state it with --meters-per-pixel"):
+        load_map(path)
+    with pytest.raises(MapError, match=r"hall.png: this kind of map has no layers to choose"):
+        load_map(path, meters_per_pixel=0.05, layers=("A",))
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(MapError, match=r"image 'hall.png' cannot be read"):
+        load_map(path, meters_per_pixel=0.05)
+    Image.new("1", (7100, 7100)).save(path)
+    with pytest.raises(MapError, match=r"7100 x 7100 pixels, too many: at most 50 million are read"):
+        load_map(path, meters_per_pixel=0.05)
+    Image.new("L", (100, 100)).save(path)
+    with pytest.raises(MapError, match="no place where a robot of radius"):
+        load_map(path, meters_per_pixel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "cure"),
+    [
+        ("a.dwg", b"AC1027" + bytes(20), "an AutoCAD drawing (DWG), which CAD programs alone read: save it as DXF"),
+        ("a.pdf", b"%PDF-1.7\n\xe2\xe3" + bytes(9), "a PDF: save the page as PNG"),
+        ("a.svg", b'<?xml version="1.0"?>\n<svg xmlns="s"/>', "an SVG drawing: save it as DXF or PNG"),
+        ("a.zip", b"PK\x03\x04" + bytes(9), "an archive: unpack it"),
+        ("a.opentcs", b'<?xml version="1.0"?>\n<model xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"/>', "openTCS 4.8 to 4.20"),
+        ("a.xml", b"<transportOrders/>", "import the plant model"),
+        ("a.osm", b"<osm/>", "netconvert --osm-files"),
+        ("a.bin", b"\0\1\2\3", "a.bin: binary data, not a map file"),
+    ],
+)
+def test_files_that_are_no_maps_are_named_with_what_could_be_done(tmp_path, name, data, cure):
+    path = tmp_path / name
+    path.write_bytes(data)
+    with pytest.raises(MapError) as error:
+        load_map(path)
+    assert cure in str(error.value)
+
+
+def test_an_imported_plan_is_a_map_that_runs(tmp_path, capsys):
+    assert (
+        main(["import", str(hall(tmp_path / "hall.dxf")), "--layers", "WALLS,RACKS", "--unit", "m", "--out", str(tmp_path / "site")]) == 0
+    )
+    again = load_map(tmp_path / "site" / "hall_map.yaml")
+    drawn = load_map(tmp_path / "hall.dxf", layers=("WALLS", "RACKS"))
+    assert again.nav.num_vertices == drawn.nav.num_vertices
+    scenario = tmp_path / "day.yaml"
+    scenario.write_text("map: site/hall_map.yaml\nrobots: {count: 3, type: turtlebot3}\nplanner: lacam\n")
+    capsys.readouterr()
+    assert main(["run", str(scenario), "--out", str(tmp_path / "run"), "--json"]) == 0
+    assert '"status": "completed"' in capsys.readouterr().out
