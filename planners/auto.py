@@ -1,13 +1,13 @@
-"""A portfolio: planners asked one after another until one answers, the first chosen by what the problem is like.
+"""A portfolio: planners asked one after another until one has a plan that is good enough, in an order that hangs on the problem.
 
-All but the last may use a share of what is left of the time limit and of the effort, so that there is always something left to fall back
-on. The first is bounded in work where it counts that: who answers hangs on the clock only where the limit is short. Refuses
-portfolios of planners that are not there, and of itself.
+Plans are compared by how many times their planner's lower bound they cost, steps with steps and seconds with seconds: near its bound a plan
+is taken at once. All but the last may use a share of what is left of the time limit and of the effort, so that there is always something
+left to fall back on; the first is bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import process_time
 from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult, Status
@@ -17,8 +17,20 @@ from mrp_sumo.planning.answers import as_supported, require_limit
 from mrp_sumo.planning.registry import planner, planner_names
 
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
+NEAR = 1.06  # times its lower bound a plan may cost to be taken at once
 THIN = 3.0  # vertices that a robot has for itself on average, from which on one after another finds its way in a window
-FEW = 50  # robots whose real motion is planned
+FEW = 40  # robots whose real motion is planned
+SOME = 200  # robots for whom a second planner is asked, to keep the cheaper plan
+FIRST_EFFORT = 150_000  # entries that planning real motion may look at: about an eighth of a second
+
+
+@dataclass(frozen=True)
+class Portfolio:
+    """Who is asked, and why."""
+
+    names: tuple[str, ...]  # in this order
+    compared: int  # of the first so many the cheapest plan is taken; of the others the first
+    why: str
 
 
 @dataclass(frozen=True)
@@ -42,52 +54,65 @@ class Auto:
 
     def prepare(self) -> None:
         """Compile or load the kernels of all that may be asked."""
-        for name in self.planners or ("prioritised", "continuous", "lacam", "pibt"):
+        for name in self.planners or ("prioritised", "pbs", "continuous", "lacam", "lns2", "pibt"):
             planner(name, {}).prepare()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """The first plan that a planner finds; where none does, the answer of the last, and what the others said."""
+        """The best plan of those that are compared; where there is none, the answer of the last, and what the others said."""
         require_limit(time_limit_s)
-        began = perf_counter()
-        names, why = (self.planners, "as the scenario says") if self.planners else candidates(problem)
+        began = process_time()
+        portfolio = Portfolio(self.planners, 1, "as the scenario says") if self.planners else portfolio_for(problem)
+        best: tuple[str, PlanResult] | None = None
         refusals: list[str] = []
-        effort = problem.effort
-        for name, last in _with_last(names):
-            left_s = time_limit_s - (perf_counter() - began)
-            if left_s <= 0:
-                break
-            asked = planner(name, {})
-            given = replace(problem, effort=_part(effort, 1.0 if last else self.share))
+        for k, name, result, final in self._answers(portfolio, problem, time_limit_s):
+            if result.status is Status.SOLVED and (best is None or _above_bound(result, problem) < _above_bound(best[1], problem)):
+                best = name, result
+            if final or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= NEAR)):
+                by, chosen = best or (name, result)
+                by = "lacam" if chosen.stats.get("from_lacam") else by
+                why = "; ".join((portfolio.why, *refusals))
+                return replace(chosen, planning_time_s=process_time() - began, chosen=by, why=why)
+            if result.status is not Status.SOLVED:
+                refusals.append(f"{name} {str(result.status).replace('_', ' ')}")
+        raise AssertionError("the last answer is final")
+
+    def _answers(self, portfolio: Portfolio, problem: Problem, time_limit_s: float) -> Iterator[tuple[int, str, PlanResult, bool]]:
+        """How many have been asked, who, the answer, and whether it ends the search: a proof that there is no plan, or the last."""
+        until, effort = process_time() + time_limit_s, problem.effort
+        for k, name in enumerate(portfolio.names, 1):
+            left_s = until - process_time()
+            last = k == len(portfolio.names)
+            part = 0 if not effort else effort if last else max(1, int(self.share * effort))
+            if name == "pbs" and not self.planners and not problem.window_steps:
+                part = min(part, FIRST_EFFORT) or FIRST_EFFORT
+            asked, given = planner(name, {}), replace(problem, effort=part)
             supported = as_supported(asked, given)
             result = asked.plan(supported, left_s if last else self.share * left_s)
-            effort -= given.effort
-            by = "lacam" if result.stats.get("from_lacam") else name
-            text = "; ".join((why, *refusals))
-            if result.status is Status.SOLVED or (result.status is Status.INFEASIBLE and supported is given) or last:
-                return replace(result, planning_time_s=perf_counter() - began, chosen=by, why=text)
-            refusals.append(f"{name} {str(result.status).replace('_', ' ')}")
-        message = f"no plan within {time_limit_s:g} s: {', '.join(refusals)}"
-        return PlanResult(Status.TIMED_OUT, planning_time_s=perf_counter() - began, message=message)
+            effort -= min(effort, part)
+            proof = result.status is Status.INFEASIBLE and supported is given
+            over = last or until - process_time() <= 0.01 * time_limit_s
+            yield k, name, result, proof or over
+            if proof or over:
+                return
 
 
-def candidates(problem: Problem) -> tuple[tuple[str, ...], str]:
-    """Who is asked, in this order, and why."""
+def portfolio_for(problem: Problem) -> Portfolio:
+    """Who is asked about a problem."""
     robots = problem.num_robots
     if problem.window_steps:
         if problem.graph.num_vertices >= THIN * robots:
-            return ("prioritised", "lacam", "pibt"), "robots have room in the window"
-        return ("lacam", "prioritised", "pibt"), "robots crowd"
+            return Portfolio(("prioritised", "lacam", "pibt"), 1, "robots have room in the window")
+        return Portfolio(("lacam", "prioritised", "pibt"), 1, "robots crowd")
     if problem.drivable and robots <= FEW:
-        return ("continuous", "lacam"), f"few enough robots ({robots}) to plan their real motion"
-    return ("lacam", "prioritised"), f"{robots} robots" if problem.drivable else "the plan's order need not be kept"
+        return Portfolio(("pbs", "lacam", "lns2", "continuous"), 3, f"few enough robots ({robots}) to plan their real motion")
+    if robots <= SOME:
+        return Portfolio(("lacam", "lns2", "prioritised"), 2, f"the cheaper of two plans for {robots} robots")
+    return Portfolio(("lacam", "lns2", "prioritised"), 1, f"many robots ({robots})")
 
 
-def _with_last(names: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
-    """Each name, and whether it is the last."""
-    for k, name in enumerate(names, 1):
-        yield name, k == len(names)
-
-
-def _part(effort: int, share: float) -> int:
-    """A share of the effort that is left; 0 where none is counted."""
-    return max(1, int(share * effort)) if effort else 0
+def _above_bound(result: PlanResult, problem: Problem) -> float:
+    """How many times the planner's lower bound a plan costs, both in the unit of its planner."""
+    assert result.plan is not None
+    bound_s = result.stats.get("lower_bound_s", result.lower_bound_steps * problem.step_s)
+    cost_s = float(result.plan.end_s.sum())
+    return cost_s / bound_s if bound_s > 0 else 1.0 if cost_s <= 0 else float("inf")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult, Status
@@ -30,6 +30,6 @@ class PlanFile:
 
         if not self.path:
             raise PlanError("plan_file: no path, expected the file of a plan")
-        begin_s = perf_counter()
+        begin_s = process_time()
         plan, problem, note = plan_and_goals(Path(self.path), problem, cells_of(problem.graph))
-        return PlanResult(Status.SOLVED, plan, problem.goal_of, perf_counter() - begin_s, message=note)
+        return PlanResult(Status.SOLVED, plan, problem.goal_of, process_time() - begin_s, message=note)

@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="an external planner, such as 'lacam3 -m {map} -i {scen} -N {agents} -t {time_limit} -o {out}'",
     )
     add("--trust", action="store_true", help="run the programs that the scenario names: plug-in files, external planners")
-    add("--time-limit", type=float, metavar="S", help="wall time of the planner in s")
+    add("--time-limit", type=float, metavar="S", help="CPU time of the planner in s")
     add("--seed", type=int, metavar="N", help="of planner, draws and disturbances")
 
 

@@ -98,7 +98,7 @@ def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None
 
 
 def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:
-    """The result of a planner, with its CPU time unless it runs in a process of its own; GAVE_UP where it runs out of memory.
+    """The result of a planner, with the times that it took unless it runs in a process of its own; GAVE_UP where it runs out of memory.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanRes
         result = PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
     if result.planning_cpu_s is not None or isinstance(chosen, Outside):
         return result
-    return replace(result, planning_cpu_s=process_time() - cpu_began)
+    return replace(result, planning_time_s=perf_counter() - began, planning_cpu_s=process_time() - cpu_began)
 
 
 def as_supported(chosen: Planner, problem: Problem) -> Problem:
@@ -130,10 +130,10 @@ def used_up(problem: Problem, labels: float) -> bool:
 
 
 def without_effort(problem: Problem, began: float, lower_bound_steps: float = 0.0, **stats: float) -> PlanResult:
-    """TIMED_OUT: the effort is used up; `began` is on the clock of `perf_counter`."""
+    """TIMED_OUT: the effort is used up; `began` is on the clock of `process_time`."""
     return PlanResult(
         Status.TIMED_OUT,
-        planning_time_s=perf_counter() - began,
+        planning_time_s=process_time() - began,
         lower_bound_steps=lower_bound_steps,
         stats=stats,
         message=f"no plan within an effort of {problem.effort} labels",

@@ -66,7 +66,8 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
     problem
         With an assignment unless the program `assigns`. Grids are written in all formats, other graphs only to {yaml} and {yaml_free}.
     time_limit_s
-        Wall time. A program that ends by itself at the limit may still write its plan; what runs 4 % later (at least 0.08 s) is killed.
+        Wall time, but for what the program waits for a processor. One that ends by itself at the limit may still write its plan; what runs
+        4 % later (at least 0.08 s) is killed.
 
     Returns
     -------

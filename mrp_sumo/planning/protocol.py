@@ -33,7 +33,8 @@ class Planner(Protocol):
         problem
             With an assignment unless `assigns`.
         time_limit_s
-            Wall time; the result is TIMED_OUT within 5 % (at least 0.1 s) of it.
+            CPU time of all threads, so that a loaded machine gives the same answers; the result is TIMED_OUT within 5 % (at least 0.1 s)
+            of it. One in a process of its own is killed once it has had so much time with a processor there for it.
         """
 
 

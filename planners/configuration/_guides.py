@@ -1,7 +1,7 @@
 """What guides robots beside their distances: ways of their own where lanes are little used, the traffic flow where they are much used, and
 before each step local guidance."""
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -47,14 +47,14 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
     ways, flow
         Rounds of giving ways of their own, and ways for the flow; 0 for none.
     deadline_s
-        On the clock of `perf_counter`; half of the time until then is left to the search.
+        On the clock of `process_time`; half of the time until then is left to the search.
     rng
         Chance.
     """
     room_for_flow = is_room_for_flow(problem)
     few = ways * int(world.steps.sum()) < MOST_MOVES
     if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
-        way = own_ways(problem, ways, world, 0.5 * (perf_counter() + deadline_s), rng)
+        way = own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng)
         return world if way is None else world._replace(way=way)
     if flow and room_for_flow:
         found = flow_guide(problem, flow, deadline_s, rng)
@@ -74,7 +74,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     world
         What is known of distances.
     deadline_s
-        On the clock of `perf_counter`.
+        On the clock of `process_time`.
     rng
         Chance: the order of robots, and among equally good ways.
     """
@@ -105,7 +105,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     for n in range(rounds):
         order = rng.permutation(num_robots)
         for a in range(0, num_robots, AT_ONCE):
-            if perf_counter() > deadline_s:
+            if process_time() > deadline_s:
                 return None
             _ways.give_ways(ways, start, goal, order, a, min(a + AT_ONCE, num_robots), n * num_robots, rng)
     return ways.way
@@ -139,7 +139,7 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
     rounds
         Of giving all robots ways, 1 or more.
     deadline_s
-        On the clock of `perf_counter`.
+        On the clock of `process_time`.
     rng
         Chance: the order of robots.
     """
@@ -150,7 +150,7 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
     for _ in range(rounds):
         order = rng.permutation(num_robots)
         for a in range(0, num_robots, at_once):
-            if perf_counter() > deadline_s:
+            if process_time() > deadline_s:
                 return None
             _flow.give_ways(flow, start, goal, order, a, min(a + at_once, num_robots))
     guide = _guide_by(flow, goal, deadline_s)
@@ -189,7 +189,7 @@ def _guide_by(flow: Flow, goal: IntArray, deadline_s: float) -> np.ndarray | Non
     guide = np.empty((num_robots, num_vertices), np.int32)
     at_once = max(1, 200_000 // num_vertices)
     for a in range(0, num_robots, at_once):
-        if perf_counter() > deadline_s:
+        if process_time() > deadline_s:
             return None
         _flow.write_guide(flow, goal, guide, a, min(a + at_once, num_robots))
     return guide

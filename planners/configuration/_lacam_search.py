@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import cycle
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     search, state = (LacamSearch(lacam, start, 0), _lacam.REACHED) if start.path is not None else _first(lacam, start)
     if state == _lacam.EXHAUSTED:
         message = "the search has seen every configuration that can be reached"
-        return PlanResult(Status.INFEASIBLE, None, None, perf_counter() - begin_s, 0.0, np.inf, search.counters(), message)
+        return PlanResult(Status.INFEASIBLE, None, None, process_time() - begin_s, 0.0, np.inf, search.counters(), message)
     if state == USED_UP:
         return without_effort(problem, begin_s, lower_bound, **search.counters())
     if state != _lacam.REACHED:
@@ -57,7 +57,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         return timed_out(begin_s, lower_bound, f"no solution within {why}", **search.counters())
     path = search.path() if start.path is None else start.path
     cost = sum_of_costs(path, start.world.goal)
-    stats = {"first_solution_time_s": perf_counter() - begin_s, "first_solution_cost": float(cost)}
+    stats = {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}
     if lacam.traffic and cost > lower_bound and is_room_for_flow(problem) and not (problem.effort or problem.window_steps):
         path, cost = _searched_again(lacam, start, path, cost)
     tables = _task(start)
@@ -71,7 +71,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
             labels = left if lacam.anytime else min(labels, left)
         polished.until(deadline_s - _to_write(path), most_labels=labels)
         path, cost = polished.path(), polished.cost
-        stats |= {"polished_time_s": perf_counter() - begin_s, "polished_cost": float(cost)}
+        stats |= {"polished_time_s": process_time() - begin_s, "polished_cost": float(cost)}
     if lacam.anytime and cost > lower_bound and not problem.effort:
         path = _improved(lacam, search, polished, task, path, start)
     stats |= search.counters()
@@ -93,7 +93,7 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
         state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
         done += search.expansions
         search.labels = start.labels + LABELS * len(start.steps) * done
-        if state != _lacam.RUNNING or perf_counter() >= start.deadline_s:
+        if state != _lacam.RUNNING or process_time() >= start.deadline_s:
             return search, state
         if done >= most:
             return search, USED_UP
@@ -153,7 +153,7 @@ def _improved(
     best, learned, searching = sum_of_costs(path, goal), 0, True
     search_s, refine_s = SEARCH_TURN_S if refinement else LONGEST_TURN_S, REFINEMENT_TURN_S
     deadline_s = start.deadline_s - _to_write(path)
-    while (now_s := perf_counter()) < deadline_s and best > lower_bound and (searching or refinement):
+    while (now_s := process_time()) < deadline_s and best > lower_bound and (searching or refinement):
         if searching:
             if refinement and learned != best and len(path) < 4000:
                 search.learn(refinement.path())
@@ -169,7 +169,7 @@ def _improved(
                 refinement = _refinement(lacam, task, path, start) if task else None
             searching = state != _lacam.FULL
         if refinement:
-            refinement.until(min(deadline_s, perf_counter() + refine_s))
+            refinement.until(min(deadline_s, process_time() + refine_s))
             refine_s = _turn_after(refine_s, REFINEMENT_TURN_S, gained=refinement.cost < best)
             if refinement.cost < best:
                 path, best = refinement.path(), refinement.cost
@@ -207,7 +207,7 @@ class LacamSearch:
         """
         given = self._settings
         better = False
-        while (slice_s := perf_counter()) < deadline_s and (before := int(self._memory.count[_lacam.EXPANSIONS])) < expansions:
+        while (slice_s := process_time()) < deadline_s and (before := int(self._memory.count[_lacam.EXPANSIONS])) < expansions:
             world, most = (self._guided, self._num_guided) if before < self._num_guided else (self.world, expansions)
             state: int = _lacam.search_on(
                 world, self.scratch, self._local, self._memory, self._base_order, self._to, self._best,
@@ -221,7 +221,7 @@ class LacamSearch:
                 return _lacam.REACHED if better else state
             better = better or state == _lacam.REACHED
             done = self._memory.count[_lacam.EXPANSIONS] - before
-            self._at_once = max(1, int(done * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
+            self._at_once = max(1, int(done * SLICE_S / max(process_time() - slice_s, 1e-6)))
         return _lacam.REACHED if better else _lacam.RUNNING
 
     def learn(self, path: np.ndarray) -> None:

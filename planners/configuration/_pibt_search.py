@@ -1,6 +1,6 @@
 """PIBT over time, in attempts, until all robots are at their goals or the time is up."""
 
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -47,11 +47,11 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
         path[0] = start.problem.start
         t = 0
         while t < max_steps:
-            if perf_counter() > start.deadline_s:
+            if process_time() > start.deadline_s:
                 return timed_out(start.begin_s, start.lower_bound, f"no solution within {time_limit_s:g} s", attempts=attempt)
             if t == len(path) - 1:
                 path = np.concatenate((path, np.empty((min(len(path), max_steps + 1 - len(path)), num_robots), np.int32)))
-            slice_s = perf_counter()
+            slice_s = process_time()
             last = t
             world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
             until = min(t + at_once, len(path) - 1, until)
@@ -60,6 +60,6 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
                 return start.solved(path[: t + 1], attempts=attempt)
             if used_up(problem, t * num_robots):
                 return without_effort(problem, start.begin_s, start.lower_bound, attempts=attempt)
-            at_once = max(1, int((t - last) * SLICE_S / max(perf_counter() - slice_s, 1e-6)))
+            at_once = max(1, int((t - last) * SLICE_S / max(process_time() - slice_s, 1e-6)))
     message = f"no solution in {pibt.num_attempts} attempts of {max_steps} steps each"
     return gave_up(start.begin_s, start.lower_bound, message, attempts=pibt.num_attempts)

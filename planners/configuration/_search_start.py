@@ -1,7 +1,7 @@
 """How PIBT and LaCAM begin: distances, answers that need no search, paths without collisions where they are easy to find, else a guide."""
 
 from dataclasses import dataclass
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def search_start(
     paths_mb
         Megabytes for finding paths without collisions, see `first_paths`, where robots use lanes little; 0 for no such paths.
     """
-    begin_s = perf_counter()
+    begin_s = process_time()
     deadline_s = checked_deadline(time_limit_s)
     given, original = problem, None
     packed = is_large(problem) if packed is None else packed
@@ -103,7 +103,7 @@ def search_start(
     thin = are_thin(problem, steps) or FEW * problem.num_robots <= problem.graph.num_vertices
     if paths_mb and ways and thin and not problem.window_steps:
         task, kind = task_on(problem, world), {"following": following, "rotations": rotations}
-        path, labels = first_paths(task, rng, 0.5 * (perf_counter() + deadline_s), **kind, effort=problem.effort, memory_mb=paths_mb)
+        path, labels = first_paths(task, rng, 0.5 * (process_time() + deadline_s), **kind, effort=problem.effort, memory_mb=paths_mb)
     guided = guide_of(problem, world, ways, flow, deadline_s, rng) if path is None and problem.num_robots > 1 else world
     return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
 

@@ -6,7 +6,7 @@ of all that it leads to.
 """
 
 from collections.abc import Callable, Iterator
-from time import perf_counter
+from time import process_time
 from typing import Protocol
 
 from mrp_sumo.core.graph import IntArray
@@ -122,7 +122,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
     w
         The factor.
     """
-    began = perf_counter()
+    began = process_time()
     assigns = planner.assigns and not problem.is_assigned  # goals that are given are kept
     limit = limits(time_limit_s, planner.memory_mb, problem.effort)
     try:
@@ -130,7 +130,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
             return refusal
         forest = Forest(problem, limit, assigns=assigns, following=planner.following, symmetries=planner.symmetries)
     except OutOfReach as reached:
-        return PlanResult(reached.status, planning_time_s=perf_counter() - began, message=str(reached))
+        return PlanResult(reached.status, planning_time_s=process_time() - began, message=str(reached))
     order = order_of(forest)
     expanded = 0
     paths: Paths | None = None
@@ -160,7 +160,7 @@ def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Calla
         status,
         plan=plan_of_paths(paths, problem.step_s) if paths is not None else None,
         goal_of=goal_of if assigns else None,
-        planning_time_s=perf_counter() - began,
+        planning_time_s=process_time() - began,
         lower_bound_steps=float(order.lower),
         stats={"expanded": expanded, **counted, "low_level_expansions": first.expansions if first else 0, **order.counters()},
         message=message,

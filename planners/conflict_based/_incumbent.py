@@ -5,7 +5,7 @@ tables would be too large, and where a robot has no path within its horizon.
 """
 
 from collections.abc import Iterator
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -42,11 +42,11 @@ class Incumbent:
         self._progress = self._search(problem, table)
 
     def work(self, labels: int, enough: float) -> None:
-        """Go on until so many labels have been made in all, or the plan costs at most `enough`, or the deadline (perf_counter).
+        """Go on until so many labels have been made in all, or the plan costs at most `enough`, or the deadline (process_time).
 
         A call that has nothing left to try returns at once.
         """
-        while self.labels < labels and perf_counter() < self._deadline_s and not (self.cost is not None and self.cost <= enough):
+        while self.labels < labels and process_time() < self._deadline_s and not (self.cost is not None and self.cost <= enough):
             made = next(self._progress, None)
             if made is None:
                 return

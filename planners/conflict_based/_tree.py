@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import blake2b
 from itertools import combinations
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -58,12 +58,12 @@ class SearchLimits:
 
     time_limit_s: float
     memory_mb: int
-    deadline: float  # on the clock of `perf_counter`
+    deadline: float  # on the clock of `process_time`
     effort: int = 0  # labels, see `Problem.effort`
 
     def check(self, num_bytes: int = 0) -> None:
         """Raise OutOfReach when the time is up, or the tables and nodes take more than is allowed."""
-        if perf_counter() > self.deadline:
+        if process_time() > self.deadline:
             raise OutOfReach(Status.TIMED_OUT, f"no plan within {self.time_limit_s:g} s")
         if num_bytes > self.memory_mb * 1_000_000:
             raise OutOfReach(Status.GAVE_UP, f"no plan within {self.memory_mb} MB")
@@ -78,7 +78,7 @@ def limits(time_limit_s: float, memory_mb: int, effort: int = 0) -> SearchLimits
         When the time is not above 0.
     """
     require_limit(time_limit_s)
-    return SearchLimits(time_limit_s, memory_mb, perf_counter() + time_limit_s, effort)
+    return SearchLimits(time_limit_s, memory_mb, process_time() + time_limit_s, effort)
 
 
 @dataclass(slots=True, eq=False)
@@ -534,7 +534,7 @@ class Tree:
             self._buffers.grow_horizon()
         else:
             self.limits.check()
-            left = self.limits.deadline - perf_counter()
+            left = self.limits.deadline - process_time()
             return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
 

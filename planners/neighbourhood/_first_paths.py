@@ -6,7 +6,7 @@ wait until the last of them has passed its goal. Where robots use the map thinly
 shortest ones. Those that do collide are planned again, each alone, then in neighbourhoods.
 """
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def first_paths(
     rng
         Chance.
     deadline_s
-        On the clock of `perf_counter`.
+        On the clock of `process_time`.
     following, rotations
         See `Traffic`.
     effort
@@ -59,7 +59,7 @@ def first_paths(
     order = _short_first(task, rng)
     left = MOST_DETOUR * task.least.sum()
     for a, robot in enumerate(order.tolist()):
-        if left < 0 or labels.stamp[1] > most or perf_counter() > deadline_s:
+        if left < 0 or labels.stamp[1] > most or process_time() > deadline_s:
             return None, int(labels.stamp[1])
         if not _lns.plan_all(task, traffic, labels, order, a, a + 1, False):
             return None, int(labels.stamp[1])
@@ -69,7 +69,7 @@ def first_paths(
         _lns.repair_each(task, traffic, labels, hood, pairs, rng)
         pairs = find_collisions(task, traffic, hood)
     for _ in range(REPAIRS):
-        if pairs == 0 or pairs > len(order) or labels.stamp[1] > most or perf_counter() > deadline_s:
+        if pairs == 0 or pairs > len(order) or labels.stamp[1] > most or process_time() > deadline_s:
             break
         pairs = _lns.repair(task, *room, SIZE, pairs, AT_ONCE, rng)
     done = pairs == 0 and traffic.end.sum() - task.least.sum() <= MOST_DETOUR * task.least.sum()

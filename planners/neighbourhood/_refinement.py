@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def plan_in_order(task: Task, room: Room, order: np.ndarray, deadline_s: float) 
     traffic, labels, _ = room
     clear = is_roomy(task)
     for a in range(len(order)):
-        if perf_counter() > deadline_s or not _lns.plan_all(task, traffic, labels, order, a, a + 1, clear):
+        if process_time() > deadline_s or not _lns.plan_all(task, traffic, labels, order, a, a + 1, clear):
             return a
     return len(order)
 
@@ -94,11 +94,11 @@ def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline
     """
     first = pairs = find_collisions(task, room[0], room[2])
     at_once = AT_ONCE if effort else 1  # neighbourhoods between two looks at the clock
-    while pairs and (slice_s := perf_counter()) <= deadline_s and not 0 < effort <= room[1].stamp[1]:
+    while pairs and (slice_s := process_time()) <= deadline_s and not 0 < effort <= room[1].stamp[1]:
         pairs = _lns.repair(task, *room, size, pairs, at_once, rng)
         if effort:
             continue
-        at_once = max(1, int(at_once * min(SLICE_S / max(perf_counter() - slice_s, 1e-6), 2.0)))
+        at_once = max(1, int(at_once * min(SLICE_S / max(process_time() - slice_s, 1e-6), 2.0)))
     return first, pairs
 
 
@@ -182,7 +182,7 @@ class Refinement:
         return self._best.cost
 
     def until(self, deadline_s: float, *, most_labels: int = FOREVER) -> None:
-        """Go on until the deadline (perf_counter), until so many labels have been made since the beginning, or nothing is left to gain.
+        """Go on until the deadline (process_time), until so many labels have been made since the beginning, or nothing is left to gain.
 
         All refiners' labels count.
         """
@@ -190,7 +190,7 @@ class Refinement:
             self._best.work(deadline_s, most_labels, self._least)
             return
         with ThreadPoolExecutor(len(self.refiners) - 1) as pool:
-            while self.cost > self._least and (left := most_labels - self._labels) > 0 and perf_counter() < deadline_s:
+            while self.cost > self._least and (left := most_labels - self._labels) > 0 and process_time() < deadline_s:
                 share = min(self._round_labels, -(-left // len(self.refiners)))
                 _at_a_time(pool, [partial(refiner.work, deadline_s, refiner.labels + share, self._least) for refiner in self.refiners])
                 if any(refiner.gains.num[0] for refiner in self.refiners):
@@ -247,7 +247,7 @@ class _Refiner:
     def work(self, deadline_s: float, most_labels: int, least: int) -> None:
         """Go on until the deadline, until so many labels, until the cost is the `least`, or until there is no room for more gains."""
         full = len(self.gains.size) or -1
-        while self.cost > least and self.labels < most_labels and self.gains.num[0] != full and (slice_s := perf_counter()) < deadline_s:
+        while self.cost > least and self.labels < most_labels and self.gains.num[0] != full and (slice_s := process_time()) < deadline_s:
             _lns.improve(self._task, self.traffic, self._room, self.hood, self.gains, self._size, self._at_once, most_labels, self._rng)
-            pace = SLICE_S / max(perf_counter() - slice_s, 1e-6)
+            pace = SLICE_S / max(process_time() - slice_s, 1e-6)
             self._at_once = min(max(1, int(self._at_once * min(pace, 2.0))), MOST_AT_ONCE)

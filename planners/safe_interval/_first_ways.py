@@ -1,6 +1,6 @@
 """Ways for all robots, one after the other: where one finds none, it is raised above those in its way, which look for others then."""
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
     protected_steps
         For how long the starts of robots that still have no way are left to them.
     deadline_s
-        On the clock of `perf_counter`.
+        On the clock of `process_time`.
     most_work
         Of the timetable, in entries since it was made; when it has been done, no more searches begin.
     """
@@ -31,7 +31,7 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
     raised = np.zeros(len(order), np.int64)
     waiting = order.tolist()
     while waiting:
-        if perf_counter() > deadline_s or timetable.work > most_work or raised.sum() > RAISES * len(order) + 20:
+        if process_time() > deadline_s or timetable.work > most_work or raised.sum() > RAISES * len(order) + 20:
             return False
         robot = waiting.pop(0)
         way = _first_way(timetable, robot)

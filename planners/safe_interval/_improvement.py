@@ -6,7 +6,7 @@ Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding v
 among neighbourhoods by their success after Ropke, Pisinger, "An adaptive large neighborhood search heuristic", 2006.
 """
 
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -31,10 +31,10 @@ class Improvement:
         self._weight = np.ones(KINDS)
 
     def until(self, deadline_s: float, most_work: int) -> None:
-        """Go on until the deadline (perf_counter), until so much work has been done since the beginning, or nothing is left to gain."""
+        """Go on until the deadline (process_time), until so much work has been done since the beginning, or nothing is left to gain."""
         timetable = self.timetable
         begin = timetable.work
-        while timetable.delay.sum() > 0 and perf_counter() < deadline_s:
+        while timetable.delay.sum() > 0 and process_time() < deadline_s:
             if timetable.work - begin + A_TRY * self.tries > most_work:
                 break
             self.tries += 1
@@ -52,7 +52,7 @@ class Improvement:
         found: list[int] = []
         for robot in robots:
             way = timetable.search(robot, MOST, int(alone[robot]) + gained, WEIGHT)
-            if way is None or perf_counter() > deadline_s:
+            if way is None or process_time() > deadline_s:
                 for other in found:
                     timetable.remove(other)
                 for other, old in before:

@@ -1,7 +1,7 @@
 """The robots' real motion, for conflict-based search: ways of `Timetable`, which conflict where two hold one resource in one step."""
 
 from collections.abc import Sequence
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class RealMotion:
         """Who stands at its goal for ever in somebody's way there."""
         timetable, problem = self._timetable, self.problem
         for robot in range(timetable.num_robots):
-            if perf_counter() > self._deadline_s:
+            if process_time() > self._deadline_s:
                 raise OutOfTime
             timetable.look_back(robot)
         for what, place in (("start", problem.start), ("have to end", problem.target)):
@@ -104,7 +104,7 @@ class RealMotion:
                 break
         else:
             return None
-        if timetable.steps.sum() * timetable.dt > enough_s and perf_counter() < deadline_s:
+        if timetable.steps.sum() * timetable.dt > enough_s and process_time() < deadline_s:
             Improvement(timetable, NEIGHBOURHOOD, rng).until(deadline_s, ENTRIES * timetable.num_robots)
         ways = [way for way in timetable.way if way is not None]
         self._ways += ways

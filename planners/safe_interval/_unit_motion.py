@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -110,7 +110,7 @@ class UnitMotion:
             found, failed = self._in_order(order, {})
             if failed is None:
                 break
-            if perf_counter() > deadline_s:
+            if process_time() > deadline_s:
                 return None
             order = rng.permutation(num_robots).tolist() if k % 8 == 7 else [failed, *(r for r in order if r != failed)]
         else:
@@ -119,7 +119,7 @@ class UnitMotion:
         best, cost_s = found, sum(map(self.cost_s, found.values()))
         best_s = cost_s
         for k in range(NEIGHBOURHOODS):
-            if best_s <= enough_s or perf_counter() > deadline_s:
+            if best_s <= enough_s or process_time() > deadline_s:
                 break
             robots = self._neighbourhood(found, ideal, rng)
             other, failed = self._in_order(robots, {r: way for r, way in found.items() if r not in robots})

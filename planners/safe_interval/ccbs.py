@@ -15,7 +15,7 @@ Koenig, "Improved heuristics for multi-agent path finding with conflict-based se
 """
 
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import process_time
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -78,20 +78,20 @@ class Ccbs:
         from planners.safe_interval._conflict_tree import OutOfTime, Tree
 
         require_limit(time_limit_s)
-        began = perf_counter()
+        began = process_time()
         counted = problem.effort > 0 and self.motion == "real"
         deadline_s = np.inf if counted else began + time_limit_s
         if refusal := impossible(problem):
             return refusal
         if not problem.num_robots:
-            return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=perf_counter() - began)
+            return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=process_time() - began)
         motion = self._motion(problem, deadline_s)
         tree = Tree(motion, range(problem.num_robots), deadline_s)
         forbidden = [motion.nothing] * problem.num_robots
         ways, message = None, ""
         try:
             if clash := motion.clash():
-                return PlanResult(Status.INFEASIBLE, planning_time_s=perf_counter() - began, message=clash)
+                return PlanResult(Status.INFEASIBLE, planning_time_s=process_time() - began, message=clash)
             if self.w > 1:
                 ways = tree.focal(forbidden, self.w, self.max_nodes, np.random.default_rng([problem.seed, CHANCE]))
             else:
@@ -106,7 +106,7 @@ class Ccbs:
         return PlanResult(
             status,
             plan=motion.plan(ways) if ways else None,
-            planning_time_s=perf_counter() - began,
+            planning_time_s=process_time() - began,
             lower_bound_steps=self._sure_s(stats["lower_bound_s"], problem.num_robots) / problem.step_s,
             stats=stats | ({"cost_s": sum(map(motion.cost_s, ways))} if ways else {}),
             message=message,

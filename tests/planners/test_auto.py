@@ -1,15 +1,15 @@
 """The portfolio: who is asked first, who after that, and what the answer says."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from worlds import drawn as world
 
-from mrp_sumo.core.plan import Status
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
-from planners.auto import Auto, candidates
+from planners.auto import Auto, portfolio_for
 
 pytestmark = pytest.mark.kernel
 
@@ -64,15 +64,41 @@ def test_by_rule_everybody_gets_an_answer():
         assert judge(problem, result.plan, in_seconds=True).valid
 
 
-def test_real_motion_is_planned_where_the_order_is_kept():
+def test_real_motion_is_planned_where_the_order_is_kept_and_robots_are_few():
     drivable = replace(world(ROOM), drivable=True)
-    assert candidates(drivable)[0][0] == "continuous"
-    assert candidates(replace(drivable, drivable=False))[0][0] == "lacam"
+    assert portfolio_for(drivable).names[0] == "pbs"
+    assert portfolio_for(replace(drivable, drivable=False)).names[0] == "lacam"
 
 
 def test_in_windows_robots_with_room_go_one_after_another_and_crowds_by_lacam():
-    assert candidates(replace(world("0.1 ... ..."), window_steps=20))[0][0] == "prioritised"  # 9 vertices for 2 robots
-    assert candidates(replace(world("01. 23."), window_steps=20))[0][0] == "lacam"  # 6 for 4
+    assert portfolio_for(replace(world("0.1 ... ..."), window_steps=20)).names[0] == "prioritised"  # 9 vertices for 2 robots
+    assert portfolio_for(replace(world("01. 23."), window_steps=20)).names[0] == "lacam"  # 6 for 4
+
+
+@dataclass(frozen=True)
+class Says:
+    """A planner that has one robot wait so many steps before it drives its three lanes."""
+
+    waits: int
+
+    def plan(self, problem, time_limit_s):
+        if self.waits < 0:
+            return PlanResult(Status.GAVE_UP)
+        return PlanResult(Status.SOLVED, plan_of_paths([[0] * self.waits + [0, 1, 2, 3]], 1.0), lower_bound_steps=3.0)
+
+
+@pytest.mark.parametrize(("waits", "by"), [
+    ({"pbs": 2, "lacam": 1, "lns2": 3, "continuous": 0}, "lacam"),  # the cheapest of three; continuous is not asked
+    ({"pbs": 2, "lacam": 2, "lns2": 1, "continuous": 0}, "lns2"),
+    ({"pbs": 0, "lacam": 0, "lns2": 0, "continuous": 0}, "pbs"),  # at its bound: taken at once
+    ({"pbs": -1, "lacam": -1, "lns2": 5, "continuous": 0}, "lns2"),
+    ({"pbs": -1, "lacam": -1, "lns2": -1, "continuous": 5}, "continuous"),
+])  # fmt: skip
+def test_of_the_first_three_the_cheapest_plan_is_taken(waits, by, monkeypatch):
+    monkeypatch.setattr("planners.auto.planner", lambda name, parameters: Says(waits[name]))
+    result = Auto().plan(replace(world("0..a"), drivable=True), 5.0)
+    assert result.chosen == by
+    assert result.why.count("gave up") == list(waits.values()).count(-1)
 
 
 @pytest.mark.parametrize(("parameters", "said"), [
