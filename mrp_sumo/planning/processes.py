@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
+SHORTEST_S = 0.01  # that is waited for a process at a time
+
+
 class Overtime(Exception):
     """A call that was not answered within its time; its process was killed."""
 
@@ -143,7 +146,7 @@ def ends_within(pid: int, limit_s: float, ended: Callable[[float], bool]) -> boo
     """
     began_s = perf_counter() - _starved_s(pid)
     while (left_s := limit_s - (perf_counter() - _starved_s(pid) - began_s)) > 0:
-        if ended(left_s):
+        if ended(max(left_s, SHORTEST_S)):
             return True
     return ended(0.0)
 

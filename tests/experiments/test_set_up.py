@@ -265,6 +265,9 @@ def test_doors_that_are_locked_for_good_or_that_nobody_opens_are_no_way(tmp_path
         setup = problem_of(tmp_path, keys)
         assert door_names(setup.problem.graph) == [name for name in known if name != "boardroom_door"]
         assert any("boardroom_door" in note for note in setup.notes)
+        assert "boardroom_door" not in [
+            options.get("door") for options in setup.problem.graph.vertex_options
+        ]  # who drives past needs no door
     people = "disturbances: {door_passages_per_h: 30}"
     assert door_names(problem_of(tmp_path, [automatic, "manual_doors: [boardroom_door]", people]).problem.graph) == known
 

@@ -132,7 +132,9 @@ def without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph,
     if not shut:
         return graph, ()
     notes = tuple(f"door '{name}' is {why}: no way for robots" for name, why in sorted(shut.items()))
-    return with_lanes(graph, np.array([options.get("door") not in shut for options in graph.lane_options])), notes
+    graph = with_lanes(graph, np.array([options.get("door") not in shut for options in graph.lane_options]))
+    beside = [{key: value for key, value in o.items() if key != "door"} if o.get("door") in shut else o for o in graph.vertex_options]
+    return replace(graph, vertex_options=tuple(beside)), notes
 
 
 def with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:
