@@ -5,7 +5,7 @@ leaves it), else from the metadata of a bag of ours and from the bag's /robot_pa
 folder, too. Options win over files.
 
 With --metric, BAG is a run folder or the folder of a batch, and the metrics are those that are named: bundled ones, or
-FILE.py:FUNCTION of your own. A batch's results get them as columns, for the runs whose folders are kept.
+FILE.py:FUNCTION of your own. A batch's results get them as columns.
 """
 
 import argparse
@@ -13,7 +13,10 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mrp_sumo.metrics.metric import Metric
 
 DEFAULTS = {"cellSize": 0.35, "locationTolerance": 0.7, "windowSize": 10, "recordingTimeout": 600.0}
 ROWS = {
@@ -66,26 +69,47 @@ def run(options: argparse.Namespace) -> int:
 
 def _measure(options: argparse.Namespace) -> int:
     """Compute metrics of a run, or of a batch, from what their folders keep. Exit code 1 when one failed."""
-    from mrp_sumo.cli.scenario_choice import trust_named
-    from mrp_sumo.experiments.measure_later import measure_batch, measure_run
+    from mrp_sumo.experiments.measure_later import measure_run
     from mrp_sumo.io.results import PLAN
     from mrp_sumo.io.run_reader import RESULT, load_run
+
+    if (options.bag / PLAN).is_file() and not (options.bag / RESULT).is_file():
+        return measure_named(options.bag, options.metric, as_json=options.json)
+    metrics, faults = named_metrics(options.metric)
+    values = measure_run(load_run(options.bag), metrics)
+    if options.json:
+        print(json.dumps(values, indent=2))
+    else:
+        for metric in metrics:
+            print(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
+    return _failed(faults)
+
+
+def measure_named(folder: Path, names: list[str], quiet: bool = False, as_json: bool = False) -> int:
+    """Compute metrics of all runs of a batch. Exit code 1 when one failed."""
+    from mrp_sumo.experiments.measure_later import measure_batch
+
+    metrics, faults = named_metrics(names)
+    num_measured, num_runs = measure_batch(folder, metrics, faults.append)
+    if as_json:
+        print(json.dumps({"metrics": [m.name for m in metrics], "measured": num_measured, "runs": num_runs}))
+    elif not quiet:
+        print(f"{folder}: {', '.join(m.name for m in metrics)} of {num_measured} of {num_runs} runs, in results.parquet and results.csv")
+    return _failed(faults)
+
+
+def named_metrics(names: list[str]) -> "tuple[list[Metric], list[str]]":
+    """The metrics of these names, and where lines about those that fail are gathered."""
+    from mrp_sumo.cli.scenario_choice import trust_named
     from mrp_sumo.metrics.own import guarded
 
-    for name in options.metric:
+    for name in names:
         trust_named(name)
     faults: list[str] = []
-    metrics = [guarded(name, None, lambda error: faults.append(str(error))) for name in options.metric]
-    if (options.bag / PLAN).is_file() and not (options.bag / RESULT).is_file():
-        num_measured, num_runs = measure_batch(options.bag, metrics, faults.append)
-        print(f"{options.bag}: {', '.join(m.name for m in metrics)} of {num_measured} of {num_runs} runs, whose folders are kept")
-    else:
-        values = measure_run(load_run(options.bag), metrics)
-        if options.json:
-            print(json.dumps(values, indent=2))
-        else:
-            for metric in metrics:
-                print(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
+    return [guarded(name, None, lambda error: faults.append(str(error))) for name in names], faults
+
+
+def _failed(faults: list[str]) -> int:
     for line in dict.fromkeys(faults):
         print(f"mrp-sumo: {line}", file=sys.stderr)
     return 1 if faults else 0

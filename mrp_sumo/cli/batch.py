@@ -41,6 +41,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keep-worst", type=int, default=0, metavar="N", help="make the N worst runs again with run folder and replay page, for the report"
     )
+    parser.add_argument(
+        "--metric", action="append", metavar="NAME", help="measure this too, a bundled metric or FILE.py:FUNCTION; may be repeated"
+    )
     parser.add_argument("--trust", action="store_true", help="run the programs that the suite names: plug-in files, external planners")
     parser.add_argument("--json", action="store_true", help="print the counts as a line of JSON in the end")
     parser.add_argument("-v", "--verbose", action="store_true", help="with --dry-run: list every run")
@@ -48,6 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the batch, or say what it would do."""
+    from mrp_sumo.cli.analyze import measure_named, named_metrics
     from mrp_sumo.experiments.archive import ARCHIVE, archive_worst
     from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
     from mrp_sumo.experiments.suite import find_suite, read_suite
@@ -67,6 +71,8 @@ def run(options: argparse.Namespace) -> int:
     if options.dry_run:
         _print_plan(file, folder, workers, options)
         return 0
+    if options.metric:
+        named_metrics(options.metric)  # what is none is refused before anything runs
     kept_none = False
     with stoppable() as stop, watcher() as shown:
         batch = run_batch(
@@ -93,7 +99,8 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}))
     else:
         print(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
-    return 1 if kept_none or any(batch.counts()[status] for status in BROKEN) else 0
+    failed = measure_named(folder, options.metric, quiet=options.json) if options.metric else 0
+    return 1 if failed or kept_none or any(batch.counts()[status] for status in BROKEN) else 0
 
 
 def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse.Namespace) -> None:

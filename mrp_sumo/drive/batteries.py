@@ -57,9 +57,8 @@ class Batteries:
         """What has become of them until now."""
         if not self._t_s or now_s > self._t_s[-1]:
             self._note(now_s)
-        return BatteryLog(
-            frozen(np.array(self._t_s)), frozen(np.array(self._levels)), frozen(self._used_j), frozen(self._charged_j), critical
-        )
+        level = np.ceil(np.array(self._levels) * 1e6) / 1e6  # as tables keep it; what is not empty stays so
+        return BatteryLog(frozen(np.array(self._t_s)), frozen(level), frozen(self._used_j), frozen(self._charged_j), critical)
 
     def _note(self, now_s: float) -> None:
         self._t_s.append(now_s)

@@ -4,6 +4,7 @@ A batch that was ended by whatever means goes on where it was: a run with a reco
 one is made. A run that crashed is made again a stated number of times, over all sessions of the batch.
 """
 
+import base64
 import fcntl
 import json
 import time
@@ -36,9 +37,10 @@ from mrp_sumo.io.results import (
     write_tables,
     write_whole,
 )
+from mrp_sumo.io.trace import Trace, write_trace
 
 BROKEN = (CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT)  # runs that say nothing about planner or policy
-OWN = ("batch.", "runs", "quarantine", "results.", "kept", "report", ".")  # what a batch without its plan may have left
+OWN = ("batch.", "runs", "floors", "quarantine", "results.", "kept", "report", ".")  # what a batch without its plan may have left
 LONG_DRIVE_S = 1800.0  # wall time for a drive whose limit follows from its plan: hours, simulated
 GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
 
@@ -242,6 +244,8 @@ def _make(
         for run, answer in finished:
             attempts = batch.attempts.get(run.key, 0) + 1
             record = _record(batch, run, answer, attempts)
+            if parts := answer.get("trace"):
+                write_trace(batch.folder, run.key, Trace(*(base64.b64decode(part) for part in parts)))
             write_record(batch.folder, record)
             batch.status[run.key], batch.attempts[run.key] = record["status"], attempts
             log.add(f"{run.key} {record['status']} {record['reason']}".rstrip())

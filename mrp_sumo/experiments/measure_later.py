@@ -1,17 +1,19 @@
-"""Metrics of runs that have ended, from what their folders keep: of one run, or of all runs of a batch whose folders are archived."""
+"""Metrics of runs that have ended: of one run from its folder, or of all runs of a batch from their traces."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import BatchError, MrpSumoError
-from mrp_sumo.experiments.archive import ARCHIVE
 from mrp_sumo.experiments.batch import is_under_way
 from mrp_sumo.io.results import drop_tables, read_plan, read_record, record_path, write_record, write_tables
-from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
+from mrp_sumo.io.run_folder import plain
+from mrp_sumo.io.run_reader import RunFolder, load_run
+from mrp_sumo.io.trace import read_trace, trace_path
 from mrp_sumo.metrics.evaluate import Metrics, evaluate
 from mrp_sumo.metrics.metric import Metric
 from mrp_sumo.metrics.zones import occupancy
@@ -68,7 +70,7 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
 
 
 def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str], None]) -> tuple[int, int]:
-    """Add metrics to the results of a batch, for the runs whose folders are archived; the other runs have none.
+    """Add metrics to the results of a batch, from the traces of its runs; runs without a trace have none.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
     metrics
         Which.
     report
-        Called with a line about each folder that cannot be read.
+        Called with a line about each trace that cannot be read.
 
     Returns
     -------
@@ -87,7 +89,7 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
     Raises
     ------
     BatchError
-        When it is no batch, under way, or no run's folder is archived.
+        When it is no batch, under way, or no run has a trace.
     """
     planned = read_plan(folder)["keys"]
     keys = [key for key in planned if record_path(folder, key).is_file()]
@@ -95,14 +97,15 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
         raise BatchError(f"{folder}: a batch is under way there")
     found: dict[str, Metrics] = {}
     for key in keys:
-        place = folder / ARCHIVE / key
-        if (place / RESULT).is_file():
+        if trace_path(folder, key).is_file():
             try:
-                found[key] = measure_run(load_run(place), metrics)
+                with TemporaryDirectory(prefix="mrp_sumo_trace_") as place:
+                    read_trace(folder, key, Path(place))
+                    found[key] = plain(measure_run(load_run(place), metrics))
             except MrpSumoError as error:
                 report(f"{error}; left out")
     if not found:
-        raise BatchError(f"{folder}: no run's folder is kept; `mrp-sumo batch SUITE --out {folder} --keep-worst N` makes the N worst again")
+        raise BatchError(f"{folder}: no run has a trace: no run came to a plan, or another version made the batch")
     drop_tables(folder)
     for key, values in found.items():
         record = read_record(record_path(folder, key))

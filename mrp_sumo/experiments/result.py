@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution, as_believed
@@ -15,13 +16,14 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.record import RunRecord, record_of
-from mrp_sumo.io.run_folder import result_document, write_run
+from mrp_sumo.io.run_folder import result_document, write_run, write_trace_files
 from mrp_sumo.maps.levels import shifts_of
 
 if TYPE_CHECKING:
     import pandas
 
     from mrp_sumo.io.outline import Outline
+    from mrp_sumo.io.trace import Trace
     from mrp_sumo.io.trajectory import Levels, Trajectory
     from mrp_sumo.maps.costmap import Costmap
 
@@ -196,3 +198,12 @@ class RunResult:
             levels=self.levels,
             write_bag=write_recorded_bag,
         )
+
+    @property
+    def trace(self) -> "Trace | None":
+        """What metrics can be computed from later; None for a run that is too long to keep."""
+        from mrp_sumo.io.trace import trace_of
+
+        with TemporaryDirectory(prefix="mrp_sumo_trace_") as folder:
+            write_trace_files(Path(folder), **self._told, nav=self.nav, levels=self.levels)
+            return trace_of(Path(folder))

@@ -5,6 +5,7 @@ the socket, answers with JSON, and ends with its parent. Expected failures of a 
 exception, which is a bug. The parent watches its time and memory.
 """
 
+import base64
 import importlib
 import json
 import math
@@ -31,34 +32,48 @@ if TYPE_CHECKING:
     from mrp_sumo.io.scenario.file import ScenarioFile
 
 Job = dict[str, Any]  # of JSON: key, scenario, until, folder, code, and the limits
-Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, what else was observed, if anything, and what the run took
+Answer = dict[str, Any]  # of JSON: status, success, reason, metrics, what else was observed and its trace, if any, and what the run took
 Function = Callable[[Job, MapCache], Answer]
 
-MEASURE = "mrp_sumo.experiments.worker:measure"
+MEASURE = "mrp_sumo.experiments.worker:measure_and_trace"
 CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_of_memory", "bad_input"
 
 
 def measure(job: Job, maps: MapCache, observe: "Callable[[RunResult], Any] | None" = None) -> Answer:
     """Make a run as far as its suite says, and measure it; what `observe` makes of a run that was driven is kept beside its metrics."""
+    answer, outcome = _made(job, maps)
+    return answer if observe is None or outcome is None or not outcome.executed else {**answer, "observed": observe(outcome)}
+
+
+def measure_and_trace(job: Job, maps: MapCache) -> Answer:
+    """Make a run and measure it, with its trace, from which metrics can be computed later."""
+    answer, outcome = _made(job, maps)
+    trace = outcome.trace if outcome is not None else None
+    if trace is None:
+        return answer
+    return {**answer, "trace": [base64.b64encode(part).decode() for part in (trace.archive, trace.floor)]}
+
+
+def _made(job: Job, maps: MapCache) -> "tuple[Answer, RunResult | None]":
+    """The answer, and the run where it came to one."""
     from mrp_sumo.experiments.run import carry_out
     from mrp_sumo.metrics.evaluate import succeeded
 
     file = scenario_of(job)
     try:
         if job["until"] == "map":
-            return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, maps)}
+            return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, maps)}, None
         outcome = carry_out(file, maps, execute=job["until"] == "execution")
         if plug_in_hash(file.scenario, file.folder) != job["plug_ins"]:  # its result would stand under the key of the source before
-            return failure(BAD_INPUT, "a plug-in was edited while the batch ran; start the batch again")
+            return failure(BAD_INPUT, "a plug-in was edited while the batch ran; start the batch again"), None
     except MrpSumoError as error:
         lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
-        return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines))
+        return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines)), None
     success = succeeded(outcome.status, outcome.metrics)
     reason = outcome.note or (
         "" if success or outcome.solution.verdict is None else outcome.solution.verdict.summary(outcome.solution.problem)
     )
-    answer = {"status": outcome.status, "success": success, "reason": reason, "metrics": outcome.metrics}
-    return answer if observe is None or not outcome.executed else {**answer, "observed": observe(outcome)}
+    return {"status": outcome.status, "success": success, "reason": reason, "metrics": outcome.metrics}, outcome
 
 
 def scenario_of(job: Job) -> "ScenarioFile":

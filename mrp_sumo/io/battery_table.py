@@ -37,7 +37,8 @@ def read_batteries(path: Path, num_robots: int) -> BatteryLog:
     """The states of charge as they were written."""
     table = pq.read_table(path)
     sums = json.loads(table.schema.metadata[KEY])
-    level = table["battery_percent"].to_numpy().reshape(-1, num_robots) / 100
+    level = table["battery_percent"].to_numpy().reshape(-1, num_robots)
+    level = np.round(level / 100, 6)  # exactly the log's
     t_s = table["t_s"].to_numpy()[::num_robots].copy()
     used_j, charged_j = (frozen(np.array(sums[key])) for key in ("used_j", "charged_j"))
     return BatteryLog(frozen(t_s), frozen(level), used_j, charged_j, sums["critical"])

@@ -2,6 +2,7 @@
 
     DIR/plan.json             what the batch is: suite, versions, the keys of its runs in order
     DIR/runs/ab/abcd....json  the record of a run, with its checksum; written whole, never changed but by a retry
+    DIR/runs/ab/abcd....trace what metrics can be computed from later; see `io.trace`
     DIR/results.parquet, .csv one row per run; there only when they cover every record
     DIR/results.sha256        their checksums, as `sha256sum --check` reads them
     DIR/quarantine/           files of runs/ that could not be read
@@ -136,7 +137,7 @@ def standings_in(folder: Path, report: Callable[[str], None], *, quarantine: boo
         report(f"{reason}; moved to quarantine, the run is made again")
 
     if quarantine:
-        for pattern in ("runs/*/.*.json.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV, SUMS))):
+        for pattern in ("runs/*/.*.json.*", "runs/*/.*.trace.*", "floors/.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV, SUMS))):
             for left in folder.glob(pattern):
                 left.unlink(missing_ok=True)
     for body in _bodies(folder, aside):

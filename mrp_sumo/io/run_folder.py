@@ -132,15 +132,14 @@ def write_run(
         new.mkdir(parents=True)
         document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
         shutil.copyfile(network, new / "network.net.xml")
-        write_floor(new / "floor.json", problem.graph, problem.fleet, nav)
         if costmap is not None:
             write_walls(new, costmap)
         if outline is not None:
             write_outline(new / "building.json", outline)
-        if result.plan is not None:
-            write_plan(new / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
-        if execution is not None:
-            _write_logs(new, scenario, problem, result, execution, nav, costmap, levels, write_bag)
+        _write_evidence(new, scenario, problem, result, execution, nav, levels)
+        if write_bag and execution is not None and scenario.record.bag and len(execution.t_s):
+            record = record_of(scenario, problem, result.plan, execution, nav, costmap, levels)
+            write_bag(new / "bag", record, scenario.record)
         if zones is not None:
             write_zones(new, zones)
         document["files"] = files_in(new)
@@ -224,18 +223,49 @@ def laid_out(value: Any, depth: int = 0) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def _write_logs(
+def write_trace_files(
+    folder: Path,
+    *,
+    status: str,
+    note: str,
+    scenario: "Scenario",
+    problem: Problem,
+    result: PlanResult,
+    verdict: Verdict | None,
+    execution: Execution | None,
+    metrics: Mapping[str, Any],
+    audit: Mapping[str, Any] | None,
+    nav: NavGraph | None,
+    levels: "Levels | None" = None,
+) -> None:
+    """Write what metrics are computed from into a folder: a run folder without what its map alone gives, and without a bag."""
+    document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
+    _write_evidence(folder, scenario, problem, result, execution, nav, levels)
+    document["files"] = {path.name: {} for path in sorted(folder.iterdir())}
+    (folder / RESULT).write_text(json.dumps(document, ensure_ascii=False, allow_nan=False), encoding="utf-8")
+
+
+def _write_evidence(
     folder: Path,
     scenario: "Scenario",
     problem: Problem,
     result: PlanResult,
-    execution: Execution,
+    execution: Execution | None,
     nav: NavGraph | None,
-    costmap: "Costmap | None",
     levels: "Levels | None",
-    write_bag: "WriteBag | None",
 ) -> None:
-    """Trajectory, visits, events and bag."""
+    """Graphs, fleet, plan and logs."""
+    write_floor(folder / "floor.json", problem.graph, problem.fleet, nav)
+    if result.plan is not None:
+        write_plan(folder / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
+    if execution is not None:
+        _write_logs(folder, scenario, problem, result, execution, levels)
+
+
+def _write_logs(
+    folder: Path, scenario: "Scenario", problem: Problem, result: PlanResult, execution: Execution, levels: "Levels | None"
+) -> None:
+    """Trajectory, visits and events."""
     from mrp_sumo.io.battery_table import write_batteries
     from mrp_sumo.io.facilities import write_facilities
     from mrp_sumo.io.grants import write_grants
@@ -270,9 +300,6 @@ def _write_logs(
     if execution.people is not None:
         write_people(folder / PEOPLE, execution.people, execution.t_s, levels)
     write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
-    if write_bag and scenario.record.bag and len(execution.t_s):
-        record = record_of(scenario, problem, result.plan, execution, nav, costmap, levels)
-        write_bag(folder / "bag", record, scenario.record)
 
 
 def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:

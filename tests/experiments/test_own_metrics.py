@@ -1,7 +1,6 @@
 """Metrics of users: a function in a file, measured with the run or later, and whatever it does costs no result."""
 
 import json
-import shutil
 
 import pytest
 
@@ -130,18 +129,29 @@ def test_metric_that_is_none_is_refused_before_anything_runs(world, capsys, monk
 
 
 @pytest.mark.slow
-def test_metric_of_a_batch_is_a_column_for_the_runs_whose_folders_are_kept(tmp_path, capsys):
+def test_metrics_of_a_batch_computed_later_are_those_computed_with_it(tmp_path, capsys):
     (tmp_path / "mine.py").write_text(MINE)
-    suite = "base: {map: office, planner: pibt, robots: {count: 2}}\ngrid_search: {seed: 0..2}\n"
-    (tmp_path / "study.yaml").write_text(suite)
-    out, name = tmp_path / "out", f"{tmp_path}/mine.py:driven"
-    assert main(["batch", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1"]) == 0
-    assert main(["analyze", str(out), "--metric", name]) == 2
-    assert "--keep-worst" in capsys.readouterr().err
-    assert main(["batch", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1", "--keep-worst", "2"]) == 0
-    assert main(["analyze", str(out), "--metric", name]) == 0
-    assert "driven of 2 of 3 runs" in capsys.readouterr().out
-    results = load_results(out)
-    assert results["driven"].notna().sum() == 2 and (results["driven"].dropna() > 0).all()
-    shutil.copytree(out, tmp_path / "again")
-    assert main(["compare", str(out), str(tmp_path / "again"), "--metric", name]) == 0
+    base = "base: {map: office, planner: pibt, robots: {count: 2}, record: {metrics: ['./mine.py:driven']}}\n"
+    (tmp_path / "study.yaml").write_text(base + "grid_search: {seed: 0..1, execution.disturbances: [{}, nav2_like]}\n")
+    out, name = tmp_path / "out", f"{tmp_path}/mine.py:top_speed_mps"
+    again = ["batch", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1", "--trust"]
+    assert main([*again, "--metric", name]) == 0
+    assert "top_speed_mps of 4 of 4 runs" in capsys.readouterr().out
+    with_it = load_results(out)
+    assert main(["analyze", str(out), "--metric", f"{tmp_path}/mine.py:driven", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"metrics": ["driven"], "measured": 4, "runs": 4}
+    later = load_results(out)
+    assert later["driven"].tolist() == with_it["driven"].tolist() and with_it["driven"].nunique() == 4
+    assert with_it["top_speed_mps"].between(0.2, 0.23).all()
+    assert len(list((out / "floors").iterdir())) == 1  # of all runs
+    assert main([*again, "--metric", "mine.py:absent"]) == 2
+
+
+@pytest.mark.slow
+def test_a_batch_whose_metric_fails_keeps_its_results(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "study.yaml").write_text("base: {map: office, planner: pibt, robots: {count: 2}}\ngrid_search: {seed: [1]}\n")
+    out = tmp_path / "out"
+    assert main(["batch", str(tmp_path / "study.yaml"), "--out", str(out), "--workers", "1", "--metric", f"{tmp_path}/mine.py:broken"]) == 1
+    assert "in broken: AttributeError" in capsys.readouterr().err
+    assert load_results(out)["status"].tolist() == ["completed"]
