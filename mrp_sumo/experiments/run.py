@@ -28,6 +28,7 @@ from mrp_sumo.experiments.staging.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.run_folder import check_replaceable, plain
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.maps.clearance import standing_walls
+from mrp_sumo.maps.lifts import cabins_of
 
 POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statuses of runs whose plug-in broke its contract
 PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)
@@ -185,7 +186,7 @@ def finish(
     engine
         As for `simulate`.
     """
-    from mrp_sumo.metrics.audit import at_walls, audit
+    from mrp_sumo.metrics.audit import at_walls, audit, beside_lifts
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.fleet_use import ran_empty
     from mrp_sumo.metrics.own import guarded
@@ -213,11 +214,15 @@ def finish(
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
     walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None
-    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls) if execution else None
+    building, level_names = setup.map.building, problem.graph.level_names
+    cabins = cabins_of(building, level_names, setup.map.level_shift_m) if building and building.lifts else None
+    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls, cabins) if execution else None
     busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
     flat = ran_empty(execution.batteries, problem.fleet.robot_name) if execution and execution.batteries else ""
     idle = _unanswered(execution) if execution else ""
-    note = "; ".join(filter(None, (note, at_walls(audited) if audited else "", busy, flat, idle, *setup.notes)))
+    note = "; ".join(
+        filter(None, (note, at_walls(audited) if audited else "", beside_lifts(audited) if audited else "", busy, flat, idle, *setup.notes))
+    )
     if execution:
         let_go_of_samples(execution)
     faults: list[PlugInError] = []

@@ -7,12 +7,12 @@ himself (option `cabin`, a group of capacity one).
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from mrp_sumo.core.graph import Options, PlanGraph, relaid
+from mrp_sumo.core.graph import FloatArray, Options, PlanGraph, relaid
 from mrp_sumo.core.motion import run_time_s
 from mrp_sumo.maps.building import Building, Lift
 
@@ -21,6 +21,7 @@ CABIN_MPS, CABIN_MPS2 = 2.0, 1.2
 DOOR_WIDTH_M = 1.0  # where nothing is known
 LEAST_TRAVEL_M = 1.0  # between two levels that are drawn at one height
 PIECE_M = 0.1  # of a ride, as driven: the shortest that SUMO knows
+BESIDE_M = 0.05  # outside a cabin that is taken for inside, as Open-RMF does (level.py, is_in_lift)
 APART_M = 0.02  # between the vertices in a shaft, so that no two are at one place
 
 Shift = Mapping[str, tuple[float, float]]
@@ -72,6 +73,7 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
     """
     if not graph.is_ride.any():
         return graph
+    graph = _stopping_inside(graph, building, shift_m)
     kept = np.flatnonzero(~graph.is_ride)
     xy, level = [*graph.xy], graph.level.tolist()
     pairs = list(zip(graph.tail[kept].tolist(), graph.head[kept].tolist()))
@@ -112,6 +114,53 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
         xy=xy,
         level=level,
         vertex_options=vertex_options,
+    )
+
+
+def cabins_of(building: Building, level_names: Sequence[str], shift_m: Shift) -> FloatArray:
+    """[C, 6] every cabin on every level, as the graph has them: level, x and y of its centre in m, yaw in rad, width and depth in m."""
+    moved = enumerate(shift_m.get(name, (0.0, 0.0)) for name in level_names)
+    rows = [
+        (k, lift.x_m - building.origin_m[0] + x, lift.y_m - building.origin_m[1] + y, lift.yaw_rad, lift.width_m, lift.depth_m)
+        for k, (x, y) in moved
+        for lift in building.lifts.values()
+    ]
+    return np.array(rows, np.float64).reshape(-1, 6)
+
+
+def _stopping_inside(graph: PlanGraph, building: Building | None, shift_m: Shift) -> PlanGraph:
+    """The graph with rides from cabin to cabin: a cell whose centre is outside gets a vertex at the cabin's centre beside it.
+
+    Robots drive there from the cell, over a lane as long as it is far.
+    """
+    if building is None:
+        return graph
+    rides, inside, xy = np.flatnonzero(graph.is_ride), dict[tuple[int, str], int](), [*graph.xy]
+    for k in rides.tolist():
+        name = str(graph.lane_options[k]["lift"])
+        lift = building.lifts.get(name)
+        for v in {int(graph.tail[k]), int(graph.head[k])} if lift else ():
+            shift = np.array(shift_m.get(graph.level_names[graph.level[v]], (0.0, 0.0))) - building.origin_m
+            if (v, name) not in inside and lift.distance_m(graph.xy[[v]] - shift)[0] > BESIDE_M:
+                inside[v, name] = len(xy)
+                xy.append(shift + np.array([lift.x_m, lift.y_m]))
+    if not inside:
+        return graph
+    pairs = list(zip(graph.tail.tolist(), graph.head.tolist()))
+    for k in rides.tolist():
+        name = str(graph.lane_options[k]["lift"])
+        a, b = pairs[k]
+        pairs[k] = inside.get((a, name), a), inside.get((b, name), b)
+    ways = [pair for (v, _), w in inside.items() for pair in ((v, w), (w, v))]
+    return relaid(
+        graph,
+        lanes=pairs + ways,
+        length_m=[*graph.length_m.tolist(), *(float(np.hypot(*(xy[a] - xy[b]))) for a, b in ways)],
+        speed_mps=[*graph.speed_mps.tolist(), *[np.inf] * len(ways)],
+        lane_options=[*graph.lane_options, *[{}] * len(ways)],
+        xy=xy,
+        level=[*graph.level.tolist(), *(int(graph.level[v]) for v, _ in inside)],
+        vertex_options=[*graph.vertex_options, *[{}] * len(inside)],
     )
 
 

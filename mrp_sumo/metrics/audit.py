@@ -21,6 +21,7 @@ LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
 MOST_PLACES = 2000  # along either side of the floor
+CABIN_M = 0.05  # outside a cabin that is taken for inside, as Open-RMF does
 FAR_M = 1e6  # between levels
 LOOK_M = 1.0  # how far walls are looked for at first
 KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
@@ -33,7 +34,9 @@ KINDS = {  # of violations: the count they go to, in the order of the kernel's n
 }
 
 
-def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, walls: FloatArray | None = None) -> dict[str, Any]:
+def audit(
+    execution: Execution, fleet: Fleet, level: IntArray | None = None, walls: FloatArray | None = None, cabins: FloatArray | None = None
+) -> dict[str, Any]:
     """Look over an execution.
 
     Parameters
@@ -47,6 +50,8 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
         levels of its robots, these lie beside each other, and robots in lifts are on none while they change.
     walls
         [W, 2, 2] m, the walls of all these floors, which lie beside each other, without those that doors open; None where nobody knows.
+    cabins
+        [C, 6] those of lifts: level, x and y of the centre in m, yaw in rad, width and depth in m; None where nobody knows.
 
     Returns
     -------
@@ -62,12 +67,15 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
         stands, or brakes as its field demands, `person_contacts`, the first of both (robot, t_s, person, kind),
         `num_field_violations`, samples of robots that are faster than their fields allow and do not brake, `field_violations`, the
         first of them, and `min_person_distance_m`, the least distance of a moving footprint from a person, all None without people;
+        `num_rides_outside`, changes of level by robots whose centre is not in a cabin before and after, and `rides_outside`, the first of
+        them (robot, t_s, x_m, y_m, level), None without cabins;
         counts of samples over the limits of speed, acceleration, deceleration and turn rate; `num_jumps`, steps longer than the
         robot can drive in the time between two samples, and `num_heading_jumps`, turns of more than twice what it can turn;
         `violations`, the first of each kind; `num_sumo_disagreements`, robots SUMO had elsewhere, and `sumo_disagreements`, the
         first of each; `sumo_apart_m`, the most that SUMO's positions are off (None without any);
         `num_sumo_collisions`, what SUMO reports of collisions, and `sumo_collisions`.
     """
+    rides = _outside_cabins(execution, fleet, cabins)
     if execution.level is not None:
         execution, level = _on_floors(execution, execution.level), None
     overlaps, clearance = _closeness(_apart(execution), fleet, level)
@@ -78,13 +86,15 @@ def audit(execution: Execution, fleet: Fleet, level: IntArray | None = None, wal
     collisions = execution.findings
     return {
         "passed": not (overlaps or walls_found["num_wall_contacts"] or any(counts.values()) or elsewhere or collisions)
-        and not (people_found["num_person_contacts"] or people_found["num_field_violations"]),
+        and not (people_found["num_person_contacts"] or people_found["num_field_violations"] or rides),
         "num_overlaps": len(overlaps),
         "overlaps": overlaps[:LISTED],
         "min_clearance_m": clearance["m"] if clearance else None,
         "min_clearance": clearance and {key: clearance[key] for key in ("robots", "t_s")},
         **walls_found,
         **people_found,
+        "num_rides_outside": None if rides is None else len(rides),
+        "rides_outside": None if rides is None else rides[:LISTED],
         **counts,
         "violations": violations,
         "num_sumo_disagreements": len(elsewhere),
@@ -105,11 +115,40 @@ def at_walls(audited: dict[str, Any]) -> str:
     return f"{first['robot']} {what} at ({first['x_m']:.2f}, {first['y_m']:.2f}) after {first['t_s']:.1f} s{others}"
 
 
+def beside_lifts(audited: dict[str, Any]) -> str:
+    """In words, what an audit found at lifts; '' for nothing."""
+    if not audited["num_rides_outside"]:
+        return ""
+    first, more = audited["rides_outside"][0], audited["num_rides_outside"] - 1
+    others = f", and {more} more" if more else ""
+    return f"{first['robot']} rides a lift outside its cabin at ({first['x_m']:.2f}, {first['y_m']:.2f}) after {first['t_s']:.1f} s{others}"
+
+
 def prepare() -> None:
     """Get the kernels compiled or loaded: two robots that stand still."""
     x, still = np.array([[0.0, 2.0]] * 2), np.zeros((2, 2))
     run = Execution(np.arange(2.0), x, still, still, still, np.zeros(0), np.zeros(2), Outcome.COMPLETED, "", 1.0, 0.0, 0.0)
     audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2), walls=np.array([[(0.0, 1.0), (1.0, 1.0)]]))
+
+
+def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | None) -> list[dict[str, Any]] | None:
+    """Changes of level outside all cabins, by time; None where nobody knows of cabins or levels."""
+    level = execution.level
+    if cabins is None or not len(cabins) or level is None:
+        return None
+    at, robot = np.nonzero(level[1:] != level[:-1])
+    outside = []
+    for k, r in zip(at.tolist(), robot.tolist()):
+        for sample in (k, k + 1):
+            here = cabins[cabins[:, 0] == level[sample, r]]
+            x_m, y_m = float(execution.x_m[sample, r]), float(execution.y_m[sample, r])
+            dx, dy, c, s = x_m - here[:, 1], y_m - here[:, 2], np.cos(here[:, 3]), np.sin(here[:, 3])
+            beyond = np.maximum(np.abs(c * dx + s * dy) - here[:, 4] / 2, np.abs(c * dy - s * dx) - here[:, 5] / 2)
+            if not (beyond <= CABIN_M).any():
+                place = {"x_m": x_m, "y_m": y_m, "level": int(level[sample, r])}
+                outside.append({"robot": fleet.robot_name[r], "t_s": float(execution.t_s[sample]), **place})
+                break
+    return outside
 
 
 def _on_floors(execution: Execution, level: IntArray) -> Execution:

@@ -7,7 +7,7 @@ from shapely import affinity, geometry
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.metrics._audit import rectangle_distance
-from mrp_sumo.metrics.audit import audit
+from mrp_sumo.metrics.audit import audit, beside_lifts
 
 pytestmark = pytest.mark.kernel
 
@@ -209,3 +209,21 @@ def test_the_search_misses_no_pair_at_no_time(area_m, crowded):
     assert all(nearest[pair] < 0.02 for pair in told - seen)  # 40 moments are too few to see these
     assert 0 <= max(min(nearest.values()), 0) - found["min_clearance_m"] < 0.02
     assert [o["t_s"] for o in found["overlaps"]] == sorted(o["t_s"] for o in found["overlaps"])
+
+
+CABIN = np.array([[0, 10.0, 0.0, 0.0, 2.0, 1.5], [1, 10.0, 0.0, 0.0, 2.0, 1.5]])  # of one lift on two levels, 2 m along x
+
+
+@pytest.mark.parametrize(("x_m", "outside"), [(9.1, 0), (11.0, 0), (8.9, 1), (11.4, 1)])
+def test_who_changes_levels_is_in_a_cabin(x_m, outside):
+    level = np.array([[0], [0], [1], [1]], np.int16)
+    found = audit(driven([[x_m]] * 4, [[0.0]] * 4, level=level), fleet_of(CART, 1), cabins=CABIN)
+    assert (found["num_rides_outside"], found["passed"]) == (outside, not outside)
+    if outside:
+        assert found["rides_outside"] == [{"robot": "robot_0", "t_s": 1.0, "x_m": x_m, "y_m": 0.0, "level": 0}]
+        assert beside_lifts(found) == f"robot_0 rides a lift outside its cabin at ({x_m:.2f}, 0.00) after 1.0 s"
+
+
+def test_who_stays_on_a_level_needs_no_cabin():
+    level = np.zeros((4, 1), np.int16)
+    assert audit(driven([[3.0]] * 4, [[0.0]] * 4, level=level), fleet_of(CART, 1), cabins=CABIN)["num_rides_outside"] == 0
