@@ -9,7 +9,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.facilities import FacilityLog
-from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_states import RobotStateLog
@@ -68,6 +68,7 @@ class GrantLog:
     t_s: FloatArray  # [G]
     robot: IntArray  # [G]
     visit: IntArray  # [G] the last visit it may drive to from then on, counted from 0 along its way
+    enters: BoolArray  # [G] whether it may also enter the lane to the next one, short of which it is to stop
 
 
 @dataclass(frozen=True)

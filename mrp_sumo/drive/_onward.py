@@ -24,7 +24,7 @@ def drive_on(step, most, dt, sample_every, bodies, kinematics, rules, visits, ne
         the tape; samples and grants on the tape.
     """
     s_m, granted, rank = bodies.s_m, visits.granted, visits.rank
-    command, changed, known = state.grants.command_mps, news.changed, tape.known
+    command, changed, known, on_lane = state.grants.command_mps, news.changed, tape.known, state.grants.on_lane
     made, num_samples, num_grants = 0, 0, 0
     ended = num_ended(visits, state)
     while True:
@@ -35,9 +35,10 @@ def drive_on(step, most, dt, sample_every, bodies, kinematics, rules, visits, ne
         if num_logged > 0 or made == most or num_ended(visits, state) != ended:
             return made, num_logged, num_changed, num_due, num_samples, num_grants
         for r in range(len(s_m)):
-            if rank[granted[r]] != known[r]:
-                known[r] = rank[granted[r]]
-                tape.grant_s[num_grants], tape.grant_robot[num_grants], tape.grant_rank[num_grants] = now, r, known[r]
+            may = 2 * rank[granted[r]] + on_lane[r]
+            if may != known[r]:
+                known[r] = may
+                tape.grant_s[num_grants], tape.grant_robot[num_grants], tape.granted[num_grants] = now, r, may
                 num_grants += 1
         if (step + made) % sample_every == 0:
             tape.samples[num_samples, 0] = state.motion.s_m

@@ -173,28 +173,28 @@ class GrantRecorder:
     """Keeps when robots are granted more of their ways."""
 
     def __init__(self, num_robots: int) -> None:
-        self.known = np.full(num_robots, -1, np.int64)  # rank of the last visit that each robot has been granted
+        self.known = np.full(num_robots, -1, np.int64)  # twice the rank of the last visit granted, one more where its next lane is entered
         self._rows: list[tuple[FloatArray, IntArray, IntArray]] = []
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
         visits = moment.ledger.visits
-        granted = visits.rank[visits.granted]
+        granted = 2 * visits.rank[visits.granted] + moment.ledger.state.grants.on_lane
         more = np.flatnonzero(granted != self.known)
         if len(more):
             self.add(np.full(len(more), moment.now_s), more, granted[more])
             self.known[more] = granted[more]
 
-    def add(self, t_s: FloatArray, robot: IntArray, rank: IntArray) -> None:
-        """Keep some more: times, robots, ranks of the last visits that they were granted."""
-        self._rows.append((t_s, robot, rank))
+    def add(self, t_s: FloatArray, robot: IntArray, granted: IntArray) -> None:
+        """Keep some more: times, robots, and what they were granted then, as in `known`."""
+        self._rows.append((t_s, robot, granted))
 
     def log(self) -> GrantLog:
         """What was kept."""
         t_s = np.concatenate([np.zeros(0), *(row[0] for row in self._rows)])
         none = [np.zeros(0, np.int64)]
-        robot, visit = (np.concatenate([row[k] for row in self._rows] or none) for k in (1, 2))
-        return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit))
+        robot, granted = (np.concatenate([row[k] for row in self._rows] or none) for k in (1, 2))
+        return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(granted // 2), frozen(granted % 2 == 1))
 
 
 @dataclass

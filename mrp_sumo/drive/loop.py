@@ -272,8 +272,8 @@ class Drive:
         seen, made, num_samples, num_grants = self.controller.drive_on(step, most, sample_every, bodies, self.world.conditions, tape)
         alone.recorder.add(num_samples)
         if num_grants:
-            t_s, robot, rank = self._tape_grants
-            alone.grants.add(t_s[:num_grants].copy(), robot[:num_grants].copy(), rank[:num_grants].copy())
+            t_s, robot, granted = self._tape_grants
+            alone.grants.add(t_s[:num_grants].copy(), robot[:num_grants].copy(), granted[:num_grants].copy())
         return step + made, seen
 
     @property

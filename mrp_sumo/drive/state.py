@@ -245,10 +245,10 @@ class Tape(NamedTuple):
     """What is kept of steps in which nothing else happened."""
 
     samples: FloatArray  # [K, 3, R] distance, heading, speed
-    known: IntArray  # [R] rank of the last visit that each robot is known to have been granted
+    known: IntArray  # [R] twice the rank of the last visit that each robot is known to have been granted, one more where it enters a lane
     grant_s: FloatArray  # [G] when robots were granted more
     grant_robot: IntArray  # [G]
-    grant_rank: IntArray  # [G] rank of the last visit that they were granted then
+    granted: IntArray  # [G] what they were granted then, as in `known`
 
 
 def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: IntArray) -> State:

@@ -1,4 +1,5 @@
-"""When robots were granted more of their ways, as Parquet: `t_s`, `robot` (name) and `visit`, the last that it may drive to from then on.
+"""When robots were granted more of their ways, as Parquet: `t_s`, `robot` (name), `visit`, the last that it may drive to from then on, and
+`enters`: it may also enter the lane to the next visit, short of which it waits for others.
 
 Visits are counted from 0, the start, along the robot's whole way, replans included.
 """
@@ -18,7 +19,7 @@ from mrp_sumo.io.arrow import numbers, texts
 def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> None:
     """Write the table."""
     robot = pa.DictionaryArray.from_arrays(numbers(grants.robot.astype(np.int32)), texts(robot_name))
-    table = pa.table({"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit)})
+    table = pa.table({"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit), "enters": pa.array(grants.enters)})
     pq.write_table(table, path, compression="zstd")
 
 
@@ -26,6 +27,6 @@ def read_grants(path: Path, robot_name: Sequence[str]) -> GrantLog:
     """The grants as they were written."""
     table = pq.read_table(path)
     number = {name: r for r, name in enumerate(robot_name)}
-    t_s, visit = (table[name].to_numpy(zero_copy_only=False) for name in ("t_s", "visit"))
+    t_s, visit, enters = (table[name].to_numpy(zero_copy_only=False) for name in ("t_s", "visit", "enters"))
     robot = np.array([number[name] for name in table["robot"].to_pylist()], np.int64)
-    return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit.astype(np.int64)))
+    return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit.astype(np.int64)), frozen(enters.astype(np.bool_)))

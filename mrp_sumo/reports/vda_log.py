@@ -1,6 +1,7 @@
 """A finished run as the messages of VDA 5050 that a fleet manager and its vehicles would have exchanged.
 
-The base of an order is what the ledger had granted by then, its horizon the rest of the robot's way. What is granted, and every other way
+The base of an order is what the ledger had granted by then, to the end of a lane that is entered, its horizon the rest of the robot's
+way. What is granted, and every other way
 that a robot is sent, is an update of the order with the last node of its base as the stitching node. A robot that has made its way to
 the end gets a new order with its next way. Simulated time begins on the first of January 1970.
 """
@@ -180,7 +181,8 @@ class Vehicle:
                 way = way[: int(reply.since[k]) + 1] + more
                 found.append(Happening(float(reply.t_s), WAY, 0, way))
         rows = np.flatnonzero(self.grants.robot == r)
-        found += [Happening(t, GRANT, v) for t, v in zip(self.grants.t_s[rows].tolist(), self.grants.visit[rows].tolist())]
+        may = self.grants.visit[rows] + self.grants.enters[rows]  # an order's base ends at a node: that of the lane which is entered
+        found += [Happening(t, GRANT, v) for t, v in zip(self.grants.t_s[rows].tolist(), may.tolist())]
         end_s = float(execution.t_s[-1])
         if self.record.goal_heading_rad is not None and len(way) > 1 and execution.goal_s[r] > way[-1].arrived_s:
             way = (*way[:-1], way[-1]._replace(arrived_s=float(execution.goal_s[r])))  # it is there once it faces as it is to

@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from wire.worlds import SCENARIO, driven
@@ -101,8 +102,21 @@ def test_the_base_is_what_the_ledger_has_granted(logs, folder):
     for m in of(logs["3.0"], "order"):
         robot = int(m["topic"].split("/")[3].removeprefix("robot_"))
         rows = (grants.robot == robot) & (grants.t_s <= m["t_s"] + 1e-9)
-        assert sum(n["released"] for n in m["payload"]["nodes"]) <= grants.visit[rows].max() + 1
+        assert sum(n["released"] for n in m["payload"]["nodes"]) <= (grants.visit + grants.enters)[rows].max() + 1
     assert any(not n["released"] for m in of(logs["3.0"], "order") for n in m["payload"]["nodes"])
+
+
+def test_a_lane_is_in_the_base_once_a_robot_is_on_it(logs, folder):
+    run = load_run(folder)
+    grants = run.execution.grants
+    waited = np.flatnonzero(grants.enters)
+    assert len(waited), "somebody waits on a lane, short of the next vertex"
+    for row in waited.tolist():
+        t_s, name = float(grants.t_s[row]), run.fleet.robot_name[grants.robot[row]]
+        orders = [m["payload"] for m in of(logs["3.0"], "order") if m["topic"].split("/")[3] == name and m["t_s"] <= t_s + 1e-9]
+        base = [n["nodeId"] for n in orders[-1]["nodes"] if n["released"]]
+        states = [m["payload"] for m in of(logs["3.0"], "state") if m["topic"].split("/")[3] == name and m["t_s"] > t_s]
+        assert states[0]["lastNodeId"] != base[-1], "it is on its way to the last node of its base"
 
 
 def test_files_by_vehicle_hold_the_same_messages(logs, folder):
