@@ -5,10 +5,14 @@ oncoming robots stop a separation apart. Refuses a second simulation in one proc
 replace the first. Everything SUMO complains of comes out as an ExecutionError.
 """
 
+import os
 import struct
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
+from io import StringIO
 from itertools import compress
 from pathlib import Path
 from typing import Any
@@ -218,7 +222,8 @@ def running_sumo(
             loaded.write_text(shorten(Path(network).read_text(encoding="utf-8")), encoding="utf-8")
         _running = True
         try:
-            api.start(
+            _start(
+                api,
                 [
                     *(program, "-n", str(loaded), "-a", _additional(Path(network), types, gui), "--step-length", f"{step_length_s:g}"),
                     *("--time-to-teleport", "-1", "--insertion-checks", "none", "--collision.action", "warn"),
@@ -235,7 +240,7 @@ def running_sumo(
                     *("--step-method.ballistic", "false"),  # SUMO would choose it where vehicles do not plan in every step
                     *("--xml-validation", "never", "--duration-log.disable", "true", "--seed", str(seed % 2**31)),
                     *(VIEW if gui else ()),
-                ]
+                ],
             )
             yield Sumo(api, fleet.num_robots, plan_every_s)
         except (api.TraCIException, api.FatalTraCIError, struct.error, ConnectionError) as error:
@@ -275,6 +280,27 @@ def _api(gui: bool) -> tuple[Any, str]:
     import traci
 
     return traci, str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui")
+
+
+def _start(api: Any, command: list[str]) -> None:
+    """Start SUMO; sumo-gui once only, in silence, since traci's own `start` tries sixty times where there is no display."""
+    if api.isLibsumo():
+        api.start(command)
+        return
+    from sumolib.miscutils import getFreeSocketPort
+
+    if sys.platform != "win32" and not os.environ.get("DISPLAY"):
+        raise ExecutionError("sumo-gui needs a display, and there is none (DISPLAY is not set); --live shows the run in a browser")
+    port = getFreeSocketPort()
+    process = subprocess.Popen([*command, "--remote-port", str(port)], stderr=subprocess.DEVNULL)
+    try:
+        with redirect_stdout(StringIO()):  # where traci counts its attempts
+            api.init(port, proc=process)
+    except api.TraCIException as error:
+        process.kill()
+        raise ExecutionError(
+            f"sumo-gui ended as it started, DISPLAY is '{os.environ.get('DISPLAY', '')}'; --live shows the run in a browser"
+        ) from error
 
 
 def _additional(network: Path, types: Path, gui: bool) -> str:
