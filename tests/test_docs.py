@@ -5,6 +5,7 @@ import re
 import shlex
 from dataclasses import fields
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -107,3 +108,33 @@ def test_every_planner_is_documented_with_its_parameters_and_defaults():
         written = {key: "" if value == "empty" else value for key, value in re.findall(r"`(\w+)` \((.+?)\)", rows[name])}
         assert written == {key: "" if value == () else str(value).lower() for key, value in defaults.items()}, name
         assert written.keys() <= explained, name
+
+
+def pages_of_the_index():
+    """The page that each row of the table in docs/index.md leads to first."""
+    text = (PROJECT / "docs" / "index.md").read_text(encoding="utf-8")
+    return re.findall(r"^\| [^|]+ \| .*?\]\((\w+\.md)\)", text, re.M)
+
+
+@pytest.mark.parametrize("page", pages_of_the_index())
+def test_page_of_the_index_begins_with_three_commands_and_is_followed(page):
+    text = (PROJECT / "docs" / page).read_text(encoding="utf-8")
+    commands = [
+        line for block in re.findall(r"^```bash\n(.*?)^```$", text, re.M | re.S) for line in block.splitlines() if "mrp-sumo" in line
+    ]
+    assert len(commands) >= 3
+    assert page in follower().TUTORIALS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["README.md", *pages_of_the_index()])
+def test_every_line_that_a_page_shows_ends_with_exit_code_0(page):
+    assert follower().followed(page) == []
+
+
+def follower():
+    """`tools/docs.py`, which does what pages show."""
+    spec = spec_from_file_location("docs_followed", PROJECT / "tools" / "docs.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -3,10 +3,11 @@
     ./tools/docs.sh                        # site/; its search needs a server: python -m http.server --directory site
     ./tools/docs.sh --check [try.md ...]   # only run what the pages show
 
-The pages of TUTORIALS are followed as a reader follows them, in a folder of their own and in the order of the page: code blocks with a
-title are files, `bash` blocks are commands, which must end with exit code 0, and `python` blocks are one script. Python and plug-ins of
-other pages are run by the tests (tests/door/test_front.py, tests/test_documented_plug_ins.py), notebooks by mkdocs-jupyter. A dead
-link or anchor ends the build.
+The pages of TUTORIALS are followed as a reader follows them, on a machine without a display, in an empty folder and in the order of the
+page: code blocks with a title are files, `bash` blocks are commands, which must end with exit code 0, and `python` blocks are one script.
+Commands are those of the Python that runs this file, so that the same pages are followed in a clone and from the wheel. Python and plug-ins
+of other pages are run by the tests (tests/door/test_front.py, tests/test_documented_plug_ins.py), notebooks by mkdocs-jupyter. A dead link
+or anchor ends the build.
 """
 
 import argparse
@@ -22,7 +23,11 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[1]
 DOCS, SITE = PROJECT / "docs", PROJECT / "site"
-TUTORIALS = ("try.md", "integrator.md", "fleet_manager.md", "robots.md", "lifelong.md", "own_planner.md", "own_plugins.md", "compare.md")
+README = "README.md"
+TUTORIALS = (
+    *(README, "try.md", "maps.md", "robots.md", "own_planner.md", "own_plugins.md", "capacity.md", "compare.md", "scenario.md", "faq.md"),
+    *("integrator.md", "fleet_manager.md", "lifelong.md"),
+)
 EMBEDDED = {  # replay page -> scenario and options
     "office_5": ("office_5",),
     "office_9": ("office_9",),
@@ -65,7 +70,7 @@ def followed(page: str) -> list[str]:
     """Follow a page. Returns a line for each thing that does not work. What it leaves running in the background ends with it."""
     script, wrong, groups = "", [], []
     with tempfile.TemporaryDirectory() as place:
-        for language, title, text in BLOCK.findall((DOCS / page).read_text(encoding="utf-8")):
+        for language, title, text in BLOCK.findall((PROJECT / page if page == README else DOCS / page).read_text(encoding="utf-8")):
             if title:
                 Path(place, title).write_text(text, encoding="utf-8")
             elif language == "bash":
@@ -87,10 +92,10 @@ def followed(page: str) -> list[str]:
 def why_not(line: str, place: str, groups: list[int]) -> str:
     """Run a command as a reader does, in a process group of its own, which is noted. Returns why it failed, '' if it did not."""
     print(f"docs: {line}", flush=True)
-    commands = f'mrp-sumo() {{ "{sys.executable}" -m mrp_sumo "$@"; }}; python() {{ "{sys.executable}" "$@"; }}; {line}'
-    environment = {**os.environ, "PYTHONPATH": str(PROJECT), "BROWSER": "true"}
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    environment |= {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "BROWSER": "true"}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(["bash", "-c", commands], cwd=place, env=environment, start_new_session=True, **pipes) as process:
+    with subprocess.Popen(["bash", "-c", line], cwd=place, env=environment, start_new_session=True, **pipes) as process:
         groups.append(process.pid)
         output, errors = process.communicate()
     said = (errors.strip() or output.strip()).splitlines()

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Build the wheel, install it with its locked dependencies into an empty environment, and use it from a folder far from the sources: a run, a
-# batch, a report, a replay page, and a plug-in from a file. Prints the size of the environment and its ten largest packages.
+# batch, a report, a replay page, a plug-in from a file, and the tour of the README, line by line. Prints the size of the environment and its ten largest packages.
 #   tools/wheel.sh [--keep DIR]    # leaves the wheel in DIR
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -44,6 +44,7 @@ mrp-sumo run office_5 --set map=nowhere 2> refusal.txt && exit 1
 test "$(wc -l < refusal.txt)" = 1
 if mrp-sumo render run --video run.mp4 2> refusal.txt; then exit 1; fi
 grep -q 'mrp-sumo\[video\]' refusal.txt
+python "$project/tools/docs.py" --check README.md
 cd "$project"
 if [ "${1:-}" = --keep ]; then mkdir -p "$2" && cp "$wheel" "$2"; fi
 echo "wheel: $(du -h "$wheel" | cut -f1), environment: $(du -sh "$scratch/env" | cut -f1)"
