@@ -8,6 +8,7 @@ cannot be run, or --keep-worst kept none, 2 for bad input, 130 when it was inter
 import argparse
 import json
 import os
+import shlex
 import signal
 import sys
 import time
@@ -92,8 +93,7 @@ def run(options: argparse.Namespace) -> int:
             kept_none = not num_kept
             shown.report(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
-        again = f"mrp-sumo batch {options.suite} --out {folder}"
-        print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {again}", file=sys.stderr)
+        print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}", file=sys.stderr)
         return 130
     if options.json:
         print(json.dumps({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}))

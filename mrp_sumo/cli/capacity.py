@@ -21,7 +21,6 @@ from mrp_sumo.errors import BatchError, MrpSumoError
 if TYPE_CHECKING:
     from mrp_sumo.sizing.answer import Answer
     from mrp_sumo.sizing.question import Question
-    from mrp_sumo.sizing.replays import keep
     from mrp_sumo.sizing.study import Study
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}
@@ -74,6 +73,7 @@ def run(options: argparse.Namespace) -> int:
     """Make the study, write its page, print the answer."""
     from mrp_sumo.plugins.trust import trust_everything
     from mrp_sumo.reports.capacity.page import write_capacity_page
+    from mrp_sumo.sizing.replays import keep
     from mrp_sumo.sizing.study import Study
 
     if options.trust:
@@ -140,7 +140,8 @@ def _command(options: argparse.Namespace) -> str:
     for name in ("demand", "on_time", "robots", "budget", "horizon", "confirm", "seed"):
         if (value := getattr(options, name)) is not None:
             parts += [f"--{name.replace('_', '-')}", str(value)]
-    parts += ["--quick"] * options.quick + (["--engine", options.engine] if options.engine != "kinematic" else [])
+    parts += ["--quick"] * options.quick + ["--trust"] * options.trust
+    parts += ["--engine", options.engine] if options.engine != "kinematic" else []
     for text in options.what_if:
         parts += ["--what-if", text]
     return shlex.join(parts)

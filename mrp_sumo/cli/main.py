@@ -1,7 +1,7 @@
 """The command `mrp-sumo`: finds the subcommand's module, turns expected failures into one line and an exit code.
 
 0: done. 1: the run finished without all robots at their goals, or a check failed. 2: bad input.
-A subcommand is a module of this folder with `arguments(parser)` and `run(options) -> exit code`.
+A subcommand is a module of this folder with `arguments(parser)` and `run(options) -> exit code`; `options.command_line` are its words.
 """
 
 import argparse
@@ -98,8 +98,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _of_the_process() -> list[str]:
     """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
     leave_current_folder()
-    atexit.register(gc.freeze)
+    atexit.register(_keep_garbage)
     return sys.argv[1:]
+
+
+def _keep_garbage() -> None:
+    if "duckdb" not in sys.modules:  # which prints a line for each object of its own that is left
+        gc.freeze()
 
 
 def _dispatch(arguments: list[str]) -> int:
@@ -119,6 +124,7 @@ def _dispatch(arguments: list[str]) -> int:
         print(f"{name} ...", end="\r", file=sys.stderr, flush=True)  # whatever comes next is written over it
     command = import_module(module)
     parser = Parser(prog=f"mrp-sumo {name}", description=command.__doc__ or summary, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.set_defaults(command_line=["mrp-sumo", *arguments])  # for lines that tell how to go on
     command.arguments(parser)
     return int(command.run(parser.parse_args(arguments[1:])))
 

@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
         print_json(result, out)
     else:
         print_result(result, out, options.verbose)
-        _print_next(result, out, options.scenario)
+        _print_next(result, out, options)
     if options.replay and (out / "plan.json").is_file():
         from mrp_sumo.reports.replay.page import write_replay
 
@@ -224,13 +224,24 @@ def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
         console.print(detail)
 
 
-def _print_next(result: "RunResult", out: Path, scenario: str | None) -> None:
+def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> None:
     """The three commands that are most likely wanted now."""
-    folder, again = shlex.quote(str(out)), f"mrp-sumo run {shlex.quote(scenario)}" if scenario else ""
+    folder = shlex.quote(str(out))
     if result.plan is None:
-        lines = [f"{again} --planner lacam", f"{again} --time-limit 300", "mrp-sumo list planners"] if again else ["mrp-sumo list planners"]
+        asked = result.result["scenario"]["planner"]
+        lines = [_again(options, "--time-limit", f"{max(300.0, 10 * asked['time_limit_s']):g}"), "mrp-sumo list planners"]
+        if asked["name"] != "auto":
+            lines.insert(0, _again(options, "--planner", "auto" if asked["name"] == "lacam" else "lacam"))
     else:
         lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.mp4", f"mrp-sumo report {folder}"]
-        if result.status == "deadlock" and again:
-            lines[2] = f"{again} --set execution.on_deadlock=resolve"
+        if result.status == "deadlock":
+            lines[2] = _again(options, "--set", "execution.on_deadlock=resolve")
     print("next: " + "\n      ".join(lines))
+
+
+def _again(options: argparse.Namespace, option: str, value: str) -> str:
+    """The command line of this run with an option that is other; `--set` comes besides what is set."""
+    words = options.command_line
+    if option != "--set":
+        words = [word for i, word in enumerate(words) if option not in (word, words[i - 1]) and not word.startswith(f"{option}=")]
+    return shlex.join([*words, option, value])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mrp_sumo.core.execution import RECORDED
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
@@ -62,6 +63,8 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None)
     before = read_json(folder / RESULT)
     if not isinstance(before, dict) or not {"scenario", "files", "metrics", "status"} <= before.keys():
         raise MrpSumoError(f"{folder}: not a run folder: {RESULT} has no scenario, files, metrics and status")
+    if before.get("policy") == RECORDED:
+        raise MrpSumoError(f"{folder}: was read from a log, not driven here: `mrp-sumo import` makes it again")
     scenario = validated(Document(folder / RESULT, before["scenario"], {}), Scenario)
     file = ScenarioFile(scenario, Document(base / RESULT, before["scenario"], {}), {})
     with tempfile.TemporaryDirectory(prefix="mrp_sumo_") as place:

@@ -187,11 +187,12 @@ class RunResult:
         """
         from mrp_sumo.bags.writer import write_recorded_bag
 
+        graph = self.solution.problem.graph  # that of a recorded fleet of which nobody moved has no lanes
         write_run(
             out,
             **self._told,
             zones=self.zones,
-            network=maps.network(self.solution.problem.graph),
+            network=maps.network(graph) if graph.num_lanes else None,
             nav=self.setup.map.nav,
             costmap=self.costmap,
             outline=self.outline,

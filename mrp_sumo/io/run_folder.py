@@ -82,7 +82,7 @@ def write_run(
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
     zones: ZoneLog | None,
-    network: Path,
+    network: Path | None,
     nav: NavGraph | None,
     costmap: "Costmap | None",
     outline: Outline | None = None,
@@ -104,7 +104,7 @@ def write_run(
     zones
         How occupied they were, where that is known.
     network
-        The SUMO network, copied.
+        The SUMO network, copied; None for a graph without lanes, which has none.
     nav, costmap, outline
         The map as drawn, and its walls as sensors see them and as drawn.
     levels
@@ -131,7 +131,8 @@ def write_run(
     try:
         new.mkdir(parents=True)
         document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
-        shutil.copyfile(network, new / "network.net.xml")
+        if network is not None:
+            shutil.copyfile(network, new / "network.net.xml")
         if costmap is not None:
             write_walls(new, costmap)
         if outline is not None:

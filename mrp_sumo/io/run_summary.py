@@ -74,7 +74,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         if m["num_people"] is not None:
             yield (
                 "people",
-                f"{m['num_people']}, {m['protective_stops_per_robot_h']:.1f} protective stops per robot-hour",
+                f"{m['num_people']}",
+                _rate(m["protective_stops_per_robot_h"], "protective stops per robot-hour"),
                 f"{seconds(m['lost_to_people_s'])} lost",
                 f"nearest {_metres(m['min_person_distance_m'])}",
                 count(m["num_person_contacts"], "contact"),
@@ -100,6 +101,10 @@ def _lateness(value: float | None) -> str:
 
 def _metres(value: float | None) -> str:
     return "" if value is None else f"{value:.3f} m"
+
+
+def _rate(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.1f} {unit}"
 
 
 def _count(value: float | None, unit: str = "") -> str:

@@ -86,7 +86,7 @@ def write_vda(path: Path, record: RunRecord, version: str) -> None:
     """
     dialect = Dialect(version)
     if record.plan is None or record.execution.grants is None:
-        lacks = "has no plan" if record.plan is None else "does not say when robots were granted their ways: make it again"
+        lacks = "has no plan" if record.plan is None else "does not say when robots were granted their ways; no recording does"
         raise MrpSumoError(f"the run '{record.name}' {lacks}")
     serials = serials_of(record.fleet.robot_name)
     with replacing(path) as partial:

@@ -333,11 +333,11 @@ def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -
         else:
             palette = np.array([to_rgba(colour, alpha[state]) for state, _, colour, _ in sorted(STATES)] + [(0, 0, 0, 0)])
             pixels = palette[np.where(there, states, len(STATES))[:, order].T]
-            ax.imshow(pixels, aspect="auto", extent=(times[0], times[-1], num - 0.5, -0.5), interpolation="nearest")
+            ax.imshow(pixels, aspect="auto", extent=(times[0], times[-1] or 1.0, num - 0.5, -0.5), interpolation="nearest")
             ax.set_ylabel("robots, by arrival")
             ax.grid(visible=False)
         ax.grid(axis="y", visible=False)
-        ax.set(xlim=(0, times[-1]), ylim=(num - 0.4, -0.6), xlabel="time (s)")
+        ax.set(xlim=(0, times[-1] or 1.0), ylim=(num - 0.4, -0.6), xlabel="time (s)")
         seen = np.unique(states[there])
         handles = [Patch(facecolor=colour, alpha=alpha[state], label=name) for state, name, colour, _ in STATES if state in seen]
         figure.legend(handles=handles, loc="outside lower left", ncols=4)

@@ -63,6 +63,8 @@ def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Call
     if wanted.titles:
         scenes = titled(scenes, wanted.titles)
     end_s = max(scene.end_s for scene in scenes)
+    if not end_s:
+        raise MrpSumoError("nobody moved, the run lasts 0 s: a picture shows it, --at 0 --out FILE")
     to_s = end_s if wanted.to_s is None else min(wanted.to_s, end_s)
     if not 0 <= wanted.from_s < end_s:
         raise MrpSumoError(f"--from {wanted.from_s:g}: is outside the run, which lasts from 0 to {end_s:g} s")
