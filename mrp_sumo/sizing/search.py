@@ -70,9 +70,13 @@ class Desk:
         made = not self.closed or all(self.recorded(trial) is not None for trial in trials)
         if made and self.spent_s + cost <= self.share * self.question.effort.budget_s:
             return True
+        self.leave_out(reason)
+        return False
+
+    def leave_out(self, reason: str) -> None:
+        """Note what the budget does not buy."""
         if reason not in self.left_out:
             self.left_out.append(reason)
-        return False
 
     def records(self, trials: Sequence[Trial]) -> list[Record]:
         """The records of trials, which are paid for. Raises Missing."""
@@ -99,9 +103,12 @@ class Curve:
     chosen: int | None = None  # the best, once that is settled
 
     def ask(self, wanted: dict[int, int], reason: str) -> bool:
-        """Have so many seeds at sizes. All are asked for at once; False where the budget does not buy them."""
+        """Have so many seeds at sizes. All are asked for at once; False where the budget buys nothing that is not there yet."""
         if self.desk.closed:
             wanted = {n: self._made(n, seeds) for n, seeds in wanted.items()}
+            if all(seeds <= self.seeds(n) for n, seeds in wanted.items()):
+                self.desk.leave_out(reason)
+                return False
         trials = [self._trial(n, k) for n, seeds in wanted.items() for k in range(seeds)]
         if not self.desk.affords(trials, reason):
             return False

@@ -6,7 +6,7 @@ Killed and started again, it goes on where it was, and the answer is the same to
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, inf
+from math import ceil
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -129,14 +129,12 @@ class Estimate:
 class _Clock:
     """Ends a batch, and the runs under way, when the budget is over; before, what the user asks for."""
 
-    def __init__(self, budget_s: float, stop: Callable[[], int]) -> None:
-        self._budget_s, self._stop, self._began_s = budget_s, stop, inf
+    def __init__(self, ends_s: float, stop: Callable[[], int]) -> None:
+        self._ends_s, self._stop = ends_s, stop
         self.is_over = False
 
     def __call__(self) -> int:
-        now_s = monotonic()
-        self._began_s = min(self._began_s, now_s)
-        self.is_over = now_s - self._began_s >= self._budget_s
+        self.is_over = monotonic() >= self._ends_s
         return NOW if self.is_over else self._stop()
 
 
@@ -154,6 +152,7 @@ class Study:
         """
         require_answerable(question)
         self.question = question
+        self._began_s = monotonic()  # the pilot counts, too
         self._runs: dict[Trial, PlannedRun] = {}
         self._records: dict[str, Record] = {}
         self.variations = Variations(question.file, f"capacity_{question.file.scenario.name}", code_version())
@@ -243,7 +242,7 @@ class Study:
             self.question = replace(self.question, charging=self._cycle())
         answer: Answer | None = None
         known: Lookup | None = None
-        clock = _Clock(self.question.effort.budget_s, stop)
+        clock = _Clock(self._began_s + self.question.effort.budget_s, stop)
 
         def choose(lookup: Lookup) -> list[PlannedRun]:
             nonlocal answer, known

@@ -142,3 +142,13 @@ def test_a_study_that_is_closed_answers_from_what_there_is():
     assert "the answer is from those that were" in whole.notes[0]
     nothing, _ = answer_of(asked, lambda trial: None, closed=True)
     assert nothing.sentence.startswith("Nothing is known") and nothing.document["answer"]["limit"] is None
+
+
+def test_a_study_that_is_closed_where_limits_are_still_wide_asks_for_no_more():
+    asked = question((4, 9), replace(FEW, most_seeds=12))
+    runs = Known(asked, {4: (150, SURE), 6: (200, VAGUE), 9: (192, VAGUE)})
+    answer, trials = answer_of(asked, lambda trial: runs(trial) if trial.seed < 4 else None, closed=True)
+    assert {trial.seed for trial in trials} == {0, 1, 2, 3} and not answer.limits.measured
+    assert "the budget did not buy closer limits" in answer.notes
+    more, trials = answer_of(asked, runs)
+    assert {trial.seed for trial in trials} > {0, 1, 2, 3} and more.limits.measured
