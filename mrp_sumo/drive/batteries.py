@@ -41,10 +41,10 @@ class Batteries:
             turning, power_w = (turn_rate - rate_then) / dt, np.zeros(len(self.level))
             for battery, mine in self._of_kind:
                 power_w[mine] = battery.power_w(mean_mps[mine], accel[mine], turn_rate[mine], turning[mine])
-            used_j = np.where(charging | (self.level <= 0), 0.0, power_w * dt)
-            filled = np.where(charging, dt / self._full_s, 0.0)
-            before = self.level
-            self.level = np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0)
+            before, filled = self.level, np.where(charging, dt / self._full_s, 0.0)
+            drained = ~charging & (power_w * dt >= before * self._energy_j)
+            used_j = np.where(charging, 0.0, np.minimum(power_w * dt, before * self._energy_j))  # no more than there is
+            self.level = np.where(drained, 0.0, np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0))
             self._used_j += used_j
             self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self._energy_j
             empty = np.flatnonzero((self.level <= 0) & (before > 0)).tolist()

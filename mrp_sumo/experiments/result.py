@@ -49,6 +49,7 @@ class RunResult:
     details: str = ""  # the traceback of a plug-in that failed
     zones: ZoneLog | None = None  # how occupied they were, of a run with tasks
     metric_faults: tuple[str, ...] = ()  # a line for each of the user's metrics that failed; in `note`, too
+    operations_audit: dict[str, Any] | None = None  # of a run with tasks
 
     @property
     def source(self) -> str:
@@ -168,6 +169,7 @@ class RunResult:
             "execution": self.execution,
             "metrics": self.metrics,
             "audit": self.audit,
+            "operations_audit": self.operations_audit,
         }
 
     def write(self, out: Path, maps: MapCache) -> None:

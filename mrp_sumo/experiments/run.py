@@ -247,7 +247,18 @@ def finish(
     if faults:
         note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
-    return RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, tuple(map(str, faults)))
+    result = RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, tuple(map(str, faults)))
+    return _with_work_judged(result) if execution and execution.tasks is not None else result
+
+
+def _with_work_judged(result: RunResult) -> RunResult:
+    """The result with what the operations audit says."""
+    from mrp_sumo.experiments.audit_work import logs_of
+    from mrp_sumo.metrics.operations.audit import in_words, operations_audit
+
+    work = operations_audit(logs_of(result))
+    note = "; ".join(filter(None, (result.note, in_words(work))))
+    return replace(result, operations_audit=plain(work), note=note, status=result.status if work["passed"] else "audit_failed")
 
 
 def _unanswered(execution: Execution) -> str:

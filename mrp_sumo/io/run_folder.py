@@ -81,6 +81,7 @@ def write_run(
     execution: Execution | None,
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
+    operations_audit: Mapping[str, Any] | None = None,
     zones: ZoneLog | None,
     network: Path | None,
     nav: NavGraph | None,
@@ -99,8 +100,8 @@ def write_run(
         How the run ended, for machines and for people.
     scenario
         As it was run, overrides applied.
-    problem, result, verdict, execution, metrics, audit
-        Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag.
+    problem, result, verdict, execution, metrics, audit, operations_audit
+        Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag; no tasks: no operations audit.
     zones
         How occupied they were, where that is known.
     network
@@ -130,7 +131,7 @@ def write_run(
 
     try:
         new.mkdir(parents=True)
-        document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
+        document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit)
         if network is not None:
             shutil.copyfile(network, new / "network.net.xml")
         if costmap is not None:
@@ -163,6 +164,7 @@ def result_document(
     execution: Execution | None,
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
+    operations_audit: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The content of `result.json` without its list of files; the parameters are those of `write_run`."""
     document: dict[str, Any] = plain(
@@ -178,6 +180,7 @@ def result_document(
             "versions": versions(),
             "metrics": metrics,
             "audit": audit,
+            **({} if operations_audit is None else {"operations_audit": operations_audit}),
             "plan": _answers(problem, result, verdict) | {"clock_limited": _clock_limited(scenario, result)},
             **_portfolio(scenario, result, execution),
             "robots": _robots(problem, execution, has_goals=scenario.tasks is None),
@@ -236,11 +239,12 @@ def write_trace_files(
     execution: Execution | None,
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
+    operations_audit: Mapping[str, Any] | None = None,
     nav: NavGraph | None,
     levels: "Levels | None" = None,
 ) -> None:
     """Write what metrics are computed from into a folder: a run folder without what its map alone gives, and without a bag."""
-    document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit)
+    document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit)
     _write_evidence(folder, scenario, problem, result, execution, nav, levels)
     document["files"] = {path.name: {} for path in sorted(folder.iterdir())}
     (folder / RESULT).write_text(json.dumps(document, ensure_ascii=False, allow_nan=False), encoding="utf-8")

@@ -51,6 +51,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             _given("95 % below", seconds(m["service_time_p95_s"])),
             "run too short to tell the warm-up" if m["warm_up_s"] is None else f"after a warm-up of {seconds(m['warm_up_s'])}",
         )
+    if work := result.get("operations_audit"):
+        yield "operations", "no findings" if work["passed"] else count(len(work["findings"]), "finding")
     if m["energy_j"] is not None:
         level, empty = f"lowest {100 * m['battery_level_min']:.0f} %", m["robots_battery_empty"]
         yield "batteries", f"{m['energy_j'] / 3600:.1f} Wh drawn", level, f"{count(empty, 'robot')} ran empty" if empty else ""

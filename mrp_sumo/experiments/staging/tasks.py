@@ -6,8 +6,8 @@ Refuses tasks that no robot can do, and charging without batteries.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrp_sumo.core.fleet import RobotType, batteries_of
-from mrp_sumo.core.graph import BoolArray, NavGraph
+from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of
+from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -29,7 +29,7 @@ def with_tasks(
     if choice.charging is not None and without is not None:
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
     start = choice.charging.start_level if choice.charging else (100.0, 100.0)
-    site = _site_of_tasks(file, nav, problem)
+    site = _site_of_tasks(file, nav, problem.graph, problem.fleet)
     return replace(
         settings,
         tasks=task_sources(file, nav, problem),
@@ -43,20 +43,26 @@ def with_tasks(
 def task_sources(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:
     """The streams of tasks of a scenario, on the vertices of the plan graph. Raises ScenarioError."""
     assert file.scenario.tasks is not None
-    site = _site_of_tasks(file, nav, problem)
-    sources = sources_of(file.scenario.tasks, site, file.scenario.seed, problem.step_s, problem.num_robots)
+    sources = sources_on(file, nav, problem.graph, problem.fleet, problem.step_s)
     if wrong := unreachable(sources, problem):
         raise ScenarioError(f"{file.at('tasks')}: {wrong}")
     only_file = file.scenario.tasks.file is not None and not file.scenario.tasks.list and file.scenario.tasks.open is None
     return (TaskList(()), *sources) if only_file else sources  # what is added while robots drive is listed, before those of the file
 
 
-def _site_of_tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> Site:
+def sources_on(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: Fleet, step_s: float) -> tuple[TaskSource, ...]:
+    """The streams of tasks of a scenario, on the vertices of a plan graph, whoever can come there. Raises ScenarioError."""
+    assert file.scenario.tasks is not None
+    site = _site_of_tasks(file, nav, graph, fleet)
+    return sources_of(file.scenario.tasks, site, file.scenario.seed, step_s, fleet.num_robots)
+
+
+def _site_of_tasks(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: Fleet) -> Site:
     """What is known of the map to who reads tasks."""
 
     def vertex_of(name: str) -> int | None:
         vertex = nav.vertex_of_name.get(name)
-        return None if vertex is None else int(problem.graph.vertex_of_station[vertex])
+        return None if vertex is None else int(graph.vertex_of_station[vertex])
 
     def cells() -> BoolArray:
         path = find_map(file.scenario.map.file, file.folder)
@@ -64,4 +70,4 @@ def _site_of_tasks(file: ScenarioFile, nav: NavGraph, problem: Problem) -> Site:
             raise ScenarioError(f"{file.at('tasks', 'file')}: .tasks count the cells of a MovingAI map, but the map is '{path.name}'")
         return read_map(path)
 
-    return Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, problem.fleet.type_name)
+    return Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, fleet.type_name)

@@ -1,0 +1,1 @@
+"""The operations audit: could the work have happened as the logs say? Knows no state, dispatcher or planner."""

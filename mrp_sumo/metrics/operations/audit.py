@@ -1,0 +1,57 @@
+"""The operations audit: proves from the logs of a run that its work could have happened, or says where it could not.
+
+Knows the tables of a run and what its scenario asks for; nothing of states, dispatchers and planners, so it can disagree with all of
+them. `docs/audits.md` says what each rule proves.
+"""
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from typing import Any
+
+from mrp_sumo.metrics.operations import energy, orders, places, robots
+from mrp_sumo.metrics.operations.evidence import Finding, Logs
+
+LISTED = 20  # findings of a rule that are listed
+RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
+    orders.releases,
+    orders.states,
+    orders.told,
+    orders.stops_in_order,
+    orders.loads,
+    places.service,
+    places.places,
+    places.shares,
+    places.waits,
+    places.lifts,
+    places.doors,
+    robots.states,
+    robots.stands,
+    robots.conservation,
+    robots.visits,
+    robots.idle,
+    energy.batteries,
+    energy.empty,
+)
+
+
+def operations_audit(logs: Logs) -> dict[str, Any]:
+    """Look over the work of a run.
+
+    Returns
+    -------
+    dict
+        `passed`, and `findings` by time, of each rule at most `LISTED`: `rule`, `t_s`, `robot`, `place`, `order` (names, None where there
+        is none) and `text`, a line for people.
+    """
+    found = [finding for rule in RULES for finding in islice(rule(logs), LISTED)]
+    found.sort(key=lambda finding: finding.t_s)
+    return {"passed": not found, "findings": [finding._asdict() for finding in found]}
+
+
+def in_words(audited: dict[str, Any]) -> str:
+    """The first finding of an audit, and how many more there are; '' for none."""
+    findings = audited["findings"]
+    if not findings:
+        return ""
+    more = len(findings) - 1
+    return f"{findings[0]['text']}{f', and {more} more findings' if more > 1 else ', and one more finding' if more else ''}"

@@ -1,0 +1,115 @@
+"""Rules about batteries: what was driven is drawn, what was charged is filled, and nobody drives with an empty one."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mrp_sumo.core.battery import Battery
+from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.metrics.metric import TOGETHER
+from mrp_sumo.metrics.operations.evidence import Finding, Logs
+
+ROUNDED = 2e-6  # shares of the capacity, as tables keep them
+OFF = (0.01, 0.05)  # by which what is drawn may be off in the whole run and between two levels: poses are samples,
+OFF_A_S = (0.2, 0.4)  # and more for each second between two
+OFF_SHARE = 3e-4  # of the capacity, likewise
+LATE_S = 2.0  # for which charging may be off
+
+
+def batteries(logs: Logs) -> Iterator[Finding]:
+    """Levels balance to what was driven and charged; none rises but at a charger; they begin where the scenario says."""
+    log, of_robot = logs.execution.batteries, logs.terms.batteries
+    if log is None or not of_robot or not len(logs.execution.t_s):
+        return
+    energy_j = np.array([battery.energy_j for battery in of_robot])
+    full_s = np.array([battery.charge_s(1.0) for battery in of_robot])
+    share = drawn_j(logs, of_robot, log.t_s) / energy_j  # [K, R]
+    charging_s = charged_s(logs, log.t_s)
+    low, high = logs.terms.start_level
+    for robot in range(logs.fleet.num_robots):
+        who, level = logs.robot(robot), log.level[:, robot]
+        if not low - ROUNDED <= level[0] <= high + ROUNDED:
+            yield Finding("batteries", 0.0, f"{who} begins with {100 * level[0]:.2f} %, expected {100 * low:g} to {100 * high:g} %", who)
+        ends = level[0] + (log.charged_j[robot] - log.used_j[robot]) / energy_j[robot]
+        if abs(ends - level[-1]) > ROUNDED:
+            text = f"{who} ends with {100 * level[-1]:.4f} %, but what was drawn and charged leaves {100 * ends:.4f} %"
+            yield Finding("batteries", logs.end_s, text, who)
+        yield from _balance(logs, robot, level, share[:, robot], charging_s[:, robot] / full_s[robot], LATE_S / full_s[robot])
+
+
+def _balance(logs: Logs, robot: int, level: FloatArray, drawn: FloatArray, filled: FloatArray, late: float) -> Iterator[Finding]:
+    """The levels [K] of a robot beside what it drew and was given until then [K], shares of the capacity."""
+    log, who = logs.execution.batteries, logs.robot(robot)
+    assert log is not None
+    off, off_between = (a + b * logs.period_s for a, b in zip(OFF, OFF_A_S))
+    change, drew, gave = np.diff(level), np.diff(drawn), np.diff(filled)
+    too_much = change - gave + drew
+    limit = drew * off_between + OFF_SHARE + late * (gave > 0)
+    rises = (too_much > limit) & (level[1:] > 0)
+    falls = (too_much < -limit) & (level[1:] < 1 - ROUNDED) & (level[1:] > 0)
+    for k in np.flatnonzero(rises | falls).tolist()[:1]:
+        t_s, end_s = float(log.t_s[k]), float(log.t_s[k + 1])
+        balance = f"but drew {100 * drew[k]:.3f} % and could take {100 * gave[k]:.3f} % from a charger"
+        text = f"{who} goes from {100 * level[k]:.3f} % at {t_s:.0f} s to {100 * level[k + 1]:.3f} % at {end_s:.0f} s, {balance}"
+        yield Finding("batteries", end_s, text, who)
+    total, uncharged = float(level[0] - level[-1]), not gave.any()
+    if uncharged and level[-1] > 0 and abs(total - drawn[-1]) > off * drawn[-1] + OFF_SHARE:
+        text = f"{who} has used {100 * total:.3f} % of its battery, but drove for {100 * drawn[-1]:.3f} %"
+        yield Finding("batteries", logs.end_s, text, who)
+
+
+def drawn_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> FloatArray:
+    """[K, R] drawn by each robot until times [K], by its poses; nothing at chargers."""
+    run, period_s = logs.execution, logs.period_s
+    at, so_far = np.zeros((len(t_s), logs.fleet.num_robots)), np.zeros(logs.fleet.num_robots)
+    kinds = {battery: np.flatnonzero([mine == battery for mine in of_robot]) for battery in dict.fromkeys(of_robot)}
+    for first in range(0, len(run.t_s) - 1, TOGETHER):
+        block = slice(first, first + TOGETHER + 1)
+        power_w = np.zeros((len(run.t_s[block]) - 1, len(so_far)))
+        for battery, mine in kinds.items():
+            power_w[:, mine] = _power_w(battery, run.speed_mps[block], run.yaw_rad[block], mine, period_s)
+        for robot, begin_s, end_s in charges(logs):
+            power_w[(run.t_s[block][1:] > begin_s) & (run.t_s[block][1:] <= end_s), robot] = 0.0
+        until = so_far + np.cumsum(np.nan_to_num(power_w) * period_s, axis=0)
+        some = np.flatnonzero((t_s > run.t_s[first] + 1e-9) & (t_s <= run.t_s[block][-1] + period_s / 2))
+        k = np.clip(np.rint(t_s[some] / period_s).astype(np.int64) - first - 1, 0, len(until) - 1)
+        at[some] = until[k]
+        so_far = until[-1]
+    return at
+
+
+def _power_w(battery: Battery, speed_mps: FloatArray, yaw_rad: FloatArray, mine: IntArray, period_s: float) -> FloatArray:
+    """[T - 1, K] drawn by some robots between samples [T, R]."""
+    speed, turn = speed_mps[:, mine], (np.diff(yaw_rad[:, mine], axis=0) + np.pi) % (2 * np.pi) - np.pi
+    rate = turn / period_s
+    turning = np.diff(rate, axis=0, prepend=rate[:1]) / period_s
+    return battery.power_w((speed[1:] + speed[:-1]) / 2, np.diff(speed, axis=0) / period_s, rate, turning)
+
+
+def charged_s(logs: Logs, t_s: FloatArray) -> FloatArray:
+    """[K, R] for how long each robot was at a charger until times [K]."""
+    found = np.zeros((len(t_s), logs.fleet.num_robots))
+    for robot, begin_s, end_s in charges(logs):
+        found[:, robot] += np.clip(t_s - begin_s, 0.0, max(end_s - begin_s, 0.0))
+    return found
+
+
+def charges(logs: Logs) -> list[tuple[int, float, float]]:
+    """Robots, and from when until when they were at chargers."""
+    rows = np.flatnonzero(~logs.tasks.is_order[logs.stops.task]).tolist()
+    return [(int(logs.stops.robot[row]), float(logs.stops.begin_s[row]), float(logs.stops.end_s[row])) for row in rows]
+
+
+def empty(logs: Logs) -> Iterator[Finding]:
+    """Nobody drives on with an empty battery."""
+    log, run = logs.execution.batteries, logs.execution
+    if log is None or not len(run.t_s):
+        return
+    brakes_s = logs.fleet.max_speed_mps / logs.fleet.decel_mps2 + 1.0 + 2 * logs.period_s
+    for robot in np.flatnonzero((log.level <= 0).any(0)).tolist():
+        since_s = float(log.t_s[int((log.level[:, robot] <= 0).argmax())])
+        some = logs.samples_between(since_s + float(brakes_s[robot]), logs.end_s)
+        moves = np.flatnonzero(np.abs(run.speed_mps[some, robot]) > 1e-3)
+        if len(moves):
+            who, t_s = logs.robot(robot), float(run.t_s[some][moves[0]])
+            yield Finding("batteries", t_s, f"{who} drives at {t_s:.2f} s with a battery that was empty at {since_s:.0f} s", who)

@@ -1,0 +1,160 @@
+"""What the operations audit looks at: the logs of a run and what its scenario asks for; and what it finds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import takewhile
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.battery import Battery
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.core.task import NOBODY, StopLog, Task, TaskLog
+from mrp_sumo.metrics.metric import TOGETHER
+
+EPS_S = 1e-6  # of times that are one in the logs
+STANDS_MPS = 1e-3  # slower is standing
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What the scenario of a run asks for, beside what stands in the logs."""
+
+    sources: tuple[TaskSource, ...]  # of orders
+    type_name: tuple[str, ...]  # [R]
+    batteries: tuple[Battery, ...] = ()  # [R] of each robot; empty: not known, or none
+    start_level: tuple[float, float] = (0.0, 1.0)  # of batteries
+    waits_s: float = 0.0  # for which nothing is decided, since planners take their time
+    doors_xy: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [D, 2, 2] m, of the building
+
+
+class Finding(NamedTuple):
+    """A place in the logs that cannot be."""
+
+    rule: str
+    t_s: float
+    text: str
+    robot: str | None = None
+    place: str | None = None
+    order: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Logs:
+    """All that is judged."""
+
+    execution: Execution
+    fleet: Fleet
+    graph: PlanGraph
+    terms: Terms
+    plan: Plan | None = None  # the first one
+    metrics: Mapping[str, Any] = field(default_factory=dict)  # as recorded
+
+    @property
+    def tasks(self) -> TaskLog:
+        assert self.execution.tasks is not None
+        return self.execution.tasks
+
+    @property
+    def stops(self) -> StopLog:
+        assert self.execution.stops is not None
+        return self.execution.stops
+
+    @property
+    def end_s(self) -> float:
+        return self.execution.sim_time_s
+
+    @cached_property
+    def period_s(self) -> float:
+        """Between samples."""
+        t = self.execution.t_s
+        return float(t[1] - t[0]) if len(t) > 1 else 1.0
+
+    @cached_property
+    def ordered(self) -> Mapping[int, Task]:
+        """By their numbers in the log, the orders as the scenario asks for them; those of which it knows nothing are left out."""
+        number = {name: k for k, name in enumerate(self.tasks.name)}
+        return {number[task.name]: task for known in self.known for task in known if task.name in number}
+
+    @cached_property
+    def known(self) -> Sequence[Sequence[Task]]:
+        """The tasks of each source that have to be known by the end of the run; of closed loops those that are."""
+        names = set(self.tasks.name)
+
+        def goes_on(source: TaskSource, task: Task) -> bool:
+            return task.name in names if source.num_open else task.release_s <= self.end_s - EPS_S
+
+        return [list(takewhile(partial(goes_on, source), source.tasks())) for source in self.terms.sources]
+
+    def robot(self, number: int) -> str | None:
+        """A robot's name; None for nobody."""
+        return None if number == NOBODY else self.fleet.robot_name[number]
+
+    def place(self, stop: int) -> str:
+        """The name of a stop's station, or of its vertex."""
+        return self.stops.station[stop] or self.graph.label(int(self.stops.vertex[stop]))
+
+    def of_stop(self, rule: str, stop: int, text: str, t_s: float | None = None) -> Finding:
+        """A finding at a row of the stops; by default when its service begins."""
+        at_s = float(self.stops.begin_s[stop]) if t_s is None else t_s
+        who, order = self.robot(int(self.stops.robot[stop])), self.tasks.name[int(self.stops.task[stop])]
+        return Finding(rule, at_s, f"{who}, order '{order}' at {self.place(stop)}: {text}", who, self.place(stop), order)
+
+    def of_order(self, rule: str, task: int, text: str, t_s: float | None = None) -> Finding:
+        """A finding about an order; by default when it became known."""
+        who, name = self.robot(int(self.tasks.robot[task])), self.tasks.name[task]
+        at_s = float(self.tasks.released_s[task]) if t_s is None else t_s
+        return Finding(rule, at_s, f"order '{name}': {text}", who, None, name)
+
+    def xy_at(self, robot: IntArray, t_s: FloatArray) -> FloatArray:
+        """[N, 2] where robots [N] were at times [N], straight between samples; NaN outside the run."""
+        t, x, y = self.execution.t_s, self.execution.x_m, self.execution.y_m
+        if not len(t):
+            return np.full((len(t_s), 2), np.nan)
+        at = np.where(np.isfinite(t_s), t_s, -1.0) / self.period_s
+        k = np.clip(np.floor(at + 1e-9).astype(np.int64), 0, len(t) - 1)
+        after = np.minimum(k + 1, len(t) - 1)
+        share = np.clip(at - k, 0.0, 1.0)
+        found = np.stack([column[k, robot] + share * (column[after, robot] - column[k, robot]) for column in (x, y)], 1)
+        found[~((t_s >= -EPS_S) & (t_s <= t[-1] + self.period_s))] = np.nan
+        return found
+
+    def samples_between(self, begin_s: float, end_s: float) -> slice:
+        """Those within a time, both ends left out where they are samples."""
+        first = int(np.floor(begin_s / self.period_s + 1e-6)) + 1
+        return slice(max(first, 0), max(first, int(np.ceil(min(end_s, self.end_s) / self.period_s - 1e-6))))
+
+    def strays_m(self, robot: int, begin_s: float, end_s: float, xy: FloatArray) -> tuple[float, float]:
+        """How far from a point a robot is at most at the samples within a time, and when; 0 where there is none."""
+        some = self.samples_between(begin_s, end_s)
+        x, y = self.execution.x_m[some, robot], self.execution.y_m[some, robot]
+        if not len(x):
+            return 0.0, begin_s
+        away = np.nan_to_num(np.hypot(x - xy[0], y - xy[1]), nan=np.inf)
+        worst = int(away.argmax())
+        return float(away[worst]), float(self.execution.t_s[some][worst])
+
+    @cached_property
+    def standing(self) -> list[FloatArray]:
+        """[R] of [N, 2] times from and until which each robot stands, ascending."""
+        t, speed, ends = self.execution.t_s, self.execution.speed_mps, list[tuple[FloatArray, FloatArray]]()
+        if not len(t):
+            return [np.zeros((0, 2))] * self.fleet.num_robots
+        before = np.zeros(speed.shape[1], np.bool_)
+        begins, overs = ([list[FloatArray]() for _ in range(speed.shape[1])] for _ in range(2))
+        for first in range(0, len(t), TOGETHER):
+            still = np.abs(speed[first : first + TOGETHER]) < STANDS_MPS
+            change = np.diff(np.concatenate([before[None], still]).astype(np.int8), axis=0)
+            for r in np.flatnonzero(change.any(0)).tolist():
+                begins[r].append(t[first + np.flatnonzero(change[:, r] > 0)])
+                overs[r].append(t[first + np.flatnonzero(change[:, r] < 0)])
+            before = still[-1]
+        for r, stands in enumerate(before.tolist()):
+            overs[r] += [t[-1:]] if stands else []
+            ends.append((np.concatenate([np.zeros(0), *begins[r]]), np.concatenate([np.zeros(0), *overs[r]])))
+        return [np.stack(each, 1) for each in ends]

@@ -1,0 +1,203 @@
+"""Rules about places: service only where and while a robot stands, one robot a place, first come first served; lifts and doors."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.robot_states import BROKEN, EMPTY
+from mrp_sumo.metrics.operations.evidence import EPS_S, Finding, Logs
+
+BESIDE_M = 0.05  # of a place, where a robot stands at it: bodies stop within millimetres, SUMO rounds lengths
+CORNER = 0.5  # of the way between two samples that a straight line may cut off at a corner
+NEAR = 5.0  # robots' least distances, as far from a place as who waits for it may stand
+LATER_S = 1.0  # after another has come to wait
+FAR_COUNT, FAR_STOOD = 3, 0.8  # later ones that are served before one that waits farther away, for that share of its time
+
+
+def service(logs: Logs) -> Iterator[Finding]:
+    """A robot stands at the place for as long as it is served, and is there when it passes a stop that takes no time."""
+    stops, xy = logs.stops, logs.graph.xy
+    there = np.hypot(*(logs.xy_at(stops.robot, np.minimum(stops.begin_s, logs.end_s)) - xy[stops.vertex]).T)
+    passing_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps * logs.period_s
+    for row, (begin_s, end_s, robot) in enumerate(zip(stops.begin_s.tolist(), stops.end_s.tolist(), stops.robot.tolist())):
+        if not there[row] <= passing_m[robot]:
+            yield logs.of_stop("service", row, f"begins {there[row]:.2f} m away")
+            continue
+        away_m, at_s = logs.strays_m(robot, begin_s + logs.period_s, end_s, xy[int(stops.vertex[row])])
+        if away_m > BESIDE_M:
+            yield logs.of_stop("service", row, f"is {away_m:.2f} m away while it is served from {begin_s:.2f} s to {end_s:.2f} s", at_s)
+
+
+def places(logs: Logs) -> Iterator[Finding]:
+    """No place serves two robots at once, be it a station's or a charger."""
+    stops = logs.stops
+    order = np.lexsort((stops.end_s, stops.begin_s, stops.vertex))
+    last = -1
+    for row in order.tolist():
+        if last >= 0 and stops.vertex[last] == stops.vertex[row] and stops.begin_s[row] < stops.end_s[last] - EPS_S:
+            other, until_s = logs.robot(int(stops.robot[last])), float(stops.end_s[last])
+            yield logs.of_stop("one robot a place", row, f"is served while {other} is until {until_s:.2f} s")
+            if stops.end_s[row] <= until_s:
+                continue
+        last = row
+
+
+def shares(logs: Logs) -> Iterator[Finding]:
+    """What is recorded as a share of a time is one."""
+    for name, value in logs.metrics.items():
+        is_share = name.startswith(("station_utilisation", "robot_")) and name.endswith(("_share", "_max", "_mean"))
+        if is_share and isinstance(value, int | float) and not -1e-9 <= value <= 1 + 1e-9:
+            yield Finding("utilisation", logs.end_s, f"{name} is {value:.3f}, expected 0 to 1")
+
+
+class Wish(NamedTuple):
+    """A stop that a robot makes, or has yet to make at the end of the run."""
+
+    task: int
+    robot: int
+    place: str
+    xy: FloatArray  # [P, 2] m, of the places where it can be made
+    since_s: float  # when the robot set out for it
+    begin_s: float  # of the service, inf: never
+
+
+def waits(logs: Logs) -> Iterator[Finding]:
+    """Nobody waits near a place while others are served there who set out for it later, unless their orders are more urgent."""
+    wishes = [*_made(logs), *_left(logs)]
+    at_place: dict[str, list[Wish]] = {}
+    for wish in wishes:
+        at_place.setdefault(wish.place, []).append(wish)
+    urgent = {task: order.priority for task, order in logs.ordered.items()}
+    for wish in wishes:
+        until_s = min(wish.begin_s, logs.end_s)
+        if until_s - wish.since_s < LATER_S or len(at_place[wish.place]) < 2:
+            continue
+        stood, near_s = _stood(logs, wish, until_s)
+        before = [
+            each
+            for each in at_place[wish.place]
+            if wish.since_s + LATER_S < each.since_s and each.begin_s < until_s - EPS_S and each.robot != wish.robot
+            if urgent.get(each.task, 0) <= urgent.get(wish.task, 0)
+        ]
+        later = [each for each in before if each.since_s > near_s + LATER_S]
+        if (later or (len(before) >= FAR_COUNT and stood > FAR_STOOD)) and not _lost(logs, wish.robot, wish.since_s, until_s):
+            who, order, since_s = logs.robot(wish.robot), logs.tasks.name[wish.task], min(near_s, wish.since_s if not later else near_s)
+            served = f"{len(later or before)} that set out later are served, at first order '{logs.tasks.name[(later or before)[0].task]}'"
+            text = f"{who}, order '{order}' at {wish.place}: waits from {since_s:.2f} s to {until_s:.2f} s while {served}"
+            yield Finding("first come, first served", since_s, text, who, wish.place, order)
+
+
+def _made(logs: Logs) -> Iterator[Wish]:
+    """The stops that were made."""
+    stops, xy = logs.stops, logs.graph.xy
+    for row, (task, robot) in enumerate(zip(stops.task.tolist(), stops.robot.tolist())):
+        where = xy[stops.vertex[row]][None]
+        yield Wish(task, robot, logs.place(row), where, float(stops.since_s[row]), float(stops.begin_s[row]))
+
+
+def _left(logs: Logs) -> Iterator[Wish]:
+    """The stops for which robots are on their way at the end, of orders that were not handed over."""
+    stops, tasks = logs.stops, logs.tasks
+    for task in np.flatnonzero(np.isnan(tasks.ended_s) & (tasks.robot >= 0)).tolist():
+        rows, order = np.flatnonzero(stops.task == task), logs.ordered.get(task)
+        if order is None or tasks.reason[task] or len(rows) >= len(order.stops):
+            continue
+        stop, since_s = order.stops[len(rows)], float(stops.end_s[rows].max(initial=tasks.assigned_s[task]))
+        place = stop.station.name if stop.station else logs.graph.label(stop.vertex)
+        yield Wish(task, int(tasks.robot[task]), place, logs.graph.xy[list(stop.places)], since_s, np.inf)
+
+
+def _stood(logs: Logs, wish: Wish, until_s: float) -> tuple[float, float]:
+    """The share of its way for which a robot stood, and from when on it stood near where it wanted to, inf: never."""
+    stands = logs.standing[wish.robot]
+    some = stands[(stands[:, 1] > wish.since_s) & (stands[:, 0] < until_s)]
+    if not len(some):
+        return 0.0, np.inf
+    since_s = np.maximum(some[:, 0], wish.since_s)
+    lasts_s = np.minimum(some[:, 1], until_s) - since_s
+    at = logs.xy_at(np.full(len(some), wish.robot), since_s)
+    away_m = np.hypot(*(at[:, None] - wish.xy[None]).transpose(2, 0, 1)).min(1)
+    near = (away_m < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
+    return float(lasts_s.sum() / (until_s - wish.since_s)), float(since_s[near][0]) if near.any() else np.inf
+
+
+def _lost(logs: Logs, robot: int, begin_s: float, end_s: float) -> bool:
+    """Whether a robot was out of order within a time."""
+    log = logs.execution.robot_states
+    if log is None:
+        return False
+    return bool((np.isin(log.state, (BROKEN, EMPTY)) & (log.robot == robot) & (log.begin_s < end_s) & (log.end_s > begin_s)).any())
+
+
+def lifts(logs: Logs) -> Iterator[Finding]:
+    """Who changes levels rides a lift that has it then; nobody else does with it."""
+    log, level, t = logs.execution.facilities, logs.execution.level, logs.execution.t_s
+    if level is None or len(t) < 2:
+        return
+    at, robots = np.nonzero(level[1:] != level[:-1])
+    for k, robot in zip(at.tolist(), robots.tolist()):
+        who, t_s = logs.robot(robot), float(t[k + 1])
+        if log is None or not any(_has(logs, lift, robot, t_s) for lift in range(len(log.lift_name))):
+            yield Finding("lifts", t_s, f"{who} changes levels at {t_s:.2f} s, but no lift has it", who)
+
+
+def _has(logs: Logs, lift: int, robot: int, t_s: float) -> bool:
+    """Whether a robot has a lift at a time."""
+    log = logs.execution.facilities
+    assert log is not None
+    rows = np.flatnonzero(log.lift == lift)
+    k = int(np.searchsorted(log.lift_t_s[rows], t_s + EPS_S, side="right")) - 1
+    row = int(rows[max(k, 0)]) if len(rows) else -1
+    return row >= 0 and log.lift_robot[row] == robot and LIFT_STATES[log.lift_state[row]] == "taken"
+
+
+def doors(logs: Logs) -> Iterator[Finding]:
+    """Who drives through a door finds it open."""
+    log, graph = logs.execution.facilities, logs.graph
+    if log is None or not log.door_name or not len(logs.terms.doors_xy):
+        return
+    for number, name in enumerate(log.door_name):
+        lanes = [k for k, options in enumerate(graph.lane_options) if options.get("door") == name]
+        leaves = _leaves(graph.xy[graph.tail[lanes]], graph.xy[graph.head[lanes]], logs.terms.doors_xy)
+        rows = np.flatnonzero(log.door == number)
+        for leaf in leaves:
+            for robot, t_s in _passes(logs, leaf):
+                k = int(np.searchsorted(log.door_t_s[rows], t_s + EPS_S, side="right")) - 1
+                state = DOOR_STATES[log.door_state[rows[max(k, 0)]]] if len(rows) else "closed"
+                if state != "open":
+                    who = logs.robot(robot)
+                    yield Finding("doors", t_s, f"{who} drives through door '{name}' at {t_s:.2f} s, which is {state}", who, name)
+
+
+def _leaves(tail: FloatArray, head: FloatArray, doors_xy: FloatArray) -> list[FloatArray]:
+    """The doors of a building [2, 2] that some lanes [L, 2] lead through."""
+    return [door for door in doors_xy if any(_cross(tail, head, door))]
+
+
+def _cross(a: FloatArray, b: FloatArray, door: FloatArray) -> FloatArray:
+    """[N] whether the ways from a to b [N, 2] cross a door."""
+    along, across = b - a, door[1] - door[0]
+    turn = along[:, 0] * across[1] - along[:, 1] * across[0]
+    to = door[0] - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (to[:, 0] * across[1] - to[:, 1] * across[0]) / turn
+        w = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / turn
+    found: FloatArray = (u > 0) & (u <= 1) & (w >= 0) & (w <= 1)
+    return found
+
+
+def _passes(logs: Logs, door: FloatArray) -> Iterator[tuple[int, float]]:
+    """Robots that cross a door, and when."""
+    run = logs.execution
+    near_m = float(np.hypot(*(door[1] - door[0]))) / 2 + 1.0
+    middle = door.mean(0)
+    for robot in range(logs.fleet.num_robots):
+        x, y = run.x_m[:, robot], run.y_m[:, robot]
+        near = np.flatnonzero((np.abs(x - middle[0]) < near_m) & (np.abs(y - middle[1]) < near_m))
+        near = near[near < len(x) - 1]
+        points = np.stack([x, y], 1)
+        for k in near[_cross(points[near], points[near + 1], door).astype(np.bool_)].tolist():
+            yield robot, float(run.t_s[k])

@@ -1,0 +1,190 @@
+"""Rules about robots: states without gaps that fit their orders, ways that fit their visits, nobody idle beside work for long."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
+from mrp_sumo.core.task import Task
+from mrp_sumo.metrics.operations.evidence import EPS_S, Finding, Logs
+from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER
+from mrp_sumo.search.route import shortest_route
+
+IDLE_S = 120.0  # beside work, on top of twice the time to drive there
+SETS_OUT_S = 1.0  # after a robot was given an order, once planners have had their time
+STOOD_SHARE, STOOD_S = 0.02, 2.0  # by which a time stood may be off, which is booked in steps
+SAYS = ("unresolved", "stalled")  # events that say why orders wait
+NOBODY_WORKS = (Outcome.STALLED, Outcome.PLANNER_STALLED, Outcome.DEADLOCK)
+
+
+def states(logs: Logs) -> Iterator[Finding]:
+    """What a robot is at has no gaps, and is what its orders and stops say."""
+    log, stops, tasks = logs.execution.robot_states, logs.stops, logs.tasks
+    if log is None:
+        return
+    for robot in range(logs.fleet.num_robots):
+        who, mine = logs.robot(robot), np.flatnonzero(log.robot == robot)
+        edges = [0.0, *np.stack([log.begin_s[mine], log.end_s[mine]], 1).reshape(-1).tolist(), logs.end_s]
+        gaps = [(a, b) for a, b in zip(edges[::2], edges[1::2]) if abs(a - b) > EPS_S]
+        for a, b in gaps:
+            yield Finding("states", a, f"{who}: its states end at {a:.2f} s and go on at {b:.2f} s, expected no gap", who)
+        for k in mine[log.end_s[mine] < log.begin_s[mine]].tolist():
+            yield Finding("states", float(log.begin_s[k]), f"{who}: {ROBOT_STATES[log.state[k]]} ends before it begins", who)
+    for row, (task, robot) in enumerate(zip(stops.task.tolist(), stops.robot.tolist())):
+        middle_s = (stops.begin_s[row] + min(stops.end_s[row], logs.end_s)) / 2
+        is_order = bool(tasks.is_order[task])
+        states = (WORKING, STALLED, BROKEN) if is_order else (CHARGING, STALLED, BROKEN, EMPTY)
+        now = (log.robot == robot) & (log.begin_s <= middle_s + EPS_S) & (log.end_s >= middle_s - EPS_S)
+        fits = now & np.isin(log.state, states) & ((log.task == (task if is_order else -1)) | (log.state == EMPTY))
+        if stops.end_s[row] > stops.begin_s[row] + EPS_S and not fits.any():
+            is_at = ", ".join(ROBOT_STATES[k] for k in log.state[now].tolist()) or "nothing"
+            yield logs.of_stop("states", row, f"is served, but at {middle_s:.2f} s its state is {is_at}, or it has another order", middle_s)
+    yield from _held(logs)
+
+
+def _held(logs: Logs) -> Iterator[Finding]:
+    """An order is had from when it is assigned until it has ended: Little's law, robot by robot, between two tables."""
+    log, tasks = logs.execution.robot_states, logs.tasks
+    assert log is not None
+    rows = np.flatnonzero(np.isin(log.state, (WORKING, STALLED, BROKEN)) & (log.task >= 0))
+    begin_s, end_s = np.full(len(tasks.name), np.inf), np.full(len(tasks.name), -np.inf)
+    for k in rows.tolist():  # the last time that it was had without a break, by the one who has it
+        task = int(log.task[k])
+        if log.robot[k] != tasks.robot[task]:
+            continue
+        if log.begin_s[k] > end_s[task] + EPS_S:
+            begin_s[task] = log.begin_s[k]
+        end_s[task] = log.end_s[k]
+    for task in np.flatnonzero(np.isfinite(begin_s) & np.isfinite(tasks.assigned_s)).tolist():
+        over_s = min(tasks.ended_s[task], logs.end_s) if np.isfinite(tasks.ended_s[task]) else logs.end_s
+        sets_out_s = begin_s[task] - tasks.assigned_s[task]
+        if not -EPS_S <= sets_out_s <= logs.terms.waits_s + SETS_OUT_S or abs(over_s - end_s[task]) > EPS_S:
+            had, said = f"{begin_s[task]:.2f} to {end_s[task]:.2f} s", f"{tasks.assigned_s[task]:.2f} to {over_s:.2f} s"
+            yield logs.of_order("Little's law", task, f"its robot has it from {had}, but its times are {said}", float(begin_s[task]))
+    for task in np.flatnonzero(tasks.is_order & np.isfinite(tasks.assigned_s) & ~np.isfinite(begin_s)).tolist():
+        over_s = tasks.ended_s[task] if np.isfinite(tasks.ended_s[task]) else logs.end_s
+        if over_s > tasks.assigned_s[task] + logs.terms.waits_s + SETS_OUT_S and tasks.robot[task] >= 0:
+            at_s = float(tasks.assigned_s[task])
+            yield logs.of_order("Little's law", task, f"is assigned from {at_s:.2f} to {over_s:.2f} s, but its robot never has it", at_s)
+
+
+def conservation(logs: Logs) -> Iterator[Finding]:
+    """What is recorded of a run counts what its tables hold; waits are no longer than robots stood."""
+    tasks, stops, orders = logs.tasks, logs.stops, logs.tasks.is_order
+    counts = {
+        "tasks_done": int((np.isfinite(tasks.done_s) & orders).sum()),
+        "tasks_open": int((np.isnan(tasks.ended_s) & orders).sum()),
+        "tasks_failed": sum(status == "failed" for status, order in zip(tasks.status, orders.tolist()) if order),
+        "tasks_cancelled": sum(status == "cancelled" for status, order in zip(tasks.status, orders.tolist()) if order),
+    }
+    for name, count in counts.items():
+        if (recorded := logs.metrics.get(name)) is not None and recorded != count:
+            yield Finding("conservation", logs.end_s, f"{name} is {recorded}, but the table of tasks has {count}")
+    for row in range(len(stops.task)):
+        way_s, stood_s = float(stops.begin_s[row] - stops.since_s[row]), float(stops.stood_s[row] + stops.queued_s[row])
+        if not (way_s >= -EPS_S and stood_s <= way_s + EPS_S and min(stops.stood_s[row], stops.queued_s[row]) >= -EPS_S):
+            yield logs.of_stop("conservation", row, f"stood for {stood_s:.2f} s of a way that took {way_s:.2f} s")
+            continue
+        if stood_s > STOOD_S and stood_s > _stood_s(logs, row) * (1 + STOOD_SHARE) + STOOD_S:
+            yield logs.of_stop("conservation", row, f"stood for {stood_s:.2f} s on its way, but by its poses {_stood_s(logs, row):.2f} s")
+
+
+def _stood_s(logs: Logs, row: int) -> float:
+    """For how long a robot stood between setting out for a stop and its service, by its poses."""
+    stands, stops = logs.standing[int(logs.stops.robot[row])], logs.stops
+    lasts_s = np.minimum(stands[:, 1], stops.begin_s[row]) - np.maximum(stands[:, 0], stops.since_s[row])
+    return float(np.clip(lasts_s, 0, None).sum())
+
+
+def visits(logs: Logs) -> Iterator[Finding]:
+    """A robot is at each visit of its way when it is said to have reached it."""
+    run = logs.execution
+    parts = [(reply.vertex, np.repeat(reply.robot, np.diff(reply.first)), reply.arrived_s) for reply in run.replies]
+    if logs.plan is not None and len(run.arrived_s) == logs.plan.num_visits:
+        parts.append((logs.plan.vertex, logs.plan.robot, run.arrived_s))
+    if not parts or not len(run.t_s):
+        return
+    vertex, robot, arrived_s = (np.concatenate(column) for column in zip(*parts))
+    some = np.isfinite(arrived_s)
+    vertex, robot, arrived_s = vertex[some], robot[some], arrived_s[some]
+    away_m = np.hypot(*(logs.xy_at(robot, arrived_s) - logs.graph.xy[vertex]).T)
+    limit_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps[robot] * logs.period_s
+    for k in np.flatnonzero(~(away_m <= limit_m)).tolist():
+        who, place, t_s = logs.robot(int(robot[k])), logs.graph.label(int(vertex[k])), float(arrived_s[k])
+        yield Finding("visits", t_s, f"{who} is {away_m[k]:.2f} m from {place} when it reaches it at {t_s:.2f} s", who, place)
+
+
+def idle(logs: Logs) -> Iterator[Finding]:
+    """Nobody is idle for long beside an order that it could have picked, unless events say why."""
+    log, tasks = logs.execution.robot_states, logs.tasks
+    if log is None or logs.execution.outcome in NOBODY_WORKS:
+        return
+    said_s = min((event.t_s for event in logs.execution.events if event.kind in SAYS), default=np.inf)
+    smallest = np.flatnonzero(logs.fleet.radius_m <= logs.fleet.radius_m.min() + 1e-9)
+    least_s = IDLE_S + 2 * logs.terms.waits_s
+    spans = np.flatnonzero((log.state == IDLE) & (log.end_s - log.begin_s > least_s) & np.isin(log.robot, smallest))
+    for task in np.flatnonzero(tasks.is_order).tolist() if len(spans) else ():
+        order = logs.ordered.get(task)
+        for begin_s, end_s in _unheld(logs, task) if order else ():
+            for k in spans[(log.begin_s[spans] < end_s - least_s) & (log.end_s[spans] > begin_s + least_s)].tolist():
+                robot, since_s = int(log.robot[k]), max(begin_s, float(log.begin_s[k]))
+                until_s = min(end_s, float(log.end_s[k]))
+                assert order is not None
+                if (
+                    until_s - since_s <= least_s
+                    or until_s > said_s
+                    or (order.robot_type and logs.terms.type_name[robot] != order.robot_type)
+                ):
+                    continue
+                if until_s - since_s > least_s + 2 * _drive_s(logs, robot, since_s, order):
+                    who, text = logs.robot(robot), f"is idle from {since_s:.2f} s to {until_s:.2f} s, and nobody has order '{order.name}'"
+                    yield Finding("idle beside work", since_s, f"{who} {text}", who, None, order.name)
+                    return  # what else waits does for the same reason
+
+
+def _unheld(logs: Logs, task: int) -> list[tuple[float, float]]:
+    """From when until when nobody had an order."""
+    log, tasks = logs.execution.robot_states, logs.tasks
+    assert log is not None
+    end_s = float(tasks.ended_s[task]) if np.isfinite(tasks.ended_s[task]) else logs.end_s
+    had = sorted((float(log.begin_s[k]), float(log.end_s[k])) for k in np.flatnonzero(log.task == task).tolist())
+    if np.isfinite(tasks.assigned_s[task]):
+        had.append((float(tasks.assigned_s[task]), end_s))
+    edges = [float(tasks.released_s[task]), *(edge for span in had for edge in span), end_s]
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2]) if b > a]
+
+
+def _drive_s(logs: Logs, robot: int, at_s: float, order: Task) -> float:
+    """How long a robot takes to an order's first stop by the shortest way, inf where there is none."""
+    graph = logs.graph
+    (here,) = logs.xy_at(np.array([robot]), np.array([at_s]))
+    start = int(np.hypot(*(graph.xy - here).T).argmin())
+    everywhere = np.ones(graph.num_lanes, np.bool_)
+    ways = [shortest_route(graph, everywhere, start, place) for place in order.stops[0].places]
+    return min((_way_s(logs, robot, way) for way in ways if way is not None), default=np.inf)
+
+
+def _way_s(logs: Logs, robot: int, way: list[int]) -> float:
+    """How long a robot takes along a way, turning at each vertex by a quarter at most."""
+    graph, top = logs.graph, float(logs.fleet.max_speed_mps[robot])
+    lanes = [graph.lane_between(a, b) for a, b in pairwise(way)]
+    drives: FloatArray = graph.length_m[lanes] / np.minimum(graph.speed_mps[lanes], top) if lanes else np.zeros(0)
+    return float(drives.sum())
+
+
+def stands(logs: Logs) -> Iterator[Finding]:
+    """An empty robot stands; one that broke down, once it has braked."""
+    log, run = logs.execution.robot_states, logs.execution
+    if log is None:
+        return
+    for k in np.flatnonzero(np.isin(log.state, (EMPTY, BROKEN))).tolist():
+        robot = int(log.robot[k])
+        brakes_s = float(logs.fleet.max_speed_mps[robot] / logs.fleet.decel_mps2[robot]) + 1.0 + 2 * logs.period_s
+        some = logs.samples_between(float(log.begin_s[k]) + brakes_s, float(log.end_s[k]))
+        x, y = run.x_m[some, robot], run.y_m[some, robot]
+        if len(x) and (moved_m := float(np.hypot(np.ptp(x), np.ptp(y)))) > BESIDE_M:
+            who, state = logs.robot(robot), ROBOT_STATES[int(log.state[k])]
+            yield Finding("states", float(log.begin_s[k]), f"{who} moves by {moved_m:.2f} m while it is {state}", who)

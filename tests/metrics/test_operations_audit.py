@@ -1,0 +1,309 @@
+"""The operations audit finds what cannot be, and nothing where it can: each rule fires on a change by hand, and not on its neighbour."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from floors import BATTERY, driven, ring, scenario
+
+from mrp_sumo.core.execution import Event, Outcome
+from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
+from mrp_sumo.core.graph import nav_graph, plan_graph
+from mrp_sumo.core.robot_states import IDLE, RobotStateLog
+from mrp_sumo.core.task import StopLog
+from mrp_sumo.experiments.audit_work import logs_of
+from mrp_sumo.metrics.operations import energy, orders, places, robots
+from mrp_sumo.metrics.operations.audit import LISTED, in_words, operations_audit
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """Two robots on the ring bring loads from A to B, and one of them charges on its way: 400 s, nothing wrong with them."""
+    tasks = {
+        "streams": [{"name": "o", "stops": ["A", "B"], "service": [5, 3], "arrivals": {"open": 3}, "due_after_s": 200}],
+        "charging": {"stations": ["c3"], "critical_low_charging_level": 85, "minimum_desired_charging_level": 90, "start_level": [90, 90]},
+    }
+    file = scenario(
+        ring(tmp_path_factory.mktemp("ring")), tasks, starts=["c4", "c2"], shape={"battery": BATTERY}, execution={"time_limit_s": 400.0}
+    )
+    result = driven(file)
+    assert result.status == "completed" and not result.operations_audit["findings"], result.note
+    return logs_of(result)
+
+
+def changed(logs, table, column, row, value):
+    """The logs with one cell of a table changed by hand."""
+    part = getattr(logs.execution, table)
+    cells = getattr(part, column)
+    if isinstance(cells, tuple):
+        cells = (*cells[:row], value, *cells[row + 1 :])
+    else:
+        cells = cells.copy()
+        cells[row] = value
+    return replace(logs, execution=replace(logs.execution, **{table: replace(part, **{column: cells})}))
+
+
+def rules(logs):
+    return {finding["rule"] for finding in operations_audit(logs)["findings"]}
+
+
+def done(logs, nth=0):
+    """The number of an order that was done."""
+    return [k for k, status in enumerate(logs.tasks.status) if status == "done" and logs.tasks.is_order[k]][nth]
+
+
+def first_stop(logs, task):
+    return int(np.flatnonzero(logs.stops.task == task)[0])
+
+
+def test_a_run_with_orders_and_charging_has_no_findings(logs):
+    assert operations_audit(logs) == {"passed": True, "findings": []} and in_words(operations_audit(logs)) == ""
+    assert logs.tasks.status.count("done") >= 8 and not logs.tasks.is_order.all()
+
+
+@pytest.mark.parametrize(
+    ("column", "by", "found"),
+    [
+        ("released_s", -1.0, "released once"),
+        ("assigned_s", 1.0, "Little's law"),
+        ("opened_s", 0.5, "loads"),
+        ("done_s", -0.5, "loads"),
+        ("ended_s", 0.5, "one state"),
+    ],
+)
+def test_a_time_of_an_order(logs, column, by, found):
+    task = done(logs, 2)
+    time_s = float(getattr(logs.tasks, column)[task])
+    assert found in rules(changed(logs, "tasks", column, task, time_s + by))
+    assert not rules(changed(logs, "tasks", column, task, time_s + 1e-8))
+
+
+def test_an_order_is_of_one_robot(logs):
+    task = done(logs)
+    assert "stops in order" in rules(changed(logs, "tasks", "robot", task, 1 - logs.tasks.robot[task]))
+
+
+@pytest.mark.parametrize("status", ["assigned", "picked", "failed", "cancelled", "released", "handed over", "lost"])
+def test_the_state_of_an_order_that_is_done(logs, status):
+    assert "one state" in rules(changed(logs, "tasks", "status", done(logs), status))
+
+
+def test_that_an_order_failed_is_said_and_why(logs):
+    task = int(np.flatnonzero(np.isnan(logs.tasks.ended_s) & np.isnan(logs.tasks.opened_s))[0])
+    failed = changed(changed(logs, "tasks", "status", task, "failed"), "tasks", "ended_s", task, logs.end_s)
+    texts = [finding.text for finding in orders.states(failed)] + [finding.text for finding in orders.told(failed)]
+    assert any("nothing says why" in text for text in texts) and any("no event says so" in text for text in texts)
+    event = Event(logs.end_s, "failed", -1, text=f"order '{logs.tasks.name[task]}': robot_0 broke down with it on board")
+    said = changed(failed, "tasks", "reason", task, "robot_0 broke down with it on board")
+    said = replace(said, execution=replace(said.execution, events=(*said.execution.events, event)))
+    assert not [*orders.states(said), *orders.told(said)]
+
+
+def test_an_order_that_nobody_asked_for_and_one_that_is_missing(logs):
+    task = done(logs)
+    assert rules(changed(logs, "tasks", "name", task, "order_99")) >= {"released once"}
+    assert "released twice" in " ".join(f.text for f in orders.releases(changed(logs, "tasks", "name", task + 1, logs.tasks.name[task])))
+
+
+def test_orders_with_times_of_their_own_are_all_there_at_their_times(tmp_path):
+    tasks = [{"name": "early", "stops": ["A"], "release_s": 3.0}, {"name": "late", "stops": ["B"], "release_s": 299.0}]
+    logs = logs_of(driven(scenario(ring(tmp_path), tasks, starts=["c4"])))
+    assert not list(orders.releases(logs))
+    (finding,) = orders.releases(changed(logs, "tasks", "released_s", 0, 2.9))
+    assert (finding.order, finding.rule) == ("early", "released once")
+    shorter = replace(logs, execution=replace(logs.execution, tasks=replace(logs.tasks, name=("early", "other"))))
+    assert {"never released" in f.text or "nobody asked" in f.text for f in orders.releases(shorter)} == {True}
+
+
+@pytest.mark.parametrize(
+    ("column", "by", "found"),
+    [
+        ("begin_s", -1.0, "service"),
+        ("end_s", -1.0, "service"),
+        ("end_s", 1.0, "service"),
+        ("due_s", 5.0, "stops in order"),
+        ("stood_s", 50.0, "conservation"),
+        ("queued_s", -3.0, "conservation"),
+        ("since_s", 60.0, "conservation"),
+    ],
+)
+def test_a_time_of_a_stop(logs, column, by, found):
+    row = first_stop(logs, done(logs, 1))
+    assert found in rules(changed(logs, "stops", column, row, float(getattr(logs.stops, column)[row]) + by))
+    assert not rules(changed(logs, "stops", column, row, float(getattr(logs.stops, column)[row]) + 1e-8))
+
+
+def test_a_stop_at_another_place_by_another_robot_or_out_of_turn(logs):
+    row = first_stop(logs, done(logs, 1))
+    elsewhere = int(logs.stops.vertex[row + 1])
+    assert {"stops in order", "service"} <= rules(changed(logs, "stops", "vertex", row, elsewhere))
+    assert "stops in order" in rules(changed(logs, "stops", "station", row, "B"))
+    assert "service" in rules(changed(logs, "stops", "robot", row, 1 - logs.stops.robot[row]))
+    assert "stops in order" in rules(changed(logs, "stops", "task", row, int(logs.stops.task[row + 2])))
+
+
+def test_a_place_serves_one_robot_at_a_time(logs):
+    one = first_stop(logs, done(logs))
+    other = next(k for k in np.argsort(logs.stops.begin_s).tolist() if logs.stops.begin_s[k] > logs.stops.end_s[one] and k != one)
+    both = changed(logs, "stops", "vertex", other, int(logs.stops.vertex[one]))
+    at_once = changed(both, "stops", "begin_s", other, float(logs.stops.end_s[one]) - 0.1)
+    after = changed(both, "stops", "begin_s", other, float(logs.stops.end_s[one]))
+    assert [f.place for f in places.places(at_once) if f.order == logs.tasks.name[int(logs.stops.task[other])]]
+    assert not [f for f in places.places(after) if f.t_s == logs.stops.end_s[one]]
+
+
+def test_a_robot_that_leaves_while_it_is_served(logs):
+    row = first_stop(logs, done(logs))
+    robot, k = int(logs.stops.robot[row]), int(logs.stops.begin_s[row] / logs.period_s) + 20
+    for away_m, found in ((0.2, ["service"]), (0.02, [])):
+        x = np.array(logs.execution.x_m)
+        x[k, robot] += away_m
+        moved = replace(logs, execution=replace(logs.execution, x_m=x))
+        assert [f.rule for f in places.service(moved)] == found
+
+
+def test_a_second_load_on_board(logs):
+    tasks, stops = logs.tasks, logs.stops
+    row = first_stop(logs, done(logs))
+    other = next(k for k in range(len(stops.task)) if stops.robot[k] == stops.robot[row] and stops.task[k] != stops.task[row])
+    between_s = float(stops.end_s[row]) + 0.5
+    mixed = changed(changed(logs, "stops", "begin_s", other, between_s), "stops", "end_s", other, between_s)
+    assert any("on board" in f.text for f in orders.loads(mixed)) and tasks.is_order.any()
+    assert not list(orders.loads(logs))
+
+
+def test_visits_are_where_robots_are(logs):
+    reply = next(k for k, reply in enumerate(logs.execution.replies) if np.isfinite(reply.arrived_s).sum() > 1)
+    arrived_s = logs.execution.replies[reply].arrived_s
+    k = int(np.flatnonzero(np.isfinite(arrived_s))[1])
+    for by, count in ((3.0, 1), (0.01, 0)):
+        other = arrived_s.copy()
+        other[k] += by
+        replies = list(logs.execution.replies)
+        replies[reply] = replace(replies[reply], arrived_s=other)
+        assert len(list(robots.visits(replace(logs, execution=replace(logs.execution, replies=tuple(replies)))))) == count
+
+
+def test_states_of_robots_have_no_gaps_and_fit_their_stops(logs):
+    log = logs.execution.robot_states
+    row = int(np.flatnonzero(log.end_s - log.begin_s > 5)[1])
+    assert "states" in rules(changed(logs, "robot_states", "end_s", row, float(log.end_s[row]) - 1))
+    assert "states" in rules(changed(logs, "robot_states", "state", int(np.flatnonzero(log.task == done(logs))[0]), IDLE))
+    assert "states" in rules(changed(logs, "robot_states", "task", int(np.flatnonzero(log.task == done(logs))[0]), done(logs, 3)))
+
+
+def test_batteries_balance(logs):
+    level = logs.execution.batteries.level
+    for by, found in ((-0.01, True), (0.01, True), (1e-5, False)):
+        assert bool(list(energy.batteries(changed(logs, "batteries", "level", (5, 0), level[5, 0] + by)))) == found
+    assert "batteries" in rules(changed(logs, "batteries", "used_j", 0, logs.execution.batteries.used_j[0] * 1.1))
+    assert "batteries" in rules(changed(logs, "batteries", "charged_j", 0, logs.execution.batteries.charged_j[0] + 500))
+    assert list(energy.batteries(replace(logs, terms=replace(logs.terms, start_level=(0.5, 0.6)))))
+
+
+def test_charging_needs_a_charger(logs):
+    row = int(np.flatnonzero(~logs.tasks.is_order[logs.stops.task])[0])
+    never = changed(logs, "stops", "end_s", row, float(logs.stops.begin_s[row]))
+    assert any("from a charger" in f.text for f in energy.batteries(never))
+
+
+def test_nobody_drives_with_an_empty_battery(tmp_path):
+    tasks = {"streams": [{"name": "o", "stops": ["A", "B"], "service": [5], "arrivals": {"open": 2}}]}
+    result = driven(scenario(ring(tmp_path), tasks, starts=["A"], shape={"battery": BATTERY}, execution={"time_limit_s": 700.0}))
+    logs = logs_of(result)
+    assert result.metrics["robots_battery_empty"] == 1 and not result.operations_audit["findings"]
+    empty = int((logs.execution.batteries.level[:, 0] <= 0).argmax())
+    sooner = changed(logs, "batteries", "level", (empty - 12, 0), 0.0)
+    assert any("drives at" in f.text for f in energy.empty(sooner)) and not list(energy.empty(logs))
+
+
+def test_counts_and_shares_that_are_recorded(logs):
+    metrics = dict(logs.metrics)
+    assert rules(replace(logs, metrics=metrics | {"tasks_done": metrics["tasks_done"] + 1})) == {"conservation"}
+    assert rules(replace(logs, metrics=metrics | {"station_utilisation_max": 1.249})) == {"utilisation"}
+    assert not rules(replace(logs, metrics=metrics | {"station_utilisation_max": 1.0}))
+
+
+@pytest.fixture(scope="module")
+def queue(tmp_path_factory):
+    """Two robots take turns at A of the ring, where each waits for the other."""
+    tasks = {"streams": [{"name": "o", "stops": ["A"], "service": [60], "arrivals": {"open": 4}}]}
+    return logs_of(driven(scenario(ring(tmp_path_factory.mktemp("queue")), tasks, starts=["c4", "B"], execution={"time_limit_s": 400.0})))
+
+
+def test_who_waits_first_is_served_first(queue):
+    stops = queue.stops
+    assert not list(places.waits(queue)) and len(stops.task) > 4
+    waits = int(
+        np.argmax(np.where(stops.begin_s < 250, stops.begin_s - stops.since_s, 0))
+    )  # it waited for one, and the next came behind it
+    later = changed(queue, "stops", "begin_s", waits, queue.end_s)
+    (finding,) = (f for f in places.waits(later) if f.order == queue.tasks.name[int(stops.task[waits])])
+    assert finding.rule == "first come, first served" and "set out later are served" in finding.text and finding.place == "A"
+    urgent, number = replace(later), int(stops.task[waits])
+    orders_of = {task: replace(order, priority=0 if task == number else 1) for task, order in later.ordered.items()}
+    urgent.__dict__["ordered"] = orders_of
+    assert finding.order not in [f.order for f in places.waits(urgent)]
+
+
+def test_who_is_never_served_waits_to_the_end(queue):
+    """The rows of one robot's stops are gone, as if it had stood all the time where it waits at first."""
+    stops, run = queue.stops, queue.execution
+    kept = stops.robot == 0
+    columns = {key: getattr(stops, key)[kept] for key in StopLog.__dataclass_fields__ if key != "station"}
+    some = replace(stops, station=tuple(name for name, keep in zip(stops.station, kept.tolist()) if keep), **columns)
+    mine = int(np.flatnonzero(queue.tasks.robot == 1)[0])
+    ended_s = queue.tasks.ended_s.copy()
+    ended_s[mine] = np.nan
+    stands = np.zeros(run.x_m.shape)
+    starved = replace(run, stops=some, tasks=replace(queue.tasks, ended_s=ended_s), speed_mps=stands)
+    assert [f.robot for f in places.waits(replace(queue, execution=starved)) if f.order == queue.tasks.name[mine]] == ["robot_1"]
+
+
+def test_nobody_is_idle_beside_work_for_long_unsaid(logs):
+    """Both robots are idle for all the time, and nobody has the orders that are there."""
+    idle = RobotStateLog(np.arange(2), np.full(2, IDLE), np.zeros(2), np.full(2, logs.end_s), np.full(2, -1))
+    none = np.full(len(logs.tasks.name), np.nan)
+    tasks = replace(logs.tasks, assigned_s=none, ended_s=none, released_s=np.zeros(len(none)))
+    lazy = replace(logs, execution=replace(logs.execution, robot_states=idle, tasks=tasks))
+    (finding,) = robots.idle(lazy)
+    assert finding.rule == "idle beside work" and finding.robot in ("robot_0", "robot_1")
+    said = replace(lazy, execution=replace(lazy.execution, events=(Event(1.0, "unresolved", -1, text="no plan"),)))
+    stalled = replace(lazy, execution=replace(lazy.execution, outcome=Outcome.PLANNER_STALLED))
+    soon = replace(lazy, execution=replace(lazy.execution, tasks=replace(tasks, released_s=np.full(len(none), 300.0))))
+    assert not [*robots.idle(said), *robots.idle(stalled), *robots.idle(soon)]
+
+
+def riding(robot, state):
+    """A robot changes levels after 1 s, when the only lift is in some state, for it or another."""
+    whole = [np.array([each]) for each in (LIFT_STATES.index(state), 0, 0, robot, 0, 0, 0)]
+    none = np.zeros(0, np.int64)
+    return FacilityLog(("goods",), np.zeros(1), np.zeros(1, np.int64), *whole, (), np.zeros(0), none, none, none)
+
+
+@pytest.mark.parametrize(("robot", "state", "count"), [(0, "taken", 0), (1, "taken", 1), (0, "coming", 1)])
+def test_who_changes_levels_has_the_lift(logs, robot, state, count):
+    level = np.zeros(logs.execution.x_m.shape, np.int64)
+    level[10:, 0] = 1
+    rides = replace(logs, execution=replace(logs.execution, level=level, facilities=riding(robot, state)))
+    assert len(list(places.lifts(rides))) == count
+
+
+@pytest.mark.parametrize(("state", "count"), [(2, 0), (1, 1), (0, 1)])
+def test_who_drives_through_a_door_finds_it_open(logs, state, count):
+    nav = nav_graph(name="door", xy=[(0.0, 0.0), (10.0, 0.0)], lanes=[(0, 1)], lane_options=[{"door": "gate"}])
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
+    none, zero = np.zeros(0, np.int64), np.zeros(1, np.int64)
+    log = FacilityLog((), np.zeros(0), none, none, none, none, none, none, none, none, ("gate",), np.zeros(1), zero, zero + state, zero)
+    x = np.full(logs.execution.x_m.shape, 20.0)
+    x[:, 0] = np.minimum(np.arange(len(x)) * 0.05, 10)
+    run = replace(logs.execution, x_m=x, y_m=np.zeros(x.shape), facilities=log)
+    terms = replace(logs.terms, doors_xy=np.array([[(5.02, -1.0), (5.02, 1.0)]]))
+    assert len(list(places.doors(replace(logs, execution=run, graph=graph, terms=terms)))) == count
+
+
+def test_findings_of_a_rule_are_listed_up_to_a_limit(logs):
+    late = replace(logs, execution=replace(logs.execution, stops=replace(logs.stops, due_s=logs.stops.due_s + 1.0)))
+    found = operations_audit(late)
+    assert len(found["findings"]) == min(LISTED, int(logs.tasks.is_order[logs.stops.task].sum()))
+    assert in_words(found).startswith("robot_") and f"and {len(found['findings']) - 1} more findings" in in_words(found)
