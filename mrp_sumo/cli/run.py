@@ -27,13 +27,16 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo run`."""
-    parser.add_argument("scenario", nargs="?", help="scenario file, or the name of a bundled scenario such as office_9")
+    parser.add_argument(
+        "scenario", nargs="?", metavar="FILE", help="scenario or map file, or the name of a bundled one, such as office_9 or office"
+    )
     parser.add_argument(
         "--plan", type=Path, metavar="FILE", help="drive this plan, in any format that `validate` reads, instead of planning"
     )
     parser.add_argument("--map", type=Path, metavar="FILE", help="MovingAI .map instead of a scenario, with cells of 1 m")
     parser.add_argument("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map (default: starts and goals are the plan's)")
-    parser.add_argument("--robot", metavar="NAME", help="another type of robot: a bundled one, or a YAML file")
+    parser.add_argument("--type", "--robot", dest="robot", metavar="NAME", help="another type of robot: a bundled one, or a YAML file")
+    scenario_choice.scale_argument(parser)
     parser.add_argument("--out", metavar="DIR", help="run folder (default: runs/<scenario>)")
     scenario_choice.arguments(parser)
     parser.add_argument("--policy", metavar="NAME", help="another execution policy; FILE.py:CLASS for one of your own")
@@ -75,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.run import PLUG_IN_FAILED
 
     if (options.scenario is None) == (options.map is None):
-        raise MrpSumoError("expected either a scenario or --map")
+        raise MrpSumoError("expected either a scenario or map file, or --map")
     if options.scenario is not None and options.scen is not None:
         raise MrpSumoError("a scenario says itself who goes where: --scen is for --map")
     file = scenario_choice.chosen_scenario(options)

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,9 @@ from mrp_sumo.errors import MrpSumoError
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario.file import ScenarioFile
 
+HEAD = 1_000_000  # bytes in which a file says what it is
+NAMES_A_MAP = re.compile(rb'^(?:\xef\xbb\xbf)?\{?\s*"?map"?\s*:', re.MULTILINE)
+KEYS_OF_MAPS = re.compile(rb"^(?:levels|building_name|coordinate_system|image|resolution|nodes|links)\s*:", re.MULTILINE)
 INSTANCE_CELL_M = 1.0  # side of a cell where there is no scenario to say it
 
 Override = tuple[str, Any]  # the option, for messages, and the value
@@ -29,6 +33,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--trust", action="store_true", help="run the programs that the scenario names: plug-in files, external planners")
     add("--time-limit", type=float, metavar="S", help="CPU time of the planner in s")
     add("--seed", type=int, metavar="N", help="of planner, draws and disturbances")
+
+
+def scale_argument(parser: argparse.ArgumentParser) -> None:
+    """`--meters-per-pixel` of maps whose file does not say it."""
+    parser.add_argument(
+        "--meters-per-pixel", "--metres-per-pixel", type=float, metavar="S", help="of a map: the scale of a picture, or of a drawing"
+    )
 
 
 def set_argument(parser: argparse.ArgumentParser) -> None:
@@ -57,8 +68,56 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     require_sound(options)
     if options.trust:
         trust_everything()
-    chosen = read_scenario(find_scenario(options.scenario)) if options.scenario is not None else _of_instance(options)
-    return with_set(options, changed(chosen, _named(options)))
+    if options.scenario is None:
+        return with_set(options, changed(_of_instance(options), _named(options)))
+    if "meters_per_pixel" in options and is_map(options.scenario):
+        return _of_map(options)
+    if getattr(options, "meters_per_pixel", None) is not None:
+        raise MrpSumoError("--meters-per-pixel is for a map; a scenario says it itself: map.meters_per_pixel")
+    return with_set(options, changed(read_scenario(find_scenario(options.scenario)), _named(options)))
+
+
+def is_map(name_or_path: str) -> bool:
+    """Whether a file is a map rather than a scenario, or a name that of a bundled map and of no bundled scenario."""
+    from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
+
+    path = Path(name_or_path)
+    if path.is_file():
+        return not _is_scenario(path)
+    return name_or_path in bundled_maps() and not (bundled_folder("scenarios") / f"{name_or_path}.yaml").is_file()
+
+
+def _is_scenario(path: Path) -> bool:
+    """Whether a file names a map, or is YAML with none of a map's keys."""
+    from mrp_sumo.files.reading import read_head
+
+    head = read_head(path, HEAD, MrpSumoError)
+    return NAMES_A_MAP.search(head) is not None or (path.suffix in (".yaml", ".yml") and KEYS_OF_MAPS.search(head) is None)
+
+
+def _of_map(options: argparse.Namespace) -> "ScenarioFile":
+    """The scenario of a map alone: as many robots as fit, goals drawn, everything else by default."""
+    from mrp_sumo.experiments.first_fleet import with_first_fleet
+    from mrp_sumo.io.scenario.read import changed, scenario_of
+    from mrp_sumo.maps.catalogue import bundled_maps
+    from mrp_sumo.maps.readers.reader import map_name
+
+    path = Path(options.scenario)
+    file = str(path.absolute()) if path.is_file() else options.scenario
+    scale = {} if options.meters_per_pixel is None else {"meters_per_pixel": options.meters_per_pixel}
+    values = {"map": {"file": file, **scale}, "robots": {"count": 1}, "assignment": {"cost": "path"}}
+    name = _folder_name(map_name(path if path.is_file() else bundled_maps()[options.scenario]))
+    chosen = with_set(options, changed(scenario_of(values, Path.cwd(), name), _named(options)))
+    robots = chosen.scenario.robots
+    is_stated = options.robots is not None or any(
+        place[0] == "robots" and place[1] in ("count", "starts") for place in _set(options, chosen)
+    )
+    return chosen if is_stated or robots.fleet else with_first_fleet(chosen)
+
+
+def _folder_name(name: str) -> str:
+    """A name made of those characters that a run's folder may have."""
+    return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "map"
 
 
 def with_set(options: argparse.Namespace, file: "ScenarioFile") -> "ScenarioFile":

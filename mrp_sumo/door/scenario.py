@@ -37,7 +37,7 @@ class Scenario:
     name
         Of runs; made of map and number of robots by default.
     discretisation
-        "grid", "roadmap", or the keys of the section.
+        "auto", "grid", "roadmap", or the keys of the section. By default lanes are driven where the map has them.
     assignment, execution, record
         The keys of these sections.
     folder
@@ -64,7 +64,7 @@ class Scenario:
         seed: int = 0,
         *,
         name: str = "",
-        discretisation: str | Section = "grid",
+        discretisation: str | Section = "auto",
         assignment: Section | None = None,
         execution: Section | None = None,
         record: Section | None = None,

@@ -48,6 +48,7 @@ class RunResult:
     metrics: dict[str, Any]  # JSON values by name
     details: str = ""  # the traceback of a plug-in that failed
     zones: ZoneLog | None = None  # how occupied they were, of a run with tasks
+    lanes: dict[str, float] | None = None  # how far robots drove off the lanes of the map; None where it has none
     metric_faults: tuple[str, ...] = ()  # a line for each of the user's metrics that failed; in `note`, too
     operations_audit: dict[str, Any] | None = None  # of a run with tasks
 
@@ -170,6 +171,7 @@ class RunResult:
             "metrics": self.metrics,
             "audit": self.audit,
             "operations_audit": self.operations_audit,
+            "lanes": self.lanes,
         }
 
     def write(self, out: Path, maps: MapCache) -> None:

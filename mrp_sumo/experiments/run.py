@@ -193,6 +193,7 @@ def finish(
     from mrp_sumo.metrics.audit import at_walls, audit, beside_lifts
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.fleet_use import ran_empty
+    from mrp_sumo.metrics.lane_keeping import lane_keeping, on_lane_m
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
     from mrp_sumo.metrics.tasks import overload
@@ -227,6 +228,7 @@ def finish(
     note = "; ".join(
         filter(None, (note, at_walls(audited) if audited else "", beside_lifts(audited) if audited else "", busy, flat, idle, *setup.notes))
     )
+    lanes = lane_keeping(execution, setup.map.nav, on_lane_m(_tracks_apart_m(setup))) if execution else None
     if execution:
         let_go_of_samples(execution)
     faults: list[PlugInError] = []
@@ -247,7 +249,7 @@ def finish(
     if faults:
         note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
-    result = RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, tuple(map(str, faults)))
+    result = RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, lanes, tuple(map(str, faults)))
     return _with_work_judged(result) if execution and execution.tasks is not None else result
 
 
@@ -259,6 +261,12 @@ def _with_work_judged(result: RunResult) -> RunResult:
     work = operations_audit(logs_of(result))
     note = "; ".join(filter(None, (result.note, in_words(work))))
     return replace(result, operations_audit=plain(work), note=note, status=result.status if work["passed"] else "audit_failed")
+
+
+def _tracks_apart_m(setup: SetUp) -> float:
+    """The distance between the two tracks of a lane, 0 where all lanes are single tracks."""
+    choice = setup.scenario.discretisation
+    return choice.cell_m if choice.kind == "roadmap" and (choice.lanes == "two_way" or choice.doubled) else 0.0
 
 
 def _unanswered(execution: Execution) -> str:

@@ -82,6 +82,7 @@ def write_run(
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
     operations_audit: Mapping[str, Any] | None = None,
+    lanes: Mapping[str, float] | None = None,
     zones: ZoneLog | None,
     network: Path | None,
     nav: NavGraph | None,
@@ -100,8 +101,9 @@ def write_run(
         How the run ended, for machines and for people.
     scenario
         As it was run, overrides applied.
-    problem, result, verdict, execution, metrics, audit, operations_audit
+    problem, result, verdict, execution, metrics, audit, operations_audit, lanes
         Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag; no tasks: no operations audit.
+        `lanes` is how far robots drove off them.
     zones
         How occupied they were, where that is known.
     network
@@ -131,7 +133,7 @@ def write_run(
 
     try:
         new.mkdir(parents=True)
-        document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit)
+        document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit, lanes)
         if network is not None:
             shutil.copyfile(network, new / "network.net.xml")
         if costmap is not None:
@@ -165,6 +167,7 @@ def result_document(
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
     operations_audit: Mapping[str, Any] | None = None,
+    lanes: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """The content of `result.json` without its list of files; the parameters are those of `write_run`."""
     document: dict[str, Any] = plain(
@@ -181,6 +184,8 @@ def result_document(
             "metrics": metrics,
             "audit": audit,
             **({} if operations_audit is None else {"operations_audit": operations_audit}),
+            "discretisation": {"kind": problem.graph.kind, "cell_m": problem.graph.cell_m},
+            "lanes": lanes,
             "plan": _answers(problem, result, verdict) | {"clock_limited": _clock_limited(scenario, result)},
             **_portfolio(scenario, result, execution),
             "robots": _robots(problem, execution, has_goals=scenario.tasks is None),
@@ -240,11 +245,12 @@ def write_trace_files(
     metrics: Mapping[str, Any],
     audit: Mapping[str, Any] | None,
     operations_audit: Mapping[str, Any] | None = None,
+    lanes: Mapping[str, float] | None,
     nav: NavGraph | None,
     levels: "Levels | None" = None,
 ) -> None:
     """Write what metrics are computed from into a folder: a run folder without what its map alone gives, and without a bag."""
-    document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit)
+    document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit, lanes)
     _write_evidence(folder, scenario, problem, result, execution, nav, levels)
     document["files"] = {path.name: {} for path in sorted(folder.iterdir())}
     (folder / RESULT).write_text(json.dumps(document, ensure_ascii=False, allow_nan=False), encoding="utf-8")

@@ -141,8 +141,8 @@ def _places(nav: NavGraph, cuts: _Cuts, cell_m: float) -> FloatArray:
     return np.asarray(xy + np.where(cuts.apart[cuts.lane], cell_m / 2, 0.0)[:, None] * right)
 
 
-def cell_that_fits(length_m: FloatArray, step_m: float) -> float:
-    """A cell length, in whole centimetres, with which no step of these lanes is shorter than `step_m`.
+def cell_that_fits(length_m: FloatArray, step_m: float, least_m: float = 0.0) -> float:
+    """A cell length, `least_m` or some whole centimetres above it, with which no step of these lanes is shorter than `step_m`.
 
     Parameters
     ----------
@@ -150,12 +150,14 @@ def cell_that_fits(length_m: FloatArray, step_m: float) -> float:
         [L] of the lanes, each at least `step_m`; infinite for one that is cut into cells exactly, as on a grid.
     step_m
         The least step.
+    least_m
+        The least cell length.
     """
     finite = length_m[np.isfinite(length_m)]
-    centimetres = math.ceil(100 * step_m - 1e-7)
-    while len(finite) and (finite / np.maximum(np.rint(finite / (centimetres / 100)), 1) < step_m - 1e-9).any():
-        centimetres += 1
-    return centimetres / 100
+    cell_m = least_m if least_m >= step_m - 1e-9 else math.ceil(100 * step_m - 1e-7) / 100
+    while len(finite) and (finite / np.maximum(np.rint(finite / cell_m), 1) < step_m - 1e-9).any():
+        cell_m = math.floor(100 * cell_m + 1 + 1e-7) / 100
+    return cell_m
 
 
 def check_cell(cell_m: float) -> None:

@@ -80,7 +80,7 @@ def obvious(question: Question, found: Reasons) -> tuple[str, ...]:
     changes = [f"stations.{name}: +1" for name in grown[:NUM_STATIONS]]
     aisle = next((place for place in found.places if place.kind == "aisle"), None)
     if aisle:
-        single = scenario.discretisation.kind == "roadmap" and scenario.discretisation.lanes == "single_track"
+        single = scenario.discretisation.kind != "grid" and scenario.discretisation.lanes == "single_track"
         ends = ", ".join(aisle.name.split(BETWEEN))
         changes += [f"{change}: [{ends}]" for change in BETWEEN_VERTICES if change == "one_way" or single]
     now = {

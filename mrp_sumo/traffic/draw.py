@@ -87,6 +87,14 @@ def uniform_draw(
     return start.astype(np.int64), goal.astype(np.int64)
 
 
+def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhere: bool = False) -> int:
+    """The largest number of robots that `uniform_draw` can draw; the parameters are its own."""
+    station = _stations(graph, anywhere=anywhere)
+    shared = _shared(graph, station, separation_m)
+    orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
+    return min(len(_first_apart(order, shared, len(station))) for order in orders)
+
+
 def draw_by_type(
     graphs: Sequence[PlanGraph], kind: IntArray, start: IntArray, goal: IntArray, seed: int, separation_m: float, *, anywhere: bool = False
 ) -> tuple[IntArray, IntArray]:
@@ -137,10 +145,17 @@ def _stations(graph: PlanGraph, *, anywhere: bool) -> IntArray:
     if graph.is_ride.any():  # who stands at a lift keeps others from it
         station = station[~graph.having("cabin")[station]]
     station = station[~graph.having("is_passthrough_point")[station]]
-    if len(station):
-        piece = strong_components(graph.num_vertices, graph.tail, graph.head)[station]
-        station = station[piece == np.bincount(piece).argmax()]
-    return station
+    return main_piece(graph, station)
+
+
+def main_piece(graph: PlanGraph, among: IntArray | None = None) -> IntArray:
+    """Vertices, of all or among some, in the strongly connected component that has most of them."""
+    vertices = np.arange(graph.num_vertices) if among is None else among
+    if not len(vertices):
+        return vertices
+    piece = strong_components(graph.num_vertices, graph.tail, graph.head)[vertices]
+    largest: IntArray = vertices[piece == np.bincount(piece).argmax()]
+    return largest
 
 
 def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[tuple[str, int]]]:
@@ -161,17 +176,23 @@ def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[in
 
 
 def _apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], num_robots: int, what: str) -> IntArray:
-    """[R] the first stations in an order that share nothing."""
+    """[R] the first stations in an order that share nothing. Raises PlanError where there are not as many."""
+    chosen = _first_apart(order, shared, num_robots)
+    _enough(len(chosen), num_robots, f"{what} on which robots may stand at once, one for each mutex group and none too near to another")
+    return chosen
+
+
+def _first_apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], limit: int) -> IntArray:
+    """The first stations in an order that share nothing, as many as there are up to a limit."""
     if not shared:
-        return order[:num_robots]
+        return order[:limit]
     taken: set[tuple[str, int]] = set()
     chosen: list[int] = []
     for v in order.tolist():
         own = shared.get(v, set())
-        if len(chosen) < num_robots and taken.isdisjoint(own):
+        if len(chosen) < limit and taken.isdisjoint(own):
             taken |= own
             chosen.append(v)
-    _enough(len(chosen), num_robots, f"{what} on which robots may stand at once, one for each mutex group and none too near to another")
     return np.array(chosen, np.int64)
 
 

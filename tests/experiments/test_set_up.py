@@ -108,7 +108,8 @@ def test_robot_too_large_for_a_step_learns_which_lane_it_is_and_what_would_help(
         assert set_up(read_scenario(path), maps).problem.num_robots == 1
 
 
-WIDE_CELLS = "map: office\nseed: 3000\nrobots: {count: 9}\ndiscretisation:\n  cell_m: 1.0\n  clearance: "  # a grid that reaches into walls
+# a grid that reaches into walls
+WIDE_CELLS = "map: office\nseed: 3000\nrobots: {count: 9}\ndiscretisation:\n  kind: grid\n  cell_m: 1.0\n  clearance: "
 
 
 def test_a_map_without_room_is_refused_where_the_scenario_says_so(tmp_path):
@@ -118,7 +119,7 @@ def test_a_map_without_room_is_refused_where_the_scenario_says_so(tmp_path):
         set_up(read_scenario(path), maps)
     (line,) = str(refused.value).splitlines()
     assert line.startswith(
-        "scenario.yaml:6: discretisation.clearance: 'office': 20 lanes lead through a wall, such as v10 (2.10, -9.90) -> "
+        "scenario.yaml:7: discretisation.clearance: 'office': 20 lanes lead through a wall, such as v10 (2.10, -9.90) -> "
     )
     assert line.endswith("; clearance: prune leaves them out")
     with MapCache() as maps:

@@ -80,7 +80,7 @@ def test_another_map_keeps_nothing_of_the_one_before(tmp_path):
     )
     found = columns(runs_of(file, "1"))
     assert [(c["map"], c["map.graph"]) for c in found[::2]] == [("office", None), ("airport", "all"), ("warehouse", None)]
-    assert [(c["discretisation"], c["discretisation.cell_m"]) for c in found[:2]] == [("roadmap", 0.4), ("grid", 0.5)]
+    assert [(c["discretisation"], c["discretisation.cell_m"]) for c in found[:2]] == [("roadmap", 0.4), ("auto", 0.5)]
 
 
 def test_order_of_parameters_is_no_reason_to_run_again(tmp_path):

@@ -35,7 +35,7 @@ def test_short_forms_and_defaults(tmp_path):
     assert scenario.map.file == "office"
     assert scenario.name == "case"
     assert (scenario.planner.time_limit_s, scenario.execution.time_limit_s) == (60.0, None)
-    assert (scenario.discretisation.kind, scenario.discretisation.cell_m) == ("grid", 0.4)
+    assert (scenario.discretisation.kind, scenario.discretisation.cell_m) == ("auto", 0.4)
 
 
 def test_number_of_robots_alone_stands_for_their_count(tmp_path):

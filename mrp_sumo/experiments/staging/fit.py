@@ -15,14 +15,18 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import type_at
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.maps.chains import chains_of
+from mrp_sumo.maps.clearance import Narrow
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
 from mrp_sumo.planning.protocol import Planner
+from mrp_sumo.traffic.draw import main_piece
+
+NAMED = 5  # stations in a line
 
 
-def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType]) -> None:
-    """Every step is at least as long as any two robots' centres are apart."""
+def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], *, is_auto: bool = False) -> None:
+    """Every step is at least as long as any two robots' centres are apart; `is_auto` where the cell length follows from that."""
     kind, model = max(enumerate(models), key=lambda each: fleet_of(each[1], 1).separation_m)
     needed_m = fleet_of_types(models, np.arange(len(models))).separation_m
     shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
@@ -38,7 +42,7 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
         raise ScenarioError(
             f"{what}lane '{nav.label(int(nav.tail[lane]))}' - '{nav.label(int(nav.head[lane]))}' of '{nav.name}' is {length_m[lane]:.3f} m "
             + (f"and {count - 1} more are too short; " if count > 1 else "long; ")
-            + _remedy(nav, graph.cell_m, needed_m)
+            + _remedy(nav, np.inf if is_auto else graph.cell_m, needed_m)
         )
     cell_m = cell_that_fits(length_m, needed_m)
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
@@ -81,27 +85,39 @@ def _rounded(value: float, towards: Callable[[float], int]) -> str:
     return f"{towards(value / unit) * unit:.6g}"
 
 
-def with_room(file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType]) -> PlanGraph:
-    """The graph, or what is left of it where walls leave the robots no room; or a refusal, as the scenario chooses.
+def with_room(
+    file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType]
+) -> tuple[PlanGraph, tuple[str, ...]]:
+    """The graph, or what walls leave of it, and a line on what they do not; or a refusal, as the scenario chooses.
 
     Of several types each has lanes of its own, see `without_room`.
     """
     choice = file.scenario.discretisation.clearance
-    if choice == "ignore":
-        return graph
-    if choice == "prune" and len(models) > 1:
-        return graph
+    if choice == "ignore" or (choice == "prune" and len(models) > 1):
+        return graph, ()
     for narrow in (maps.narrow(map_, graph, model) for model in models):
         if choice == "prune":
             with file.located("discretisation", "clearance"):
-                return maps.pruned(graph, narrow)
+                left = maps.pruned(graph, narrow)
+            return left, () if left is graph else (_left_out(map_.nav, graph, left, narrow),)
         if not narrow.notes:
             continue
         fits = "; clearance: prune leaves them out"
         if (radius_m := narrow.radius_that_fits_m) > 0:
             fits = f"; a robot that needs no more than {radius_m:.2f} m around its centre would fit{fits}"
         raise ScenarioError(f"{file.at('discretisation', 'clearance')}: '{graph.name}': {', '.join(narrow.notes)}{fits}")
-    return graph
+    return graph, ()
+
+
+def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, narrow: Narrow) -> str:
+    """A line on the lanes that walls leave no room on, and on the stations that robots cannot reach and leave any more."""
+    before, after = (np.isin(np.arange(each.num_vertices), main_piece(each)) for each in (graph, left))
+    station = graph.vertex_of_station
+    cut_off = [nav.label(v) for v in range(nav.num_vertices) if before[station[v]] and not after[station[v]]]
+    cut_off.sort(key=lambda name: name not in nav.vertex_of_name)
+    what = f"{graph.num_lanes - left.num_lanes} of {graph.num_lanes} {'steps' if graph.kind == 'grid' else 'pieces of lanes'} left out"
+    names = ", ".join(cut_off[:NAMED]) + (f" and {len(cut_off) - NAMED} more" if len(cut_off) > NAMED else "")
+    return f"{what}: {', '.join(narrow.notes)}" + (f"; cut off by that: {names}" if cut_off else "")
 
 
 def without_room(

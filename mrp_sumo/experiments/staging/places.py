@@ -10,12 +10,12 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem, graphs_of_kinds
 from mrp_sumo.drive.motion_plan import TURNS_RAD
-from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.errors import PlanError, ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.planning.costs import costs_of
-from mrp_sumo.traffic.draw import draw_by_type, mrp_bench_draw, uniform_draw
+from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, uniform_draw
 
 
 def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
@@ -70,9 +70,22 @@ def places_by_type(
 
 
 def _drawn(file: ScenarioFile, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
-    robots = file.scenario.robots
-    with file.located("robots", "count"):
-        return uniform_draw(graph, robots.count or 0, file.scenario.seed, separation_m, anywhere=robots.draw == "anywhere")
+    robots, seed = file.scenario.robots, file.scenario.seed
+    num_robots, anywhere = robots.count or 0, robots.draw == "anywhere"
+    try:
+        return uniform_draw(graph, num_robots, seed, separation_m, anywhere=anywhere)
+    except PlanError:
+        fits = most_drawn(graph, seed, separation_m, anywhere=anywhere)
+    cures = [f"robots.count: {fits} fits"] if fits else []
+    if not anywhere and (more := most_drawn(graph, seed, separation_m, anywhere=True)) > fits:
+        cures.append(f"robots.draw: anywhere lets {more} stand between stations, too")
+    if file.scenario.discretisation.clearance == "prune" and graph.num_components > 1:
+        cures.append("smaller robots have more room beside walls")
+    what = "vertices" if anywhere else "stations"
+    raise ScenarioError(
+        f"{file.at('robots', 'count')}: {num_robots} robots, but '{graph.name}' has {fits} {what} that reach each other and on which "
+        f"robots may stand at once, {separation_m:.2f} m between centres" + (f": {'; '.join(cures)}" if cures else "")
+    )
 
 
 def looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: Sequence[str]) -> IntArray:

@@ -16,6 +16,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
+from mrp_sumo.experiments.staging.discretisation import as_discretised, loaded_cell_m, with_drawn_one_ways
 from mrp_sumo.experiments.staging.fit import require_brakes, require_fit, with_room, without_room
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import people_of
@@ -75,14 +76,17 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     models, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)
     if not run_programs and place_in_file(scenario.map.reader or ""):
         raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
-    cell_m = scenario.discretisation.cell_m
     one_of_each, radius_m = fleet_of_types(models, np.arange(len(models))), max(model.radius_m for model in models)
     with file.located("map"):
-        map_ = maps.map(scenario.map, file.folder, cell_m, radius_m)
+        map_ = maps.map(scenario.map, file.folder, loaded_cell_m(scenario.discretisation, models), radius_m)
+    is_auto, file = scenario.discretisation.kind == "auto", as_discretised(file, map_, models)
+    scenario = file.scenario
     graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav))
-    require_fit(file, map_.nav, graph, models)
+    require_fit(file, map_.nav, graph, models, is_auto=is_auto)
     require_brakes(file, graph, models)
-    graph = with_one_ways(file, map_.nav, with_room(file, maps, map_, graph, models))
+    graph, left_out = with_room(file, maps, map_, graph, models)
+    graph, broken = with_drawn_one_ways(map_.nav, graph)
+    graph = with_one_ways(file, map_.nav, graph)
     graph = with_mutex_groups(file, map_.nav, graph)
     step_s = scenario.planner.step_s or planned_step_s(graph, one_of_each, scenario.execution.step_length_s)
     graph = maps.with_rides(map_, in_service(file, graph), step_s, radius_m)  # rides are as many lanes as they take steps
@@ -120,7 +124,15 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         settings = with_tasks(settings, file, map_.nav, problem, models)
     if scenario.people is not None:
         settings = replace(settings, people=people_of(file, map_, graph))
-    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, with_closures(file, map_.nav, graph, settings), shut + narrow)
+    return SetUp(
+        file,
+        map_,
+        problem,
+        chosen_assigner,
+        chosen_planner,
+        with_closures(file, map_.nav, graph, settings),
+        left_out + broken + shut + narrow,
+    )
 
 
 def _require_robots(file: ScenarioFile, fleet: Fleet) -> None:
@@ -136,14 +148,20 @@ def _require_robots(file: ScenarioFile, fleet: Fleet) -> None:
 
 def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, for the planner of another scenario."""
-    return replace(setup, file=file, planner=choices(file)[1])
+    return replace(setup, file=_discretised_as(setup, file), planner=choices(file)[1])
 
 
 def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, driven as another scenario says."""
     require_trust(file)
+    file = _discretised_as(setup, file)
     settings = replace(settings_of(file), people=people_of(file, setup.map, setup.problem.graph))
     return replace(setup, file=file, settings=with_closures(file, setup.map.nav, setup.problem.graph, settings))
+
+
+def _discretised_as(setup: SetUp, file: ScenarioFile) -> ScenarioFile:
+    """Another scenario, about the plan graph of this one."""
+    return replace(file, scenario=file.scenario.model_copy(update={"discretisation": setup.scenario.discretisation}))
 
 
 def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:

@@ -53,10 +53,12 @@ class MapChoice(Strict):
 class Discretisation(Strict):
     """How the nav graph becomes a graph of unit steps."""
 
-    kind: Literal["grid", "roadmap"] = Field(
-        "grid", description="'grid': the occupancy grid of the MRP-Bench paper, lanes two cells wide; 'roadmap': lanes cut into steps."
+    kind: Literal["auto", "grid", "roadmap"] = Field(
+        "auto",
+        description="'roadmap': lanes cut into steps, with their directions, limits and curves; 'grid': the occupancy grid of the "
+        "MRP-Bench paper, lanes two cells wide; 'auto': lanes where the map has them, else its grid.",
     )
-    cell_m: Positive = Field(0.4, description="Length of a step.")
+    cell_m: Positive = Field(0.4, description="Length of a step, about; with 'auto' the least one, longer where robots or lanes need it.")
     lanes: Literal["single_track", "two_way"] = Field(
         "single_track", description="Of a roadmap: can robots meet on a bidirectional lane? On a grid they can, lanes are two cells wide."
     )
@@ -64,9 +66,9 @@ class Discretisation(Strict):
         (), description="Of a roadmap: along the shortest way between two vertices robots can meet, as with two_way everywhere."
     )
     clearance: Literal["refuse", "prune", "ignore"] = Field(
-        "ignore",
-        description="What to do with lanes and cells where walls leave the robots no room: 'refuse' the scenario, 'prune': leave them out. "
-        "A run that touches a wall fails its audit in any case.",
+        "prune",
+        description="What to do with lanes and cells where walls leave the robots no room: 'prune': leave them out, 'refuse' the scenario, "
+        "or 'ignore' it. A run that touches a wall fails its audit in any case.",
     )
 
     @model_validator(mode="after")

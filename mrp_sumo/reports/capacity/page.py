@@ -197,7 +197,7 @@ def _small_print(study: Study, answer: Answer) -> list[str]:
     effort, setup = question.effort, study.setup
     points = answer.points
     robot = setup.problem.fleet
-    kind = scenario.discretisation
+    kind = setup.scenario.discretisation
     runs = sum(len(point.records) for point in points)
     seeds = answer.document["answer"]["seeds"]
     rows = [
