@@ -108,11 +108,11 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     values = {"map": {"file": file, **scale}, "robots": {"count": 1}, "assignment": {"cost": "path"}}
     name = _folder_name(map_name(path if path.is_file() else bundled_maps()[options.scenario]))
     chosen = with_set(options, changed(scenario_of(values, Path.cwd(), name), _named(options)))
-    robots = chosen.scenario.robots
-    is_stated = options.robots is not None or any(
-        place[0] == "robots" and place[1] in ("count", "starts") for place in _set(options, chosen)
-    )
-    return chosen if is_stated or robots.fleet else with_first_fleet(chosen)
+    changes, robots = {**_named(options), **_set(options, chosen)}, chosen.scenario.robots
+    if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
+        return chosen
+    count = robots.count if ("robots", "count") in changes else None
+    return with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
 
 
 def _folder_name(name: str) -> str:
