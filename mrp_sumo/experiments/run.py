@@ -147,10 +147,6 @@ def carry_out(
         When the scenario cannot be run at all.
     """
     report = progress or silent
-    if gui:
-        from mrp_sumo.engines.sumo.screen import require_screen
-
-        require_screen()
     report("loading the map", 0.0, 0.0)
     setup = set_up(file, maps)
     return finish(

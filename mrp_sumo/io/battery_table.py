@@ -15,8 +15,7 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.graph import frozen
 from mrp_sumo.io.arrow import dictionary, numbers
-
-KEY = b"mrp_sumo"
+from mrp_sumo.io.tables import KEY, read_table
 
 
 def write_batteries(path: Path, log: BatteryLog, robot_name: Sequence[str]) -> None:
@@ -35,10 +34,10 @@ def write_batteries(path: Path, log: BatteryLog, robot_name: Sequence[str]) -> N
 
 def read_batteries(path: Path, num_robots: int) -> BatteryLog:
     """The states of charge as they were written."""
-    table = pq.read_table(path)
-    sums = json.loads(table.schema.metadata[KEY])
-    level = table["battery_percent"].to_numpy().reshape(-1, num_robots)
-    level = np.round(level / 100, 6)  # exactly the log's
-    t_s = table["t_s"].to_numpy()[::num_robots].copy()
-    used_j, charged_j = (frozen(np.array(sums[key])) for key in ("used_j", "charged_j"))
-    return BatteryLog(frozen(t_s), frozen(level), used_j, charged_j, sums["critical"])
+    table = read_table(path)
+    if table.num_rows % num_robots:
+        raise table.fault(f"found {table.num_rows} rows, expected one a time for each of {num_robots} robots")
+    level = np.round(table.numbers("battery_percent").reshape(-1, num_robots) / 100, 6)  # exactly the log's
+    t_s = table.numbers("t_s")[::num_robots].copy()
+    used_j, charged_j = (table.about_numbers(key, num_robots) for key in ("used_j", "charged_j"))
+    return BatteryLog(frozen(t_s), frozen(level), used_j, charged_j, table.about_number("critical"))

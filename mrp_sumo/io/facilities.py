@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_DOORS, LIFT_MODES, LIFT_STATES, MOTIONS, PEOPLE, FacilityLog
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.io.arrow import dictionary, numbers
+from mrp_sumo.io.tables import KEY, Names, Table, read_table
 
-KEY = b"mrp_sumo"
 LIFTS, DOORS = "lifts.parquet", "doors.parquet"
 WHO_ELSE = {-1: "", PEOPLE: "(people)"}
 
@@ -53,33 +53,29 @@ def write_facilities(folder: Path, log: FacilityLog, robot_name: Sequence[str], 
 
 def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequence[str]) -> FacilityLog | None:
     """The log as it was written; None where there are neither lifts nor doors."""
-    lifts, doors = (pq.read_table(path) if (path := folder / name).is_file() else None for name in (LIFTS, DOORS))
+    lifts, doors = (read_table(path) if (path := folder / name).is_file() else None for name in (LIFTS, DOORS))
     if lifts is None and doors is None:
         return None
     robots = {name: r for r, name in enumerate(robot_name)} | {text: r for r, text in WHO_ELSE.items()}
-    levels = {name: k for k, name in enumerate(level_name)}
-    lift_name, door_name = (tuple(json.loads(table.schema.metadata[KEY])) if table else () for table in (lifts, doors))
+    lift_name, door_name = (table.about_texts() if table else () for table in (lifts, doors))
 
-    def column(table: pa.Table | None, name: str, number: dict[str, int]) -> IntArray:
-        return frozen(np.array([number[text] for text in table[name].to_pylist()] if table else [], np.int64))
-
-    def numbered(names: Sequence[str]) -> dict[str, int]:
-        return {name: k for k, name in enumerate(names)}
+    def column(table: Table | None, name: str, known: Names) -> IntArray:
+        return table.indices(name, known) if table else frozen(np.zeros(0, np.int64))
 
     return FacilityLog(
         lift_name=lift_name,
-        lift_t_s=frozen(lifts["t_s"].to_numpy() if lifts else np.zeros(0)),
-        lift=column(lifts, "lift", numbered(lift_name)),
-        lift_state=column(lifts, "state", numbered(LIFT_STATES)),
-        lift_level=column(lifts, "level", levels),
-        lift_target=column(lifts, "target", levels),
+        lift_t_s=lifts.numbers("t_s") if lifts else frozen(np.zeros(0)),
+        lift=column(lifts, "lift", lift_name),
+        lift_state=column(lifts, "state", LIFT_STATES),
+        lift_level=column(lifts, "level", level_name),
+        lift_target=column(lifts, "target", level_name),
         lift_robot=column(lifts, "robot", robots),
-        lift_doors=column(lifts, "doors", numbered(LIFT_DOORS)),
-        lift_motion=column(lifts, "motion", numbered(MOTIONS)),
-        lift_mode=column(lifts, "mode", numbered(LIFT_MODES)),
+        lift_doors=column(lifts, "doors", LIFT_DOORS),
+        lift_motion=column(lifts, "motion", MOTIONS),
+        lift_mode=column(lifts, "mode", LIFT_MODES),
         door_name=door_name,
-        door_t_s=frozen(doors["t_s"].to_numpy() if doors else np.zeros(0)),
-        door=column(doors, "door", numbered(door_name)),
-        door_state=column(doors, "state", numbered(DOOR_STATES)),
+        door_t_s=doors.numbers("t_s") if doors else frozen(np.zeros(0)),
+        door=column(doors, "door", door_name),
+        door_state=column(doors, "state", DOOR_STATES),
         door_robot=column(doors, "robot", robots),
     )

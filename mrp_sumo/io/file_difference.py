@@ -14,9 +14,9 @@ def first_difference(old: Path, new: Path) -> str:
     if not old.is_file():
         return "is missing"
     if old.suffix == ".parquet":
-        import pyarrow.parquet as pq
+        from mrp_sumo.io.tables import read_table
 
-        a, b = pq.read_table(old), pq.read_table(new)
+        a, b = read_table(old).content, read_table(new).content
         if a.column_names != b.column_names or a.num_rows != b.num_rows:
             return f"{a.num_rows} rows of {len(a.column_names)} columns became {b.num_rows} of {len(b.column_names)}"
         for name in a.column_names:

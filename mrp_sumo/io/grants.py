@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mrp_sumo.core.execution import GrantLog
-from mrp_sumo.core.graph import frozen
 from mrp_sumo.io.arrow import numbers, texts
+from mrp_sumo.io.tables import read_table
 
 
 def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> None:
@@ -25,8 +25,5 @@ def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> Non
 
 def read_grants(path: Path, robot_name: Sequence[str]) -> GrantLog:
     """The grants as they were written."""
-    table = pq.read_table(path)
-    number = {name: r for r, name in enumerate(robot_name)}
-    t_s, visit, enters = (table[name].to_numpy(zero_copy_only=False) for name in ("t_s", "visit", "enters"))
-    robot = np.array([number[name] for name in table["robot"].to_pylist()], np.int64)
-    return GrantLog(frozen(t_s.astype(np.float64)), frozen(robot), frozen(visit.astype(np.int64)), frozen(enters.astype(np.bool_)))
+    table = read_table(path)
+    return GrantLog(table.numbers("t_s"), table.indices("robot", robot_name), table.integers("visit", 0), table.flags("enters"))

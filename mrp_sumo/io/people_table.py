@@ -16,13 +16,14 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.io.arrow import numbers, texts
+from mrp_sumo.io.tables import KEY, read_table
 
 if TYPE_CHECKING:
     from mrp_sumo.io.trajectory import Levels
 
-KEY = b"mrp_sumo"
 PEOPLE = "people.parquet"
 ROWS_PER_GROUP = 1_000_000
+LISTED = ("waited_s", "lost_s", "stop_s", "stop_duration_s", "stop_in_motion")  # a number a person, a robot, and thrice a stop
 PER_PERSON, PER_ROBOT = ("level", "waited_s"), ("lost_s",)
 PER_STOP, FIGURES = (
     ("stop_robot", "stop_s", "stop_duration_s", "stop_in_motion"),
@@ -48,27 +49,31 @@ def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Levels | 
     pq.write_table(table, path, row_group_size=ROWS_PER_GROUP, compression="zstd", use_dictionary=["level"], column_encoding=encoding)
 
 
-def read_people(path: Path, t_ns: IntArray, levels: "Levels | None") -> PeopleLog:
+def read_people(path: Path, t_ns: IntArray, levels: "Levels | None", num_robots: int) -> PeopleLog:
     """The log as it was written. `t_ns` [T]: the times of the samples."""
-    table = pq.read_table(path)
-    about = json.loads(table.schema.metadata[KEY])
-    time, person, x_m, y_m = (table[name].to_numpy() for name in ("t_ns", "person", "x_m", "y_m"))
+    table = read_table(path)
+    listed = {name: table.about_numbers(name) for name in ("level", "stop_robot")}
+    num_people, num_stops, num_levels = len(listed["level"]), len(listed["stop_robot"]), len(levels.name) if levels else 1
+    listed |= {name: table.about_numbers(name, size) for name, size in zip(LISTED, (num_people, num_robots, *[num_stops] * 3))}
+    for name, most in (("level", num_levels), ("stop_robot", num_robots)):
+        if not np.isin(listed[name], np.arange(most)).all():
+            raise table.fault(f"its metadata '{name}' hold a number that is none of {most}")
+    time, person = table.integers("t_ns"), table.integers("person", 0, num_people - 1).astype(np.int32)
+    x_m, y_m = (table.numbers(name).astype(np.float32) for name in ("x_m", "y_m"))
     order = np.lexsort((person, time))
-    level = np.array(about["level"], np.int64)
+    level = listed["level"].astype(np.int64)
     if levels:
         on = level[person]
         x_m, y_m = (column + levels.shift_m[on, k].astype(np.float32) for k, column in enumerate((x_m, y_m)))
     first = np.searchsorted(time[order], t_ns)
     kinds = {"level": np.int64, "stop_robot": np.int64, "stop_in_motion": np.bool_}
-    listed: dict[str, Any] = {
-        name: frozen(np.array(about[name], kinds.get(name, np.float64))) for name in (*PER_PERSON, *PER_ROBOT, *PER_STOP)
-    }
-    figures: dict[str, Any] = {name: np.nan if about[name] is None else about[name] for name in FIGURES}
+    columns: dict[str, Any] = {name: frozen(values.astype(kinds.get(name, np.float64))) for name, values in listed.items()}
+    figures: dict[str, Any] = {name: table.about_number(name, missing=np.nan) for name in FIGURES}
     return PeopleLog(
         first=frozen(np.append(first, len(time)).astype(np.int64)),
         person=frozen(person[order]),
         x_m=frozen(x_m[order]),
         y_m=frozen(y_m[order]),
-        **listed,
+        **columns,
         **figures,
     )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mrp_sumo.core.execution import Reply
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
 from mrp_sumo.io.arrow import dictionary, numbers, texts
+from mrp_sumo.io.tables import read_table
 
 ROWS_AT_ONCE = 200_000  # about, of a long run's table
 
@@ -82,30 +83,30 @@ def replans_table(replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequen
 
 def read_replans(path: Path, graph: PlanGraph, robot_name: Sequence[str]) -> tuple[Reply, ...]:
     """Replies as they were written."""
-    table = pq.read_table(path)
-    vertex_of, robot_of = graph.vertex_of_name, {name: r for r, name in enumerate(robot_name)}
-    column = {name: table[name].to_pylist() for name in table.column_names}
-    replan, visit = np.array(column["replan"]), np.array(column["visit"], np.int64)
-    robot = np.array([robot_of[name] for name in column["robot"]], np.int64)
-    vertex = np.array([-1 if name is None else vertex_of[name] for name in column["vertex"]], np.int64)
+    table = read_table(path)
+    replan, visit = table.integers("replan", 0), table.integers("visit", 0)
+    robot, vertex = table.indices("robot", robot_name), table.indices("vertex", graph.vertex_of_name, missing=-1)
     arrive_s, depart_s, arrived_s = (
-        np.array([empty if t is None else t for t in column[name]], np.float64)
-        for name, empty in (("arrive_s", np.nan), ("depart_s", np.inf), ("arrived_s", np.nan))
+        table.numbers(name, missing) for name, missing in (("arrive_s", np.nan), ("depart_s", np.inf), ("arrived_s", np.nan))
     )
+    t_s, reason, text = table.numbers("t_s"), table.texts("reason"), table.texts("text")
+    ends = np.append(np.flatnonzero(np.diff(replan)) + 1, len(replan)).tolist() if len(replan) else []
+    if len(replan) and not np.array_equal(replan[[0, *ends[:-1]]], np.arange(len(ends))):
+        raise table.fault("column 'replan': expected 0, 1, 2, ... in rows that follow each other")
     replies = []
-    for number in range(int(replan.max()) + 1 if len(replan) else 0):
-        rows = np.flatnonzero(replan == number)
-        robots, begin = np.unique(robot[rows], return_index=True)
+    for begin, end in zip([0, *ends], ends):
+        rows = np.arange(begin, end)
+        robots, first_row = np.unique(robot[rows], return_index=True)
         there = rows[vertex[rows] >= 0]
         count = np.bincount(np.searchsorted(robots, robot[there]), minlength=len(robots))
         replies.append(
             Reply(
-                t_s=column["t_s"][rows[0]],
-                reason=column["reason"][rows[0]],
-                text=column["text"][rows[0]],
+                t_s=float(t_s[begin]),
+                reason=reason[begin],
+                text=text[begin],
                 robot=frozen(robots),
                 first=frozen(np.concatenate([[0], np.cumsum(count)]).astype(np.int64)),
-                since=frozen(visit[rows[begin]] - 1),
+                since=frozen(visit[rows[first_row]] - 1),
                 vertex=frozen(vertex[there]),
                 arrive_s=frozen(arrive_s[there]),
                 depart_s=frozen(depart_s[there]),

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
-from mrp_sumo.files.reading import read_bytes, require_regular, shortened
+from mrp_sumo.files.reading import read_bytes, shortened
 from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import parameter_columns
 
@@ -325,20 +325,18 @@ def query(path: str | Path, sql: str, report: Callable[[str], None] | None = Non
 
 
 def _load_table(path: Path, report: Callable[[str], None]) -> "pyarrow.Table":
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    from mrp_sumo.io.tables import read_table
 
     file = path / TABLE if path.is_dir() else path
     damaged = path.is_dir() and (path / SUMS).exists() and not _is_whole(path, TABLE)
     if not path.exists():
         raise BatchError(f"{shortened(path)}: no such folder")
     if not path.is_dir() or (file.exists() and not damaged):
-        require_regular(file, MAX_TABLE_BYTES, BatchError)
         try:
-            return pq.read_table(file)
-        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+            return read_table(file, max_bytes=MAX_TABLE_BYTES, error=BatchError).as_written()
+        except BatchError:
             if not path.is_dir():
-                raise BatchError(f"{file}: not a Parquet file: {' '.join(str(error).split())[:120]}") from None
+                raise
     order = {key: i for i, key in enumerate(read_plan(path)["keys"])}
     with _no_collection():
         records = sorted((r for r in records_in(path, report) if r["key"] in order), key=lambda record: order[record["key"]])

@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.robot_states import ROBOT_STATES, RobotStateLog
 from mrp_sumo.core.task import TaskLog
 from mrp_sumo.io.arrow import dictionary, numbers, texts
+from mrp_sumo.io.tables import read_table
 
 ROBOT_STATES_TABLE = "robot_states.parquet"
 
@@ -32,11 +32,13 @@ def write_robot_states(path: Path, log: RobotStateLog, tasks: TaskLog, robot_nam
     pq.write_table(pa.table(table), path, compression="zstd")
 
 
-def read_robot_states(path: Path, robot_name: Sequence[str]) -> RobotStateLog:
+def read_robot_states(path: Path, robot_name: Sequence[str], num_tasks: int) -> RobotStateLog:
     """The intervals as they were written."""
-    table = pq.read_table(path)
-    number = {name: r for r, name in enumerate(robot_name)}
-    robot = np.array([number[name] for name in table["robot"].to_pylist()], np.int64)
-    state = np.array([ROBOT_STATES.index(name) for name in table["state"].to_pylist()], np.int64)
-    begin_s, end_s, task = (table[key].to_numpy().copy() for key in ("begin_s", "end_s", "task"))
-    return RobotStateLog(frozen(robot), frozen(state), frozen(begin_s), frozen(end_s), frozen(task.astype(np.int64)))
+    table = read_table(path)
+    return RobotStateLog(
+        table.indices("robot", robot_name),
+        table.indices("state", ROBOT_STATES),
+        table.numbers("begin_s"),
+        table.numbers("end_s"),
+        table.integers("task", -1, num_tasks - 1),
+    )

@@ -19,12 +19,13 @@ from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_states import RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json
 from mrp_sumo.formats.plan_json import goal_headings, read_plan
 from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.record import RunRecord, constants_of
+from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
     import pandas
@@ -136,7 +137,10 @@ class RunFolder:
         from mrp_sumo.io.trajectory import read_trajectory
 
         self._require_trajectory()
-        return read_trajectory(self.folder / "trajectory.parquet")
+        samples = read_trajectory(self.folder / "trajectory.parquet")
+        if samples.robot_name != self.fleet.robot_name:
+            raise MrpSumoError(f"{self.folder / 'trajectory.parquet'}: its robots are others than those of floor.json")
+        return samples
 
     @cached_property
     def believed(self) -> "Trajectory | None":
@@ -149,18 +153,30 @@ class RunFolder:
     @cached_property
     def execution(self) -> Execution:
         """Trajectory, arrivals and events as the simulation gave them; clocks from the metrics."""
+        try:
+            return self._execution()
+        except DAMAGE as error:
+            raise self._damaged(error) from None
+
+    def _execution(self) -> Execution:
         from mrp_sumo.io.visits import read_arrivals
 
         samples, believed, metrics = self.samples, self.believed, self.metrics
         documents = read_events(self.folder / "events.jsonl")
         goal_s = [robot["goal_s"] for robot in self.result["robots"]]
+        if len(goal_s) != self.fleet.num_robots:
+            raise MrpSumoError(f"{self.folder / RESULT}: robots: found {len(goal_s)}, expected {self.fleet.num_robots}")
+        arrived_s = read_arrivals(self.folder / "visits.parquet")
+        if self.plan is not None and len(arrived_s) != self.plan.num_visits:
+            line = f"found {len(arrived_s)} rows, expected one for each of the plan's {self.plan.num_visits} visits"
+            raise MrpSumoError(f"{self.folder / 'visits.parquet'}: {line}")
         return Execution(
             t_s=frozen(samples.t_s),
             x_m=frozen(samples.x_m),
             y_m=frozen(samples.y_m),
             yaw_rad=frozen(samples.yaw_rad),
             speed_mps=frozen(samples.speed_mps),
-            arrived_s=frozen(read_arrivals(self.folder / "visits.parquet")),
+            arrived_s=arrived_s,
             goal_s=frozen(np.array(goal_s, np.float64)),
             outcome=Outcome(self.result["outcome"]),
             policy=self.result["policy"],
@@ -201,18 +217,15 @@ class RunFolder:
                 constants=constants_of(self.result["scenario"]),
             )
         except DAMAGE as error:
-            lines = str(error).splitlines() or [""]
-            raise MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {lines[0]}") from None
+            raise self._damaged(error) from None
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
         """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
-        import pyarrow.parquet as pq
-
         from mrp_sumo.io.trajectory import trajectory_frame
 
         self._require_trajectory()
-        return trajectory_frame(pq.read_table(self.folder / "trajectory.parquet"))
+        return trajectory_frame(read_table(self.folder / "trajectory.parquet").as_written())
 
     @property
     def events(self) -> "pandas.DataFrame":
@@ -223,11 +236,12 @@ class RunFolder:
     @property
     def visits(self) -> "pandas.DataFrame":
         """One row per planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
-        import pyarrow.parquet as pq
-
         self._require_trajectory()
-        frame: pandas.DataFrame = pq.read_table(self.folder / "visits.parquet").to_pandas()
+        frame: pandas.DataFrame = read_table(self.folder / "visits.parquet").as_written().to_pandas()
         return frame
+
+    def _damaged(self, error: Exception) -> MrpSumoError:
+        return MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {first_line(error)}")
 
     def _replies(self) -> tuple[Reply, ...]:
         if not self._has("replans.parquet"):
@@ -261,8 +275,10 @@ class RunFolder:
     def _robot_states(self) -> RobotStateLog | None:
         from mrp_sumo.io.robot_states import ROBOT_STATES_TABLE, read_robot_states
 
-        there = self._has(ROBOT_STATES_TABLE)
-        return read_robot_states(self.folder / ROBOT_STATES_TABLE, self.fleet.robot_name) if there else None
+        tasks = self._tasks() if self._has(ROBOT_STATES_TABLE) else None
+        if tasks is None:
+            return None
+        return read_robot_states(self.folder / ROBOT_STATES_TABLE, self.fleet.robot_name, int(tasks.is_order.sum()))
 
     def _batteries(self) -> BatteryLog | None:
         if not self._has("battery.parquet"):
@@ -280,7 +296,8 @@ class RunFolder:
     def _people(self) -> PeopleLog | None:
         from mrp_sumo.io.people_table import PEOPLE, read_people
 
-        return read_people(self.folder / PEOPLE, self.samples.t_ns, self.samples.levels) if self._has(PEOPLE) else None
+        samples = self.samples
+        return read_people(self.folder / PEOPLE, samples.t_ns, samples.levels, self.fleet.num_robots) if self._has(PEOPLE) else None
 
     def _calls(self) -> PlannerCalls | None:
         metrics = self.metrics

@@ -19,8 +19,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import frozen
-from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, TASK_TIMES, StopLog, TaskLog, log_of_times, some_tasks
+from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, TASK_STATES, TASK_TIMES, StopLog, TaskLog, log_of_times, some_tasks
 from mrp_sumo.io.arrow import dictionary, numbers, texts
+from mrp_sumo.io.tables import read_table
 
 TASKS, CHARGES = "tasks.parquet", "charges.parquet"
 STOP_TIMES = ("since_s", "begin_s", "end_s", "stood_s", "queued_s", "due_s")
@@ -59,18 +60,13 @@ def read_tasks(folder: Path, robot_name: Sequence[str]) -> TaskLog:
 
 
 def _read(path: Path, robot_name: Sequence[str]) -> TaskLog:
-    table = pq.read_table(path)
-    number = {name: r for r, name in enumerate(robot_name)}
-    there = [name for name in TASK_TIMES if name in table.column_names]
-    times: dict[str, Any] = {
-        name: frozen(np.array([np.nan if t is None else t for t in table[name].to_pylist()], np.float64)) for name in there
-    }
-    robot = frozen(np.array([NOBODY if name is None else number[name] for name in table["robot"].to_pylist()], np.int64))
-    task = tuple(table["task"].to_pylist())
-    if "status" not in table.column_names:  # runs of before have none
+    table = read_table(path)
+    robot, task = table.indices("robot", robot_name, missing=NOBODY), table.texts("task")
+    times: dict[str, Any] = {name: table.numbers(name, missing=np.nan) for name in TASK_TIMES if table.has("status") or name != "ended_s"}
+    if not table.has("status"):  # runs of before have none
         return log_of_times(task, robot, **times)
-    status, reason = (tuple(table[key].to_pylist()) for key in ("status", "reason"))
-    return TaskLog(task, robot, **times, status=status, reason=reason)
+    status = tuple(TASK_STATES[k] for k in table.indices("status", TASK_STATES).tolist())
+    return TaskLog(task, robot, **times, status=status, reason=table.texts("reason"))
 
 
 def write_stops(path: Path, stops: StopLog, tasks: TaskLog, robot_name: Sequence[str], vertex_name: Callable[[int], str]) -> None:
@@ -87,15 +83,6 @@ def write_stops(path: Path, stops: StopLog, tasks: TaskLog, robot_name: Sequence
 
 def read_stops(path: Path, tasks: TaskLog, robot_name: Sequence[str], vertex_of_name: Mapping[str, int]) -> StopLog:
     """The stops as they were written."""
-    table = pq.read_table(path)
-    columns = [
-        [names[name] for name in table[key].to_pylist()]
-        for key, names in (
-            ("task", {name: k for k, name in enumerate(tasks.name)}),
-            ("robot", {name: r for r, name in enumerate(robot_name)}),
-            ("vertex", vertex_of_name),
-        )
-    ]
-    task, robot, vertex = (frozen(np.array(column, np.int64)) for column in columns)
-    times = [frozen(np.array([np.inf if t is None else t for t in table[name].to_pylist()], np.float64)) for name in STOP_TIMES]
-    return StopLog(task, robot, tuple(table["station"].to_pylist()), vertex, *times)
+    table = read_table(path)
+    task, robot, vertex = table.indices("task", tasks.name), table.indices("robot", robot_name), table.indices("vertex", vertex_of_name)
+    return StopLog(task, robot, table.texts("station"), vertex, *(table.numbers(name, missing=np.inf) for name in STOP_TIMES))

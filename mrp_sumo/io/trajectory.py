@@ -18,15 +18,15 @@ import pyarrow.parquet as pq
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.errors import MrpSumoError, first_line
-from mrp_sumo.files.reading import require_regular
 from mrp_sumo.io.arrow import numbers, texts
+from mrp_sumo.io.tables import Table, read_table
 
 if TYPE_CHECKING:
     import pandas
 
 SCHEMA_VERSION = 1
 ROWS_PER_GROUP = 500_000
+MAX_PLACES = 2**29  # samples of all robots
 COLUMNS = ("x_m", "y_m", "yaw_rad", "speed_mps")
 UNITS = {"t_ns": "ns of simulated time", "x_m": "m", "y_m": "m", "yaw_rad": "rad, counter-clockwise from +x", "speed_mps": "m/s"}
 
@@ -160,51 +160,65 @@ def read_trajectory(path: Path) -> Trajectory:
     MrpSumoError
         For a file that is missing, damaged, or of another schema.
     """
-    require_regular(path)
-    try:
-        table = pq.read_table(path)
-    except (pa.ArrowInvalid, OSError) as error:
-        raise MrpSumoError(f"{path}: not a readable Parquet file: {first_line(error)}") from None
-    about = json.loads((table.schema.metadata or {}).get(b"mrp_sumo", b"null"))
+    table = read_table(path)
+    about = table.about()
     if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:
         found = about.get("schema_version") if isinstance(about, dict) else "no trajectory"
-        raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
-    names = about["robots"]
-    t_ns = _stamps(about["t_ns"])
-    row, robot = np.searchsorted(t_ns, table["t_ns"].to_numpy()), _indices(table["robot"], names)
+        raise table.fault(f"schema version {found}, expected {SCHEMA_VERSION}")
+    names, t_ns = table.about_texts("robots"), _stamps(table, about)
+    robot, time = table.indices("robot", names), table.integers("t_ns")
+    row = np.searchsorted(t_ns, time)
+    if not len(t_ns) * len(names) <= MAX_PLACES or not np.array_equal(t_ns[np.minimum(row, len(t_ns) - 1)] if len(t_ns) else [], time):
+        raise table.fault("its rows are at other times than its metadata say")
     columns: dict[str, Any] = {}
     for name in COLUMNS:
         values = np.full((len(t_ns), len(names)), np.nan)
-        values[row, robot] = table[name].to_numpy()
+        values[row, robot] = table.numbers(name)
         columns[name] = values
     if "levels" not in about:
-        return Trajectory(t_ns, tuple(names), **columns, metadata=about)
-    levels = Levels(tuple(about["levels"]), np.array(list(about["levels"].values()), np.float64).reshape(-1, 2))
+        return Trajectory(t_ns, names, **columns, metadata=about)
+    levels = _levels(table, about["levels"])
     level = np.zeros((len(t_ns), len(names)), np.int64)
-    level[row, robot] = on = _indices(table["level"], list(levels.name))
+    level[row, robot] = on = table.indices("level", levels.name)
     for k, axis in enumerate(COLUMNS[:2]):
         columns[axis][row, robot] += levels.shift_m[on, k]
-    return Trajectory(t_ns, tuple(names), **columns, metadata=about, level=level, levels=levels)
+    return Trajectory(t_ns, names, **columns, metadata=about, level=level, levels=levels)
 
 
 def _stamps_document(t_ns: IntArray) -> dict[str, Any]:
     """The stamps in JSON: first, last and number where they are evenly spaced, else all of them."""
     if len(t_ns):
         evenly = {"first": int(t_ns[0]), "last": int(t_ns[-1]), "count": len(t_ns)}
-        if np.array_equal(_stamps(evenly), t_ns):
+        if np.array_equal(_evenly(**evenly), t_ns):
             return evenly
     return {"all": t_ns.tolist()}
 
 
-def _stamps(document: Mapping[str, Any]) -> IntArray:
-    if "all" in document:
-        return np.array(document["all"], np.int64)
-    return np.rint(np.linspace(document["first"], document["last"], document["count"])).astype(np.int64)
+def _evenly(first: int, last: int, count: int) -> IntArray:
+    return np.rint(np.linspace(first, last, count)).astype(np.int64)
 
 
-def _indices(column: Any, names: list[str]) -> IntArray:
-    """[N] index of each row's robot in the list of names."""
-    chunks = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
-    at = {name: i for i, name in enumerate(names)}
-    parts = [np.array([at[n] for n in c.dictionary.to_pylist()] or [0], np.int64)[c.indices.to_numpy()] for c in chunks]
-    return np.concatenate([np.zeros(0, np.int64), *parts])
+def _stamps(table: Table, about: Mapping[str, Any]) -> IntArray:
+    """[T] of the document in the table's metadata."""
+    match about.get("t_ns"):
+        case {"all": list(stamps)} if all(isinstance(t, int) and abs(t) < 2**62 for t in stamps):
+            t_ns = np.array(stamps, np.int64)
+        case {"first": int(first), "last": int(last), "count": int(count)} if 0 <= count <= MAX_PLACES and -(2**62) < first <= last < 2**62:
+            t_ns = _evenly(first, last, count)
+        case _:
+            raise table.fault("its metadata 't_ns' are no times")
+    if (np.diff(t_ns) <= 0).any():
+        raise table.fault("its metadata 't_ns' are not in order")
+    return t_ns
+
+
+def _levels(table: Table, document: object) -> Levels:
+    """Names and shifts of the document in the table's metadata."""
+    pairs = list(document.values()) if isinstance(document, dict) else [None]
+    if isinstance(document, dict) and all(isinstance(pair, list) and list(map(_is_length, pair)) == [True, True] for pair in pairs):
+        return Levels(tuple(document), np.array(pairs, np.float64).reshape(-1, 2))
+    raise table.fault("its metadata 'levels' are not two metres for each level")
+
+
+def _is_length(value: object) -> bool:
+    return isinstance(value, int | float) and abs(value) < 1e9

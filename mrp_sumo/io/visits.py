@@ -15,6 +15,7 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.io.arrow import dictionary, numbers, texts
+from mrp_sumo.io.tables import read_table
 
 
 def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution) -> None:
@@ -50,6 +51,4 @@ def visits_table(problem: Problem, plan: Plan, execution: Execution) -> pa.Table
 
 def read_arrivals(path: Path) -> FloatArray:
     """[N] when each visit was reached, NaN if never."""
-    found = pq.read_table(path, columns=["arrived_s"])["arrived_s"]
-    arrived: FloatArray = found.to_numpy(zero_copy_only=False).astype(np.float64)
-    return arrived
+    return read_table(path).numbers("arrived_s", missing=np.nan)

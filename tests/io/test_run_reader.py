@@ -103,7 +103,7 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         ("trajectory.parquet", "nonsense", "samples", r"trajectory\.parquet: not a readable Parquet file"),
         ("trajectory.parquet", None, "record", r"trajectory\.parquet: lost, the run wrote it"),
         ("plan.json", None, "plan", r"plan\.json: lost, the run wrote it"),
-        ("visits.parquet", None, "record", r"run: damaged, or of another version: FileNotFoundError"),
+        ("visits.parquet", None, "record", r"visits\.parquet: no such file or directory"),
         ("map.yaml", "]", "record", r"map\.yaml: no map of walls"),
         ("map.yaml", "{image: map.png, origin: [0, L1], resolution: 1}", "record", r"map\.yaml: no map of walls: could not convert"),
         ("map.yaml", "{image: map.png, origin: [0, 0], resolution: .nan}", "record", r"map\.yaml: no map of walls: origin 0, 0 m and"),

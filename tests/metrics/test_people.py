@@ -91,6 +91,6 @@ def test_people_are_read_as_they_were_written(tmp_path):
     log = sightings(x, np.full(30, 2.0))
     for shifts in (None, levels):
         write_people(tmp_path / "people.parquet", log, t_s, shifts)
-        again = read_people(tmp_path / "people.parquet", np.rint(t_s * 1e9).astype(np.int64), shifts)
+        again = read_people(tmp_path / "people.parquet", np.rint(t_s * 1e9).astype(np.int64), shifts, len(log.lost_s))
         for name in ("first", "person", "x_m", "y_m", "level", "waited_s", "lost_s", "stop_s", *FIELDS):
             assert np.array_equal(getattr(again, name), getattr(log, name)), name
