@@ -2,11 +2,13 @@
 
 A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
 there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can
-still get out and past it. All robots are sent to different vertices.
+still get out and past it. Robots that rest where others have to pass are sent on (`drive.clearing`). All robots are sent to different
+vertices.
 """
 
 import heapq
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import chain
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Stop
+from mrp_sumo.drive.clearing import cleared
 from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 
@@ -75,8 +78,12 @@ class Places:
                 vertex[r] = spot
                 taken.add(spot)
                 parked.add(r)
-        stood_on = set(start.tolist())
-        for r in [*stuck, *(r for r in rest if r not in parked)]:
+        stood_on, rest = set(start.tolist()), [*stuck, *(r for r in rest if r not in parked)]
+        sent_on = self._sent_on(start, vertex, rest, blocked, taken)
+        for r, v in sent_on.items():
+            vertex[r] = v
+            taken.add(v)
+        for r in (r for r in rest if r not in sent_on):
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, makes
@@ -166,6 +173,30 @@ class Places:
             v = way[-1]
             way.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))
         return way
+
+    def _sent_on(self, start: IntArray, vertex: IntArray, rest: Sequence[int], blocked: set[int], taken: set[int]) -> dict[int, int]:
+        """Vertices, off the ways of others, of those who rest where there is no way round them."""
+        goes = [r for r in np.flatnonzero(vertex != start).tolist() if self._distances(r).to(int(vertex[r]))[start[r]] < UNREACHABLE]
+        idle = {r: int(start[r]) for r in rest}
+
+        def is_on_way(robot: int, v: int) -> bool:
+            end = int(vertex[robot])
+            steps, known = self._distances(robot).to(end), self._distances(robot)
+            return bool(known.to(v)[start[robot]] + steps[v] == steps[start[robot]]) and not passable(robot, v)
+
+        @cache
+        def passable(robot: int, v: int) -> bool:
+            return bool(self._reach(robot, int(start[robot]), blocked | {v})[vertex[robot]] < UNREACHABLE)
+
+        if not any(is_on_way(r, v) for r in goes for v in idle.values()):
+            return {}
+        graph = self._problem.for_any().graph
+        ways = [self._way(r, int(start[r]), int(vertex[r])) for r in goes]
+        return cleared(
+            graph, ways, idle, blocked, taken,
+            near=lambda v, others: self._is_near(graph, v, np.array(others, np.int64)),
+            passable=lambda n, v: passable(goes[n], v),
+        )  # fmt: skip
 
     def _resting_place(self, robot: int, at: int, taken: set[int], stood_on: set[int]) -> int:
         """The vertex nearest to where a robot is that nobody needs, where best nobody is."""

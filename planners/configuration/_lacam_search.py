@@ -1,7 +1,7 @@
 """The search of LaCAM: its memory, driven by the clock, and what improves its solutions."""
 
 from dataclasses import replace
-from itertools import cycle
+from itertools import count, cycle
 from time import process_time
 from typing import Any
 
@@ -10,11 +10,13 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import without_effort
+from mrp_sumo.planning.registry import planner
 from planners._compass import SLACK_STEPS, extend_all
 from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam, _traffic_map
 from planners.configuration._guides import is_room_for_flow, local_guidance, traffic_guide
 from planners.configuration._lacam import LacamMemory
+from planners.configuration._pibt_search import steps_of_window
 from planners.configuration._search_start import SearchStart, search_start, task_on
 from planners.configuration._traffic_map import TrafficMap
 from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
@@ -25,6 +27,8 @@ USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACH
 MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
+SEARCHES_IN_WINDOW = 2  # one with local guidance, one without
+RESTARTS = 20  # orders in which robots are planned one after another, where there was no plan in a window
 
 
 def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
@@ -47,6 +51,8 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         return start
     begin_s, deadline_s, lower_bound = start.begin_s, start.deadline_s, start.lower_bound
     search, state = (LacamSearch(lacam, start, 0), _lacam.REACHED) if start.path is not None else _first(lacam, start)
+    if state != _lacam.REACHED and problem.window_steps and (plan := _in_window(lacam, start)) is not None:
+        return plan
     if state == _lacam.EXHAUSTED:
         message = "the search has seen every configuration that can be reached"
         return PlanResult(Status.INFEASIBLE, None, None, process_time() - begin_s, 0.0, np.inf, search.counters(), message)
@@ -88,16 +94,27 @@ def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":
     expansions, done, effort = 200 + 10 * start.num_guided, 0, start.given.effort
     most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
     windows = cycle((lacam.local, 0))
-    while True:
+    for searches in count(1):
         search = LacamSearch(lacam, start, next(windows))
         state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
         done += search.expansions
         search.labels = start.labels + LABELS * len(start.steps) * done
         if state != _lacam.RUNNING or process_time() >= start.deadline_s:
             return search, state
-        if done >= most:
+        if done >= most or (start.given.window_steps and searches == SEARCHES_IN_WINDOW):
             return search, USED_UP
         expansions *= 2
+    raise AssertionError("searches end")
+
+
+def _in_window(lacam: Any, start: SearchStart) -> PlanResult | None:
+    """A plan for a window beyond which there is none, or none was found: that of robots one after another, else of PIBT's steps."""
+    prioritised = planner("prioritised", {"restarts": RESTARTS, "following": lacam.following})
+    by_turns = prioritised.plan(start.given, max(1e-3, start.deadline_s - process_time()))
+    if by_turns.status is Status.SOLVED:
+        return replace(by_turns, planning_time_s=process_time() - start.begin_s)
+    path = steps_of_window(start, lacam.hindrance, lacam.local)
+    return None if path is None else start.solved(path)
 
 
 def _searched_again(lacam: Any, start: SearchStart, path: np.ndarray, cost: int) -> tuple[np.ndarray, int]:

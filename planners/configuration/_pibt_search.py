@@ -11,7 +11,7 @@ from mrp_sumo.planning.answers import used_up, without_effort
 from planners._world import SLICE_S, build_scratch, gave_up, timed_out
 from planners.configuration import _pibt
 from planners.configuration._guides import local_guidance
-from planners.configuration._search_start import search_start
+from planners.configuration._search_start import SearchStart, search_start
 
 CHANCE = 11  # purpose of the stream of chance
 
@@ -63,3 +63,27 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
             at_once = max(1, int((t - last) * SLICE_S / max(process_time() - slice_s, 1e-6)))
     message = f"no solution in {pibt.num_attempts} attempts of {max_steps} steps each"
     return gave_up(start.begin_s, start.lower_bound, message, attempts=pibt.num_attempts)
+
+
+def steps_of_window(start: SearchStart, hindrance: bool, local: int) -> np.ndarray | None:
+    """[T, R] the steps of a window, or fewer where all are at their goals sooner; None when the time is up.
+
+    Parameters
+    ----------
+    start
+        Of a problem with a window.
+    hindrance, local
+        See `Pibt`.
+    """
+    window, steps = start.given.window_steps, start.steps
+    path = np.empty((window + 1, len(steps)), np.int32)
+    path[0] = start.problem.start
+    base_order = np.argsort(-steps, kind="stable")
+    order = base_order.copy()
+    scratch, guidance, t, home = build_scratch(start.world), local_guidance(start.problem, local), 0, False
+    while t < window and not home:
+        if process_time() > start.deadline_s:
+            return None
+        world, until = (start.guided, min(start.num_guided, window)) if t < start.num_guided else (start.world, window)
+        t, home = _pibt.run(world, scratch, guidance, path, t, until, order, base_order, hindrance, start.rng)
+    return path[: t + 1]

@@ -18,7 +18,6 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 ORDERS = 3  # purpose of the stream of chance
-FOREVER = 1 << 40  # steps
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Prioritised:
         lower_bound = float(reservations.least.sum())
         order = np.argsort(-reservations.least, kind="stable")
         if problem.window_steps:  # planned again and again: whoever is nearly there goes first, or robots would push each other away
-            order = np.argsort(np.where(reservations.least > 0, reservations.least, FOREVER), kind="stable")
+            order = np.lexsort((reservations.least, reservations.least == 0))
         chance = np.random.default_rng([problem.seed, ORDERS])
         status, plan, attempt = Status.GAVE_UP, None, 0
         for attempt in range(1, self.restarts + 2):

@@ -6,7 +6,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from worlds import on_a_circle, problem_on, random_grid
+from worlds import ending_there, on_a_circle, problem_on, random_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.errors import PlanError
@@ -116,3 +116,13 @@ def test_memory_limit_is_a_result():
     problem = random_grid(14, 80, 5)
     result = Lacam(memory_mb=1, flow=0, polish=0, num_tries=1).plan(replace(problem, seed=1), 20.0)
     assert result.status in (Status.SOLVED, Status.TIMED_OUT)
+
+
+def test_a_window_has_a_plan_though_robots_cannot_all_come_to_their_goals():
+    ring = on_a_circle([(v, (v + 1) % 12) for v in range(12)], 12)
+    problem = problem_on(ring, [0, 4, 8], [1, 11, 6])  # on the ring the second would have to pass the third
+    assert Lacam().plan(problem, 20.0).status is Status.INFEASIBLE
+    for window in (1, 5):
+        result = Lacam().plan(replace(problem, window_steps=window), 20.0)
+        assert result.status is Status.SOLVED and result.plan.end_s.max() <= window
+        assert judge(ending_there(problem, result.plan), result.plan).valid

@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from worlds import ending_there, line, problem_on, square_grid
+from worlds import corridor, ending_there, line, on_a_circle, problem_on, square_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
+from planners.safe_interval._window_search import task_of
+from planners.safe_interval._window_way import MOST_CROSSED, room_for
 
 
 def test_a_way_goes_by_the_stops_before_the_goal():
@@ -33,3 +35,22 @@ def test_effort_ends_the_search_at_the_same_place():
     results = [planner("pbs", {}).plan(replace(problem, effort=effort), 60.0) for effort in (300, 300, 0)]
     assert [result.status for result in results] == [Status.TIMED_OUT, Status.TIMED_OUT, Status.SOLVED]
     assert results[0].stats == results[1].stats
+
+
+def test_there_is_room_for_ways_all_round_a_one_way_ring():
+    ring = on_a_circle([(v, (v + 1) % 40) for v in range(40)], 40)
+    problem = replace(problem_on(ring, [0, 5], [10, 5]), window_steps=8)  # whoever leaves 5 comes back 39 steps later
+    assert len(room_for(task_of(problem)).top) > (8 + 39) * (MOST_CROSSED + 1)
+    result = planner("pbs", {}).plan(problem, 60.0)
+    assert result.status is Status.SOLVED and judge(ending_there(problem, result.plan), result.plan).valid
+
+
+def test_prioritised_has_robots_at_their_goals_give_way_in_a_window():
+    graph = on_a_circle([lane for a, b in [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)] for lane in ((a, b), (b, a))], 6)
+    problem = replace(problem_on(graph, [2, 0], [2, 4]), window_steps=6)
+    plan = planner("prioritised", {}).plan(problem, 60.0).plan
+    assert paths_of_plan(plan, problem.step_s)[1].tolist() == [0, 1, 2, 3, 4]
+    alone = replace(
+        problem_on(corridor(5), [2, 0], [2, 4]), window_steps=6
+    )  # without the side road it can only go ahead, and not come back
+    assert planner("prioritised", {}).plan(alone, 60.0).plan.vertex[-1] != 4

@@ -1,0 +1,102 @@
+"""Ways cleared of robots without work: who stands where another has to pass, and cannot be driven round, is sent on before it.
+
+As pushes in multi-robot planning do (Luna, Bekris, "Push and swap", IJCAI 2011): one with work is followed along its way, and whoever it
+meets moves on to the nearest vertex off that way, pushing others on in turn. So robots on a one-way ring keep their order, and the places
+to which they are sent can all be reached.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+
+from mrp_sumo.core.graph import PlanGraph
+
+Near = Callable[[int, Sequence[int]], bool]  # whether a robot on a vertex is in the way of one on some others
+Passable = Callable[[int, int], bool]  # whether a way, by its number, can lead from its first vertex to its last without a vertex
+
+
+def cleared(
+    graph: PlanGraph,
+    ways: Sequence[Sequence[int]],
+    idle: Mapping[int, int],
+    closed: set[int],
+    taken: set[int],
+    near: Near,
+    passable: Passable,
+) -> dict[int, int]:
+    """Vertices of robots that have to move on, by robot.
+
+    Parameters
+    ----------
+    graph
+        Lanes of robots without work.
+    ways
+        Vertices that those with work pass, from where they stand to where they go; the most urgent first.
+    idle
+        Where robots without work stand, by robot.
+    closed
+        Vertices where nobody may go: robots stand there that stay.
+    taken
+        Vertices where others are to be.
+    near, passable
+        See there.
+    """
+    at = {v: r for r, v in idle.items()}
+    for n in _front_first(ways):
+        way = ways[n]
+        for k in range(1, len(way)):
+            if way[k] not in at or (k < len(way) - 1 and passable(n, way[k])):
+                continue
+            path = _path_off(graph, way, k, closed, taken | at.keys(), near)
+            for behind, ahead in _moves(path, at):
+                at[ahead] = at.pop(behind)
+    return {r: v for v, r in at.items() if idle[r] != v}
+
+
+def _front_first(ways: Sequence[Sequence[int]]) -> list[int]:
+    """Numbers of ways, each after those that begin on it, as far as that can be."""
+    left, order = list(range(len(ways))), list[int]()
+    while left:
+        free = (n for n in left if not any(ways[m][0] in ways[n] for m in left if m != n))
+        order.append(next(free, left[0]))
+        left.remove(order[-1])
+    return order
+
+
+def _path_off(graph: PlanGraph, way: Sequence[int], k: int, closed: set[int], taken: set[int], near: Near) -> list[int]:
+    """The vertices from the k-th of a way to the nearest off it, best ahead of who comes and clear of it; the k-th alone: none."""
+    rest = way[k:]
+
+    def off(v: int) -> bool:
+        return v not in way and v not in taken and not graph.vertex_options[v].get("is_passthrough_point")
+
+    for barred in (closed | set(way[:k]), closed):
+        if path := _nearest(graph, way[k], barred, lambda v: off(v) and not near(v, rest)) or _nearest(graph, way[k], barred, off):
+            return path
+    return [way[k]]
+
+
+def _nearest(graph: PlanGraph, start: int, barred: set[int], fits: Callable[[int], bool]) -> list[int]:
+    """A path of the fewest lanes to a vertex that fits; empty where there is none."""
+    before, queue = {start: start}, deque([start])
+    while queue:
+        v = queue.popleft()
+        if v != start and fits(v):
+            path = [v]
+            while path[-1] != start:
+                path.append(before[path[-1]])
+            return path[::-1]
+        for u in graph.head[graph.first[v] : graph.first[v + 1]].tolist():
+            if u not in before and u not in barred:
+                before[u] = v
+                queue.append(u)
+    return []
+
+
+def _moves(path: Sequence[int], at: Mapping[int, int]) -> list[tuple[int, int]]:
+    """Moves by which all on a path but its last vertex move up, the last of them to its end."""
+    moves, free = list[tuple[int, int]](), path[-1]
+    for v in reversed(path[:-1]):
+        if v in at:
+            moves.append((v, free))
+            free = v
+    return moves
