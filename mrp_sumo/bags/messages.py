@@ -1,6 +1,6 @@
 """ROS 2 messages of a run, serialised, for the topics that are published once.
 
-Frames: `world` -> `map` (equal) -> `<robot>/base_link`. Where robots change levels, these lie side by side in `map`, and each has
+Frames: `world` -> `map` (equal) -> `<robot>/base_link`. Where robots change levels, these lie beside each other in `map`, and each has
 a frame of its own there. Stamps are EPOCH_NS plus simulated time, a constant, so that equal runs give equal bytes (0 would mean "latest"
 to many readers).
 """

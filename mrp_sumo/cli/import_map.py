@@ -200,7 +200,7 @@ def _frame(map_: "Map") -> dict[str, Any]:
     """How coordinates of the network came from the file's, and what was repaired."""
     return {
         "origin_m": list(map_.origin_m),  # subtracted
-        "level_shift_m": {name: list(by) for name, by in map_.level_shift_m.items()},  # added, to lay levels side by side
+        "level_shift_m": {name: list(by) for name, by in map_.level_shift_m.items()},  # added, to lay levels out on one plane
         "repairs": list(map_.changes),
     }
 
@@ -225,7 +225,7 @@ def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
     row("file", str(map_.path))
     row("level", ", ".join(known["levels"]))
     if map_.level_shift_m:
-        row("", "side by side: " + ", ".join(f"{name} at x + {x:g} m" for name, (x, _) in map_.level_shift_m.items()))
+        row("", "levels: " + ", ".join(f"{name} at {x:+g}, {y:+g} m" for name, (x, y) in map_.level_shift_m.items()))
     chosen, graphs = (", ".join(map(str, numbers)) for numbers in (map_.chosen, map_.graphs))
     row("graph", chosen if chosen == graphs else f"{chosen} of {graphs}; --graph chooses")
     row("extent", "{:.2f} x {:.2f} m, lanes {:.2f} x {:.2f} m".format(*known["extent_m"], *known["lane_extent_m"]))

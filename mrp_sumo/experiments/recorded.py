@@ -28,7 +28,7 @@ from mrp_sumo.formats.vda.recorded import Log, Recorded, read_log
 from mrp_sumo.io.run_folder import plain
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.maps.clearance import standing_walls
-from mrp_sumo.maps.levels import shifts_of, side_by_side
+from mrp_sumo.maps.levels import laid_out, shifts_of
 from mrp_sumo.maps.lifts import Shift
 from mrp_sumo.maps.map import Map
 
@@ -146,7 +146,7 @@ def _graph(
         length_m=length_m,
         lane_options=options,
     )
-    shift: Shift = side_by_side(nav, None)
+    shift: Shift = laid_out(nav, None)
     if drawn is not None and set(shift) <= set(drawn.level_shift_m):
         shift = {key: drawn.level_shift_m[key] for key in shift}
     nav = replace(nav, xy=frozen(xy + shifts_of(level_names, shift)[level]))

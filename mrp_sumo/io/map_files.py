@@ -98,7 +98,7 @@ def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
     losses.append(_count(sum("door_name" in o for o in nav.lane_options), "lane with a door", "lanes with a door"))
     losses += _drawing_losses(map_, "walls", "floors", "lifts")
     if len(map_.level_shift_m) > 1:
-        losses.append(f"which of the {len(map_.level_shift_m)} levels an edge is on; they are laid side by side")
+        losses.append(f"which of the {len(map_.level_shift_m)} levels an edge is on; they are laid out on one plane")
     return [loss for loss in losses if loss]
 
 
@@ -116,7 +116,7 @@ def _write_opentcs(map_: Map, path: Path, cell_m: float) -> list[str]:
     free = int(np.count_nonzero(np.isinf(nav.speed_mps)))
     losses.append(_count(free, "lane") + f" without a speed limit, for which {opentcs_file.NO_LIMIT_MPS:g} m/s is written" if free else "")
     if len(map_.level_shift_m) > 1:
-        losses.append(f"which of the {len(map_.level_shift_m)} levels a point is on; they are laid side by side")
+        losses.append(f"which of the {len(map_.level_shift_m)} levels a point is on; they are laid out on one plane")
     return [loss for loss in losses if loss]
 
 

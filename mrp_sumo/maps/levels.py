@@ -1,4 +1,4 @@
-"""Levels of a map: which are chosen, and how those that are driven on are laid side by side and joined by their lifts."""
+"""Levels of a map: which are chosen, and how those that are driven on are laid out on one plane and joined by their lifts."""
 
 from collections.abc import Mapping, Sequence
 from itertools import permutations
@@ -11,7 +11,8 @@ from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building, Lift
 from mrp_sumo.maps.lifts import LEAST_TRAVEL_M, Shift, ride_of
 
-LEVEL_GAP_M = 5.0  # between levels that are laid side by side
+LEVEL_GAP_M = 5.0  # between levels on the plane
+SCREEN = 1.5  # its width by its height
 STOREY_M = 3.0  # where a map says nothing of heights
 
 
@@ -23,22 +24,40 @@ def level_choice(levels: Any, level: str | None, file: str) -> list[str]:
     return names if level is None else [level]
 
 
-def side_by_side(nav: NavGraph, building: Building | None) -> dict[str, tuple[float, float]]:
-    """How far to move each level so that those the graph is on do not overlap; nothing for one level."""
+def laid_out(nav: NavGraph, building: Building | None) -> dict[str, tuple[float, float]]:
+    """How far to move each level so that those the graph is on do not overlap; nothing for one level.
+
+    They lie in rows, the first where it is drawn, in as many columns as show them largest on a screen; moved by whole metres.
+    """
     driven = [k for k in range(len(nav.level_names)) if (nav.level == k).any()]
-    shift: dict[str, tuple[float, float]] = {}
     if len(driven) < 2:
-        return shift
-    end = None
-    for k in driven:
-        name = nav.level_names[k]
-        x = nav.xy[nav.level == k, 0]
-        if building is not None:
-            x = np.concatenate([x, building.levels[name].wall_xy[..., 0].ravel()])
-        by = 0.0 if end is None else float(np.ceil(end + LEVEL_GAP_M - x.min()))
-        shift[name] = (by, 0.0)
-        end = x.max() + by
-    return shift
+        return {}
+    low, high = np.array([_extent(nav, k, building) for k in driven]).transpose(1, 0, 2)
+    size = high - low + LEVEL_GAP_M + 1  # a metre for what is rounded
+    num_columns = min(range(1, len(driven) + 1), key=lambda columns: _side_m(size, columns))
+    row, column = np.divmod(np.arange(len(driven)), num_columns)
+    right = np.concatenate([[0.0], np.cumsum([size[column == c, 0].max() for c in range(num_columns)])])[column]
+    down = np.concatenate([[0.0], np.cumsum([size[row == r, 1].max() for r in range(row[-1] + 1)])])[row]
+    by = np.stack([np.ceil(low[0, 0] + right - low[:, 0]), np.floor(high[0, 1] - down - high[:, 1])], 1)
+    by = by + 0.0  # never -0
+    by[0] = 0.0
+    return {nav.level_names[k]: (x, y) for k, (x, y) in zip(driven, by.tolist())}
+
+
+def _extent(nav: NavGraph, level: int, building: Building | None) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner of a level as it is drawn, in m."""
+    xy = nav.xy[nav.level == level]
+    if building is not None:
+        xy = np.concatenate([xy, building.levels[nav.level_names[level]].wall_xy.reshape(-1, 2)])
+    return xy.min(0), xy.max(0)
+
+
+def _side_m(size: FloatArray, num_columns: int) -> float:
+    """Height of the screen of the form `SCREEN` that holds levels of these sizes [K, 2] in so many columns."""
+    column = np.arange(len(size)) % num_columns
+    row = np.arange(len(size)) // num_columns
+    width = sum(size[column == c, 0].max() for c in range(num_columns))
+    return float(max(width / SCREEN, sum(size[row == r, 1].max() for r in range(row[-1] + 1))))
 
 
 def shifts_of(level_names: Sequence[str], shift: Shift) -> FloatArray:
@@ -47,7 +66,7 @@ def shifts_of(level_names: Sequence[str], shift: Shift) -> FloatArray:
 
 
 def joined_by_lifts(nav: NavGraph, shift: Shift, elevation_m: Mapping[str, float], lifts: Mapping[str, Lift]) -> NavGraph:
-    """The graph with levels laid side by side, and lanes between all stops of each lift, as long as it travels."""
+    """The graph with levels laid out, and lanes between all stops of each lift, as long as it travels."""
     if not shift:
         return nav
     xy = nav.xy + shifts_of(nav.level_names, shift)[nav.level]

@@ -32,7 +32,7 @@ class Map:
     chosen: tuple[int, ...] = (0,)  # those in `nav`
     documents: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)  # the chosen nav graphs, as Open-RMF writes them
     origin_m: tuple[float, float] = (0.0, 0.0)  # subtracted from the coordinates of the documents
-    level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level, to lay levels side by side
+    level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level; they lie on one plane
     changes: tuple[str, ...] = ()  # what repairs have done to `nav`
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
     floor: Floor | None = None  # of a plan of a floor

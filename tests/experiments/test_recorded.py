@@ -128,8 +128,8 @@ def test_levels_of_a_recording_lie_side_by_side(tmp_path):
     run = load_run(tmp_path / "run")
     names, xy = [run.graph.label(v) for v in range(run.graph.num_vertices)], run.graph.xy
     assert run.graph.level_names == ("first", "ground")
-    spans = [xy[run.graph.level == k, 0] for k in (0, 1)]
-    assert spans[0].max() < spans[1].min(), "no place of one level is a place of the other"
+    spans = [xy[run.graph.level == k, 1] for k in (0, 1)]
+    assert spans[0].min() > spans[1].max(), "no place of one level is a place of the other"
     graph = recorded_run(tmp_path / "log.jsonl", SMALL).graph
     ride = graph.lane_between(graph.vertex_name.index("lift_0"), graph.vertex_name.index("lift_1"))
     assert graph.is_ride.tolist() == [lane == ride for lane in range(graph.num_lanes)]

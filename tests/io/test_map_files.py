@@ -114,4 +114,4 @@ def test_graphs_that_were_not_chosen_and_levels_are_told_as_lost(tmp_path):
     found = load_map(MAPS / "open-rmf+rmf_demos/hotel.building.yaml")
     losses = write_map(found, tmp_path / "hotel.net.xml")
     assert losses[0] == "graphs 1, 2; --graph chooses"
-    assert losses[-2:] == ["2 lifts", "which of the 3 levels an edge is on; they are laid side by side"]
+    assert losses[-2:] == ["2 lifts", "which of the 3 levels an edge is on; they are laid out on one plane"]

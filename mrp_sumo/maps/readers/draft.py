@@ -17,7 +17,7 @@ from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.check import check_graph
 from mrp_sumo.maps.finding import Notes, RefusedMap, ordered
-from mrp_sumo.maps.levels import joined_by_lifts, side_by_side
+from mrp_sumo.maps.levels import joined_by_lifts, laid_out
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import map_name
 from mrp_sumo.maps.yaml_text import Text
@@ -165,7 +165,7 @@ class Draft:
             message = f"{shortened(self.source.path)}: no lanes: nothing to drive on ({len(self._xy)} vertices)"
             raise RefusedMap(message, self.notes.findings())
         nav = self._nav(name or map_name(self.source.path), level)
-        shift = side_by_side(nav, building)
+        shift = laid_out(nav, building)
         elevation_m = {k: lv.elevation_m for k, lv in building.levels.items()} if building else {}
         self._note_extent(nav)
         joined = joined_by_lifts(nav, shift, elevation_m, building.lifts if building else {})

@@ -26,7 +26,6 @@ AT_REST = "idle or served"  # what AT_GOAL is called in runs with tasks
 MAP_FILES = (".building.yaml", ".nav.yaml", ".yaml", ".map")  # ends of names
 TURNING_RAD = 0.02  # a sample
 MARGIN_M = 0.6  # around all that is drawn
-BESIDE_M = 3.0  # walls this far beside a level's vertices are its own; the next level is farther
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
 
@@ -261,16 +260,18 @@ def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray
     return outlines, walls[fine], walls[~fine]
 
 
+def level_boxes(record: RunRecord, outline: "Outline | None") -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Lower left and upper right corner, m, of each level that is driven on. A wall is of the level whose lanes it is nearest to."""
+    nav = record.nav or record.graph
+    on = {name: xy for k, name in enumerate(nav.level_names) if len(xy := nav.xy[nav.level == k])}
+    walls = np.zeros((0, 2)) if outline is None else outline.walls.reshape(-1, 2)
+    away = np.array([np.hypot(*np.maximum(np.maximum(xy.min(0) - walls, walls - xy.max(0)), 0.0).T) for xy in on.values()])
+    nearest = away.argmin(0)
+    own = [np.concatenate([xy, walls[nearest == k]]) for k, xy in enumerate(on.values())]
+    return {name: (points.min(0), points.max(0)) for name, points in zip(on, own)}
+
+
 def level_corners(record: RunRecord, outline: "Outline | None") -> list[tuple[str, float, float]]:
     """Name and upper left corner, m, of each level; none where there is one only."""
-    nav = record.nav or record.graph
-    found = []
-    for k, name in enumerate(nav.level_names if len(np.unique(nav.level)) > 1 else ()):
-        xy = nav.xy[nav.level == k]
-        if not len(xy):
-            continue
-        if outline is not None and len(outline.walls):
-            walls = outline.walls.reshape(-1, 2)
-            xy = np.concatenate([xy, walls[(walls[:, 0] > xy[:, 0].min() - BESIDE_M) & (walls[:, 0] < xy[:, 0].max() + BESIDE_M)]])
-        found.append((name, float(xy[:, 0].min()), float(xy[:, 1].max())))
-    return found
+    boxes = level_boxes(record, outline)
+    return [(name, float(low[0]), float(high[1])) for name, (low, high) in boxes.items()] if len(boxes) > 1 else []

@@ -14,7 +14,7 @@ from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import BLOCKED, WAITING, RunRecord
 from mrp_sumo.io.run_reader import DAMAGE
-from mrp_sumo.reports.pictures.view import ABSENT, MARGIN_M, AnyRun, extent, subtitle_of, view_record, view_states
+from mrp_sumo.reports.pictures.view import ABSENT, MARGIN_M, AnyRun, extent, level_boxes, subtitle_of, view_record, view_states
 
 AHEAD_S = 10.0  # of the plan
 
@@ -110,7 +110,7 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
     robots
         Names of robots to bring out.
     level
-        The level to show; all, side by side, by default.
+        The level to show; all by default.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
             raise MrpSumoError(f"--robots {name}: {run.source} has no such robot{nearest(name, names)}")
     low, high = extent(record, outline)
     if level is not None:
-        low, high = _extent_of_level(record, outline, level, low, high, run.source)
+        low, high = _extent_of_level(record, outline, level, run.source)
     policy = run.result.get("policy") or ""
     words = (subtitle_of(run.result, record.fleet.num_robots), policy if run.executed else "plan, not driven")
     return Scene(
@@ -148,33 +148,16 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
     )
 
 
-def _extent_of_level(
-    record: RunRecord, outline: Outline | None, level: str, low: FloatArray, high: FloatArray, source: str
-) -> tuple[FloatArray, FloatArray]:
-    """The part of the floor that a level takes, where levels lie side by side along x."""
-    nav = record.nav or record.graph
-    if level not in nav.level_names:
-        raise MrpSumoError(f"--level {level}: {source} has no such level{nearest(level, nav.level_names)}")
-    on = {name: nav.xy[nav.level == k, 0] for k, name in enumerate(nav.level_names)}
-    if not len(on[level]):
+def _extent_of_level(record: RunRecord, outline: Outline | None, level: str, source: str) -> tuple[FloatArray, FloatArray]:
+    """The part of the floor that a level takes."""
+    names = (record.nav or record.graph).level_names
+    if level not in names:
+        raise MrpSumoError(f"--level {level}: {source} has no such level{nearest(level, names)}")
+    boxes = level_boxes(record, outline)
+    if level not in boxes:
         raise MrpSumoError(f"--level {level}: no robot can drive there")
-    points = record.graph.xy if outline is None else np.concatenate([outline.walls.reshape(-1, 2), *outline.floors])
-    left = max((x.max() for x in on.values() if len(x) and x.max() < on[level].min()), default=-np.inf)
-    right = min((x.min() for x in on.values() if len(x) and x.min() > on[level].max()), default=np.inf)
-    here = points[(points[:, 0] > left) & (points[:, 0] < right), 0]
-    # walls of a neighbour may lie between its lanes and ours: those across the widest gap are not ours
-    begin = _beyond_gap(np.sort(here[here < on[level].min()]), on[level].min()) if np.isfinite(left) else low[0]
-    end = -_beyond_gap(np.sort(-here[here > on[level].max()]), -on[level].max()) if np.isfinite(right) else high[0]
-    margin = MARGIN_M * np.array([np.isfinite(left), np.isfinite(right)])
-    return np.array([begin - margin[0], low[1]]), np.array([end + margin[1], high[1]])
-
-
-def _beyond_gap(x: FloatArray, edge: float) -> float:
-    """The first of ascending places after the widest gap before an edge."""
-    if not len(x):
-        return float(edge)
-    every = np.append(x, edge)
-    return float(every[int(np.argmax(np.diff(every))) + 1]) if np.diff(every).max() > 4 else float(x[0])
+    low, high = boxes[level]
+    return low - MARGIN_M, high + MARGIN_M
 
 
 def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[Way, ...], ...]:

@@ -8,7 +8,7 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.check import check_building, check_graph
 from mrp_sumo.maps.finding import CURE, RefusedMap, ordered
-from mrp_sumo.maps.levels import joined_by_lifts, level_choice, side_by_side
+from mrp_sumo.maps.levels import joined_by_lifts, laid_out, level_choice
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
 from mrp_sumo.maps.readers.reader import GraphChoice, MapFile, Selection, map_name, refuse_choice
@@ -86,7 +86,7 @@ def _from_building(building: Building, graph: GraphChoice, level: str | None) ->
         nav = graph_of_document(documents[chosen[0]], name, levels=levels, origin_m=building.origin_m, source=source)
     else:
         nav = united_graph(documents.values(), name, levels=levels, origin_m=building.origin_m, source=source)
-    shift = side_by_side(nav, building)
+    shift = laid_out(nav, building)
     return Map(
         name=name,
         path=building.path,
@@ -119,7 +119,7 @@ def _from_nav_graph(document: Mapping[str, Any], source: Text, level: str | None
         raise source.fault(str(fault), *fault.keys) from None
     if not nav.num_lanes:
         raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
-    shift = side_by_side(nav, None)
+    shift = laid_out(nav, None)
     nav = joined_by_lifts(nav, shift, {}, {})
     return Map(
         name=nav.name, path=source.path, nav=nav, findings=check_graph(nav), documents={0: document}, origin_m=origin_m, level_shift_m=shift

@@ -159,19 +159,19 @@ def test_levels_are_aligned_by_fiducials(tmp_path):
     assert levels["upper"].world_xy.tolist() == [pytest.approx([0, 0], abs=1e-9), pytest.approx([10, 0], abs=1e-9)]
 
 
-def test_levels_are_laid_side_by_side_and_joined_by_lifts(tmp_path):
+def test_levels_are_laid_out_and_joined_by_lifts(tmp_path):
     path = tmp_path / "tower.building.yaml"
     path.write_text(TWO_LEVELS)
     found = load_map(path)
-    assert found.level_shift_m == {"ground": (0.0, 0.0), "upper": (15.0, 0.0)}
-    assert found.nav.xy.round(9).tolist() == [[0, 0], [10, 0], [15, 0], [25, 0]]
+    assert found.level_shift_m == {"ground": (0.0, 0.0), "upper": (0.0, -6.0)}
+    assert found.nav.xy.round(9).tolist() == [[0, 0], [10, 0], [0, -6], [10, -6]]
     lift = found.nav.lane_between(1, 3)
     options = found.nav.lane_options[lift]
     assert options["lift"] == "cabin"
     assert options["ride_s"] == pytest.approx(options["close_s"] + travel_s(found.nav.length_m[lift]) + options["open_s"])
     assert found.nav.length_m[lift] == 4
     assert found.nav.num_components == 1
-    assert found.building.levels["upper"].xy[0].tolist() == pytest.approx([15, 0])
+    assert found.building.levels["upper"].xy[0].tolist() == pytest.approx([0, -6])
 
 
 def test_one_level_alone_stays_where_it_is(tmp_path):
