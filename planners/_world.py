@@ -219,8 +219,8 @@ def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanRes
             Status.INFEASIBLE,
             planning_time_s=process_time() - begin_s,
             lower_bound_steps=math.inf,
-            message=f"{problem.fleet.robot_name[robot]} cannot reach its goal '{graph.label(problem.target[robot])}' "
-            f"from '{graph.label(problem.start[robot])}'",
+            message=f"{problem.fleet.robot_name[robot]} cannot reach its goal '{graph.known_as(problem.target[robot])}' "
+            f"from '{graph.known_as(problem.start[robot])}'",
         )
     if not steps.any():
         return solved(problem, problem.start[None, :], begin_s, 0.0)

@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("mrp-sumo: interrupted", file=sys.stderr)
         return 130
     except MemoryError:
-        print("mrp-sumo: out of memory: there are too many robots, tasks or cells for this machine", file=sys.stderr)
+        print("mrp-sumo: out of memory: there are too many robots, orders or cells for this machine", file=sys.stderr)
         return 1
     except BrokenPipeError:  # `mrp-sumo ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

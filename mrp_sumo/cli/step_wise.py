@@ -108,7 +108,7 @@ def _chosen(options: argparse.Namespace) -> "tuple[str, StepPlanner]":
 
 
 def _show(now: int, num_done: int) -> None:
-    print(f"\rstep {now}: {num_done} tasks done ", end="", file=sys.stderr, flush=True)
+    print(f"\rstep {now}: {num_done} orders done ", end="", file=sys.stderr, flush=True)
 
 
 def _print(summary: dict[str, object], as_json: bool) -> None:

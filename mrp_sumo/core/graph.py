@@ -86,6 +86,23 @@ class NavGraph:
         """The vertex's name, or `v<index>` where it has none."""
         return self.vertex_name[vertex] or f"v{vertex}"
 
+    def known_as(self, vertex: int) -> str:
+        """The name by which people know a vertex: of the first station at it that is found under its name, else its own label.
+
+        For what people read; files name vertices by `label`. `vertex_of_name` finds both.
+        """
+        return self._station_at.get(vertex) or self.label(vertex)
+
+    @cached_property
+    def _station_at(self) -> Mapping[int, str]:
+        """Stations by the vertex that `vertex_of_name` finds under their names."""
+        stations: dict[int, str] = {}
+        for v, options in enumerate(self.vertex_options):
+            for name in str(options.get("station", "")).split(STATIONS):
+                if name and self.vertex_of_name[name] == v:
+                    stations.setdefault(v, name)
+        return stations
+
     def lane_between(self, tail: int, head: int) -> int:
         """The lane from `tail` to `head`, -1 where there is none."""
         a, b = self.first[tail], self.first[tail + 1]

@@ -62,10 +62,10 @@ def _nearest_lane(xy: FloatArray, start: FloatArray, end: FloatArray) -> IntArra
 
 def _vertex_place(nav: NavGraph, vertex: int) -> tuple[str, str]:
     lift = nav.vertex_options[vertex].get("lift")
-    return (str(lift), "lift") if lift else (nav.label(vertex), "crossing")
+    return (str(lift), "lift") if lift else (nav.known_as(vertex), "crossing")
 
 
 def _lane_place(nav: NavGraph, lane: int) -> tuple[str, str]:
-    ends = nav.label(int(nav.tail[lane])) + BETWEEN + nav.label(int(nav.head[lane]))
+    ends = nav.known_as(int(nav.tail[lane])) + BETWEEN + nav.known_as(int(nav.head[lane]))
     door = nav.lane_options[lane].get("door_name")
     return (str(door), "door") if door else (ends, "aisle")

@@ -45,7 +45,7 @@ class Problem:
         if (count > 1).any():
             v = int(values[count > 1][0])
             i, j = np.flatnonzero(self.start == v)[:2]
-            raise PlanError(f"{names[i]} and {names[j]} both start at '{self.graph.label(v)}'")
+            raise PlanError(f"{names[i]} and {names[j]} both start at '{self.graph.known_as(v)}'")
         if len(self.start) != len(names) or len(self.goal_of) != len(names):
             raise PlanError(f"{len(names)} robots have {len(self.start)} starts and {len(self.goal_of)} assignments")
         given = self.goal_of[self.goal_of >= 0]

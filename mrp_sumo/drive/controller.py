@@ -136,7 +136,7 @@ class Controller:
         """A deadlock with its cycle by robot and the vertex each wants."""
         names, wanted = self.ledger.problem.fleet.robot_name, self.ledger.state.grants.wanted
         vertex = self.ledger.column("vertex")[wanted[list(cycle)]].tolist()
-        text = " waits for ".join(f"{names[r]} (to '{self.ledger.graph.label(v)}')" for r, v in zip(cycle, vertex))
+        text = " waits for ".join(f"{names[r]} (to '{self.ledger.graph.known_as(v)}')" for r, v in zip(cycle, vertex))
         return Event(t_s, "deadlock", cycle[0], vertex[0], cycle[1 % len(cycle)], 0.0, f"{text} waits for {names[cycle[0]]}")
 
     def _wait(self, kind: int, robot: int, begin_s: float, end_s: float) -> Event:

@@ -38,13 +38,15 @@ def check_lanes(problem: Problem, plan: Plan) -> None:
     elsewhere = np.flatnonzero(plan.vertex[begin] != problem.start)
     if len(elsewhere):
         r = int(elsewhere[0])
-        found, expected = graph.label(int(plan.vertex[begin[r]])), graph.label(int(problem.start[r]))
+        found, expected = graph.known_as(int(plan.vertex[begin[r]])), graph.known_as(int(problem.start[r]))
         raise ExecutionError(f"the plan of {names[r]} begins at '{found}', expected its start '{expected}'")
     missing = lanes_along(graph, plan)[1]
     if missing.any():
         k = int(np.flatnonzero(missing)[0])
         r, tail, head = int(plan.robot[k]), int(plan.vertex[k - 1]), int(plan.vertex[k])
-        raise ExecutionError(f"the plan of {names[r]} goes from '{graph.label(tail)}' to '{graph.label(head)}', where there is no lane")
+        raise ExecutionError(
+            f"the plan of {names[r]} goes from '{graph.known_as(tail)}' to '{graph.known_as(head)}', where there is no lane"
+        )
 
 
 def check_room(problem: Problem) -> None:
@@ -63,7 +65,7 @@ def check_room(problem: Problem) -> None:
     stranded = np.flatnonzero(~served[problem.start])
     if len(stranded):
         r = int(stranded[0])
-        raise ExecutionError(f"{fleet.robot_name[r]} starts at '{graph.label(int(problem.start[r]))}', which has no lane")
+        raise ExecutionError(f"{fleet.robot_name[r]} starts at '{graph.known_as(int(problem.start[r]))}', which has no lane")
     where = graph.xy[problem.start]
     pairs = pairs_within(where, separation - 1e-9)
     pairs = pairs[graph.level[problem.start[pairs[:, 0]]] == graph.level[problem.start[pairs[:, 1]]]]
@@ -73,8 +75,8 @@ def check_room(problem: Problem) -> None:
         i, j = sorted(pairs.tolist())[0]
         apart, separation = float(np.hypot(*(where[i] - where[j]))), float(fleet.apart_m[fleet.kind[i], fleet.kind[j]])
         raise ExecutionError(
-            f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.label(int(problem.start[i]))}' "
-            f"and '{graph.label(int(problem.start[j]))}', expected {separation:.3f} m or more"
+            f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.known_as(int(problem.start[i]))}' "
+            f"and '{graph.known_as(int(problem.start[j]))}', expected {separation:.3f} m or more"
         )
 
 

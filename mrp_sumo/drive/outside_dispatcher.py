@@ -88,6 +88,6 @@ def _fault_of_way(way: Reroute, around: Surroundings, robot: int) -> str:
         vertex = vertex[1:]
     for v in vertex.tolist():
         if graph.lane_between(before, v) < 0:
-            return f"from '{graph.label(before)}' to '{graph.label(v)}', where there is no lane"
+            return f"from '{graph.known_as(before)}' to '{graph.known_as(v)}', where there is no lane"
         before = v
     return ""

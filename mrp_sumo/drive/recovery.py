@@ -217,7 +217,7 @@ class Recovery:
 
     def _lets_pass(self, giving: GivingWay) -> str:
         names = self.ledger.problem.fleet.robot_name
-        return f"lets {', '.join(names[r] for r in giving.others)} pass at '{self.ledger.graph.label(giving.place)}'"
+        return f"lets {', '.join(names[r] for r in giving.others)} pass at '{self.ledger.graph.known_as(giving.place)}'"
 
     def _drive_around(self, now_s: float, late: tuple[int, ...], around: Surroundings) -> Replan | None:
         """Shorter ways than waiting, for all of these that have one."""

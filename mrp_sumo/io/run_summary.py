@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mrp_sumo.io.summary import Summary, count, seconds, summary
+from mrp_sumo.plugins.source import short_name
 
 ON_TIME_S = 1e-6
 NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
@@ -26,27 +27,26 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     yield "status", result["status"].replace("_", " "), result.get("note", "")
     yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
     by = result.get("planner") or {}
-    chosen = f"{scenario['planner']['name']}: {by['chosen']}" if by.get("chosen") else scenario["planner"]["name"]
+    name, policy = short_name(scenario["planner"]["name"]), short_name(result.get("policy") or "")
+    chosen = f"{name}: {by['chosen']}" if by.get("chosen") else name
     yield "planner", chosen, NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
     calls = count(m["planner_calls"], "answer") if m["planner_calls"] is not None else ""
     kinds = ("late", "failed", "stepped", "stopped")
     failed = ", ".join(f"{m[f'planner_calls_{kind}']} {kind}" for kind in kinds if m[f"planner_calls_{kind}"])
     cpu = _then(seconds(m["planning_cpu_s"]), "CPU")
     yield "planning time", seconds(m["planning_time_s"]), cpu, _given("assignment", seconds(m["assignment_time_s"])), calls, failed
-    cells = _count(m["makespan_steps"], "cells (paper's count)")
-    yield "makespan", _then(seconds(m["makespan_s"]), "planned"), _then(seconds(m["driven_makespan_s"]), "driven"), cells
+    yield "makespan", _then(seconds(m["makespan_s"]), "planned"), _then(seconds(m["driven_makespan_s"]), "driven")
     yield "flowtime", _then(seconds(m["flowtime_s"]), "planned"), _then(seconds(m["driven_flowtime_s"]), "driven")
     yield (
         "cost",
         _count(m["soc_steps"], "steps (sum of costs)"),
-        _count(m["cost_steps"], "cells (paper's count)"),
         # 0: the planner proves nothing; plans in seconds have no steps to compare with
         _count(None if m["soc_steps"] is None else m["lower_bound_steps"] or None, "steps lower bound"),
     )
     if m["tasks_done"] is not None:
-        yield "tasks", f"{m['tasks_done']} done, {m['tasks_open']} open", _count(m["throughput_per_h"], "an hour")
+        yield "orders", f"{m['tasks_done']} done, {m['tasks_open']} open", _count(m["throughput_per_h"], "an hour")
         yield (
-            "service time",
+            "lead time",
             _given("mean", seconds(m["service_time_mean_s"])),
             _given("95 % below", seconds(m["service_time_p95_s"])),
             "run too short to tell the warm-up" if m["warm_up_s"] is None else f"after a warm-up of {seconds(m['warm_up_s'])}",
@@ -56,17 +56,12 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     if m["energy_j"] is not None:
         level, empty = f"lowest {100 * m['battery_level_min']:.0f} %", m["robots_battery_empty"]
         yield "batteries", f"{m['energy_j'] / 3600:.1f} Wh drawn", level, f"{count(empty, 'robot')} ran empty" if empty else ""
-    if result.get("policy"):
+    if policy:
         if m["tasks_done"] is None:
-            yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {result['policy']}"
+            yield "goals reached", f"{m['goals_reached']} of {m['num_robots']}", f"policy {policy}"
         else:
-            yield "policy", result["policy"]
+            yield "policy", policy
             yield "simulated time", seconds(m["sim_time_s"])
-        yield (
-            "execution time",
-            _then(seconds(m["execution_time_s"]), "by MRP-Bench's count"),
-            "timed out" if m["execution_timed_out"] else "",
-        )
         yield (
             "minimum distance",
             _metres(m["min_distance_m"]),
@@ -82,7 +77,7 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
                 f"nearest {_metres(m['min_person_distance_m'])}",
                 count(m["num_person_contacts"], "contact"),
             )
-        yield "blocked time", seconds(m["blocked_s"]), _given("MRP-Bench's count", seconds(m["time_blocked_total_s"]))
+        yield "blocked time", seconds(m["blocked_s"])
         yield "lateness", _given("mean", _lateness(m["lateness_mean_s"])), _given("maximum", _lateness(m["lateness_max_s"]))
         yield "real-time factor", _count(m["real_time_factor"]), _count(m["robot_seconds_per_cpu_second"], "robot-seconds a CPU-second")
 

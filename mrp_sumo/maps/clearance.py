@@ -94,7 +94,7 @@ class Narrow:
 
     def _vertex(self, vertex: int) -> str:
         x, y = self.graph.xy[vertex]
-        return f"{self.graph.label(vertex)} ({x:.2f}, {y:.2f})"
+        return f"{self.graph.known_as(vertex)} ({x:.2f}, {y:.2f})"
 
 
 def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narrow:

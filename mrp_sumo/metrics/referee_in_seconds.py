@@ -214,7 +214,7 @@ def _last_turns(problem: Problem, plan: Plan) -> list[str]:
         need_s = float(np.nanmin(np.append(left, np.inf))) / float(problem.fleet.turn_rate_rad_s[r])
         found_s = float(plan.end_s[r] - plan.arrive_s[end - 1])
         if need_s < np.inf and found_s < need_s - LEAST_S:
-            name, label, there_s = problem.fleet.robot_name[r], problem.graph.label(vertex), float(plan.arrive_s[end - 1])
+            name, label, there_s = problem.fleet.robot_name[r], problem.graph.known_as(vertex), float(plan.arrive_s[end - 1])
             faults.append(f"{name} arrives at '{label}' at {there_s:.2f} s and cannot have turned there by {plan.end_s[r]:.2f} s")
     return faults
 

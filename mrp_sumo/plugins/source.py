@@ -55,6 +55,12 @@ def place_in_file(name: str) -> tuple[str, str] | None:
     return (found[1], found[2]) if found else None
 
 
+def short_name(name: str) -> str:
+    """The name of a plug-in for tables and pages: the stem of its file, `mine` for `./mine.py:OneByOne`; a plain name as it is."""
+    place = place_in_file(name)
+    return Path(place[0]).stem if place else name
+
+
 def resolved(name: str, beside: Path) -> str:
     """A place in a file with its path made absolute; a plain name as it is."""
     place = place_in_file(name)

@@ -92,7 +92,7 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(table_4(study))])
     execution = Section("execution", "Execution")
     execution.parts = [*charts.get("execution", []), *execution_violins(study), *_there(study_tables.main_figures(study))]
-    tasks = Section("tasks", "Tasks", parts=list(charts.get("tasks", [])))
+    tasks = Section("tasks", "Orders", parts=list(charts.get("tasks", [])))
     compared = Section("compared", "Compared", parts=_there(study_tables.paired(study)))
     maps = Section("maps", "Maps", parts=_there(table_1(study)))
     runs = Section("runs", "Runs", parts=_there(study_tables.worst_runs(study, out)))
@@ -139,7 +139,9 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
     """The sections about a single run."""
     (run,) = study.folders.values()
     robots: list[list[Cell]] = [
-        [str(r["name"]), str(r["start"]), str(r["goal"]), r["goal_s"]] for r in run.result.get("robots", ()) if isinstance(r, dict)
+        [str(r["name"]), _known_as(run, r["start"]), _known_as(run, r["goal"]), r["goal_s"]]
+        for r in run.result.get("robots", ())
+        if isinstance(r, dict)
     ]
     if run.metrics.get("tasks_done") is not None:  # nobody has a goal of its own
         robots = []
@@ -167,16 +169,22 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
     return title, [Section("run", "The run", note, charts), Section("numbers", "Numbers", parts=tables)]
 
 
+def _known_as(run: RunFolder, label: Any) -> str:
+    """The name by which people know a vertex that a file names."""
+    vertex = run.graph.vertex_of_name.get(str(label))
+    return str(label) if vertex is None else run.graph.known_as(vertex)
+
+
 def _tasks_table(run: RunFolder) -> Table | None:
-    """What became of the tasks of a run, by release."""
+    """What became of the orders of a run, by release."""
     if run.metrics.get("tasks_done") is None or (tasks := run.record.execution.tasks) is None:
         return None
     names, columns = run.fleet.robot_name, (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.done_s)
     times = [[None if np.isnan(t) else float(t) for t in column] for column in columns]
     robots = ["" if r < 0 else names[r] for r in tasks.robot.tolist()]
     rows: list[list[Cell]] = [list(row) for row in zip(tasks.name, robots, *times, tasks.status, tasks.reason)]
-    head = ("task", "robot", "released s", "assigned s", "opened s", "done s", "status", "reason")
-    return Table("tasks", "Tasks", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
+    head = ("order", "robot", "released s", "assigned s", "opened s", "done s", "status", "reason")
+    return Table("tasks", "Orders", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 
 def _link_table(name: str, title: str, target: str) -> Table:
@@ -222,9 +230,9 @@ def _run_tiles(study: Study) -> list[Tile]:
         ("blocked, all robots", "blocked_s", 1, "s"),
         ("time blocked (MRP-Bench)", "time_blocked_total_s", 1, "s"),
         ("least clearance", "min_clearance_m", 100, "cm"),
-        ("tasks done an hour", "throughput_per_h", 1, ""),
-        ("mean service time", "service_time_mean_s", 1, "s"),
-        ("service time, 95 % below", "service_time_p95_s", 1, "s"),
+        ("orders done an hour", "throughput_per_h", 1, ""),
+        ("mean lead time of orders", "service_time_mean_s", 1, "s"),
+        ("lead time, 95 % below", "service_time_p95_s", 1, "s"),
     ):
         if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))

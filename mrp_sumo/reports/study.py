@@ -6,6 +6,7 @@ that are not those of runs.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +23,7 @@ from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
+from mrp_sumo.plugins.source import short_name
 from mrp_sumo.reports.pictures.view import title_of
 
 PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
@@ -200,7 +202,7 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
     mixed = _series_columns(frame, varying)
     rows = frame[["planner", *mixed]].astype(object).itertuples(index=False, name=None)
     anytime = frame[ANYTIME].eq(True).fillna(False) if ANYTIME in frame else np.zeros(len(frame), np.bool_)
-    frame["_series"] = [_series_name(row, mixed, bool(star)) for row, star in zip(rows, anytime)]
+    frame["_series"] = _series_names(list(rows), mixed, [bool(star) for star in anytime])
     known = list(PLANNER_NAMES)
     first = {s: i for i, s in reversed(list(enumerate(frame["_series"])))}
     rank = {s: (known.index(p) if p in known else len(known), first[s]) for s, p in zip(frame["_series"], frame["planner"])}
@@ -262,16 +264,24 @@ def _series_columns(frame: pd.DataFrame, varying: list[str]) -> list[str]:
     return own
 
 
-def _series_name(row: tuple[Any, ...], columns: list[str], anytime: bool) -> str:
+def _series_names(rows: list[tuple[Any, ...]], columns: list[str], anytime: list[bool]) -> list[str]:
+    """The series of each row; plug-ins by the stems of their files where these tell them apart."""
+    short, full = ([_series_name(row, columns, star, shown) for row, star in zip(rows, anytime)] for shown in (short_name, str))
+    return short if len(set(short)) == len(set(full)) else full
+
+
+def _series_name(row: tuple[Any, ...], columns: list[str], anytime: bool, shown: Callable[[str], str]) -> str:
     planner = str(row[0])
-    parts = [PLANNER_NAMES.get(planner, planner)]
+    parts = [PLANNER_NAMES.get(planner, shown(planner))]
     if planner == "lacam":
         parts[0] += "*" * anytime
     for column, value in zip(columns, row[1:]):
         if pd.isna(value) or (planner == "lacam" and column == ANYTIME):
             continue
         word = column.rsplit(".", 1)[-1].replace("_", " ")
-        parts.append(f"{word} {_plain(value)}" if column.startswith("planner.parameters.") or isinstance(value, bool) else _plain(value))
+        parts.append(
+            f"{word} {_plain(value)}" if column.startswith("planner.parameters.") or isinstance(value, bool) else shown(_plain(value))
+        )
     return ", ".join(parts)
 
 

@@ -120,7 +120,7 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> l
         faults.append("two robots are assigned the same goal")
     jump = np.flatnonzero(_without_lane(plan, graph))
     faults += [
-        f"{names[plan.robot[k]]} jumps from '{graph.label(plan.vertex[k])}' to '{graph.label(plan.vertex[k + 1])}' "
+        f"{names[plan.robot[k]]} jumps from '{graph.known_as(plan.vertex[k])}' to '{graph.known_as(plan.vertex[k + 1])}' "
         f"at {plan.depart_s[k]:g} s: there is no lane"
         for k in jump[:10]
     ]
@@ -134,9 +134,9 @@ def _faults_of(robot: int, problem: Problem, plan: Plan, target: int, lane_s: fl
     graph, name, faults = problem.graph, problem.fleet.robot_name[robot], list[str]()
     a, b = int(plan.first[robot]), int(plan.first[robot + 1])
     if plan.vertex[a] != problem.start[robot]:
-        faults.append(f"{name} begins at '{graph.label(plan.vertex[a])}', not at its start '{graph.label(problem.start[robot])}'")
+        faults.append(f"{name} begins at '{graph.known_as(plan.vertex[a])}', not at its start '{graph.known_as(problem.start[robot])}'")
     if target >= 0 and plan.vertex[b - 1] != target:
-        faults.append(f"{name} ends at '{graph.label(plan.vertex[b - 1])}', not at its goal '{graph.label(target)}'")
+        faults.append(f"{name} ends at '{graph.known_as(plan.vertex[b - 1])}', not at its goal '{graph.known_as(target)}'")
     if abs(plan.arrive_s[a]) > EPSILON_S:
         faults.append(f"{name} begins at {plan.arrive_s[a]:g} s, not at 0 s")
     if plan.depart_s[b - 1] != np.inf:
@@ -148,14 +148,14 @@ def _faults_of(robot: int, problem: Problem, plan: Plan, target: int, lane_s: fl
     if len(early):
         k = a + int(early[0])
         faults.append(
-            f"{name} leaves '{graph.label(plan.vertex[k])}' at {plan.depart_s[k]:g} s, before it arrives at {plan.arrive_s[k]:g} s"
+            f"{name} leaves '{graph.known_as(plan.vertex[k])}' at {plan.depart_s[k]:g} s, before it arrives at {plan.arrive_s[k]:g} s"
         )
     fast = np.flatnonzero(plan.arrive_s[a + 1 : b] - plan.depart_s[moves] < lane_s - EPSILON_S)
     if len(fast):
         k = a + int(fast[0])
         faults.append(
-            f"{name} needs {plan.arrive_s[k + 1] - plan.depart_s[k]:g} s from '{graph.label(plan.vertex[k])}' "
-            f"to '{graph.label(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {lane_s:g} s"
+            f"{name} needs {plan.arrive_s[k + 1] - plan.depart_s[k]:g} s from '{graph.known_as(plan.vertex[k])}' "
+            f"to '{graph.known_as(plan.vertex[k + 1])}' at {plan.depart_s[k]:g} s, a lane takes {lane_s:g} s"
         )
     return faults
 
@@ -168,7 +168,9 @@ def _on_barred(problem: Problem, plan: Plan) -> list[str]:
         onward = int(plan.vertex[k + 1])
         lane = graph.lane_between(vertex, onward) if plan.robot[k + 1] == robot else -1
         if lane >= 0 and problem.barred[fleet.kind[robot], lane]:
-            what = f"{fleet.robot_name[robot]} drives from '{graph.label(vertex)}' to '{graph.label(onward)}' at {plan.depart_s[k]:g} s"
+            what = (
+                f"{fleet.robot_name[robot]} drives from '{graph.known_as(vertex)}' to '{graph.known_as(onward)}' at {plan.depart_s[k]:g} s"
+            )
             faults.append(f"{what}, where a {fleet.type_name[robot] or 'robot of its type'} has no room")
     return faults[:10]
 

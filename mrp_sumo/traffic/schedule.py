@@ -96,9 +96,9 @@ def _about_staying(problem: Problem, plan: Plan, leaves: IntArray, waits: IntArr
     k = int(np.argmin(plan.arrive_s[waits]))
     i, j = plan.robot[leaves[k]], plan.robot[waits[k]]
     names, graph, at, to = problem.fleet.robot_name, problem.graph, plan.vertex[leaves[k]], plan.vertex[waits[k]]
-    place = "there" if at == to else f"within reach of it, to '{graph.label(int(to))}'"
+    place = "there" if at == to else f"within reach of it, to '{graph.known_as(int(to))}'"
     return (
-        f"{names[i]} stays at '{graph.label(int(at))}' from {plan.arrive_s[leaves[k]]:g} s on, "
+        f"{names[i]} stays at '{graph.known_as(int(at))}' from {plan.arrive_s[leaves[k]]:g} s on, "
         f"and {names[j]} has to pass {place} at {plan.arrive_s[waits[k]]:g} s"
     )
 
@@ -108,7 +108,7 @@ def _about_cycle(problem: Problem, plan: Plan, cycle: IntArray) -> str:
     for visit in cycle.tolist():
         robot = int(plan.robot[visit])
         if not names or robot != names[-1][0]:
-            names.append((robot, f"{problem.fleet.robot_name[robot]} at '{problem.graph.label(int(plan.vertex[visit]))}'"))
+            names.append((robot, f"{problem.fleet.robot_name[robot]} at '{problem.graph.known_as(int(plan.vertex[visit]))}'"))
     if len(names) > 1 and names[0][0] == names[-1][0]:
         names.pop()
     shown = [name for _, name in names]

@@ -79,3 +79,17 @@ def test_robots_face_away_from_where_they_go_on_lanes_that_they_drive_backwards(
     options = [{}, {"orientation_constraint": "backward"}]
     graph = nav_graph(name="dock", xy=[(0, 0), (2, 0)], lanes=[(0, 1), (1, 0)], lane_options=options)
     assert graph.is_backward.tolist() == [False, True] and np.cos(graph.heading_rad) == pytest.approx([1.0, 1.0])
+
+
+def test_people_know_a_vertex_by_the_first_station_that_is_found_there():
+    """Two points serve `Storage 01`: it is found at the first, so the second goes by its own name."""
+    options = [{"station": "Storage 01; Storage 02"}, {"station": "Storage 01"}, {"station": "P4"}, {}, {}]
+    graph = nav_graph(
+        name="hall",
+        xy=[(k, 0) for k in range(5)],
+        lanes=[(k, k + 1) for k in range(4)],
+        vertex_name=("P1", "P2", "P3", "P4", ""),
+        vertex_options=options,
+    )
+    assert [graph.known_as(v) for v in range(5)] == ["Storage 01", "P2", "P3", "P4", "v4"]
+    assert [graph.vertex_of_name[graph.known_as(v)] for v in range(5)] == [0, 1, 2, 3, 4]

@@ -39,8 +39,9 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
     if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
         lane = int(short[np.argmin(length_m[short])])
         count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})
+        ends = f"'{nav.known_as(int(nav.tail[lane]))}' - '{nav.known_as(int(nav.head[lane]))}'"
         raise ScenarioError(
-            f"{what}lane '{nav.label(int(nav.tail[lane]))}' - '{nav.label(int(nav.head[lane]))}' of '{nav.name}' is {length_m[lane]:.3f} m "
+            f"{what}lane {ends} of '{nav.name}' is {length_m[lane]:.3f} m "
             + (f"and {count - 1} more are too short; " if count > 1 else "long; ")
             + _remedy(nav, np.inf if is_auto else graph.cell_m, needed_m)
         )
@@ -60,7 +61,7 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
             return found
         return f"{found}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
     lane = int(left[0])
-    ends = f"'{joined.label(int(joined.tail[lane]))}' - '{joined.label(int(joined.head[lane]))}'"
+    ends = f"'{joined.known_as(int(joined.tail[lane]))}' - '{joined.known_as(int(joined.head[lane]))}'"
     return f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots"
 
 
@@ -134,7 +135,7 @@ def without_room(
             raise ScenarioError(f"{file.at(*type_at(file, kind))}: no lane of '{graph.name}' leaves '{model.name}' room beside the walls")
         if barred[kind].any():
             lane = int(np.flatnonzero(barred[kind])[np.argmin(narrow.lane_m[barred[kind]])])
-            ends = f"'{graph.label(int(graph.tail[lane]))}' - '{graph.label(int(graph.head[lane]))}'"
+            ends = f"'{graph.known_as(int(graph.tail[lane]))}' - '{graph.known_as(int(graph.head[lane]))}'"
             where = f"the narrowest {ends}: {narrow.lane_m[lane]:.2f} m to a wall"
             notes.append(f"'{model.name}' has no room on {np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes, {where}")
     supports = getattr(chosen_planner, "supports", ())

@@ -60,7 +60,9 @@ def places_by_type(
                 found[kind == k] = looked_up(file, nav, graph, ("robots", "fleet", k, key), names)
         values, times = np.unique(found[found >= 0], return_counts=True)
         if (times > 1).any():
-            raise ScenarioError(f"{file.at('robots', 'fleet')}: '{graph.label(int(values[times > 1][0]))}' is the {key[:-1]} of two robots")
+            raise ScenarioError(
+                f"{file.at('robots', 'fleet')}: '{graph.known_as(int(values[times > 1][0]))}' is the {key[:-1]} of two robots"
+            )
         given.append(found)
     graphs, anywhere = graphs_of_kinds(graph, barred, int(kind.max()) + 1), scenario.robots.draw == "anywhere"
     with file.located("robots", "fleet"):
@@ -163,8 +165,8 @@ def require_headings(file: ScenarioFile, problem: Problem) -> None:
         place: Place = ("robots", "goal_heading_deg", goal) if isinstance(degrees, list) else ("robots", "goal_heading_deg")
         fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(there), 1) % 360))
         raise ScenarioError(
-            f"{file.at(*place)}: found {np.degrees(wanted[goal]):g}, but no lane leads to '{graph.label(int(v))}' or away from it in that "
-            f"heading, expected one of {fitting}"
+            f"{file.at(*place)}: found {np.degrees(wanted[goal]):g}, but no lane leads to '{graph.known_as(int(v))}' or away from it in "
+            f"that heading, expected one of {fitting}"
         )
 
 

@@ -195,7 +195,7 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
             ax.plot(
                 t[sample], position[:, robot], color=colour, lw=1.8 if named else 1.0, label=printable(record.fleet.robot_name[robot], 18)
             )
-        stations = [(a, nav.vertex_name[v]) for a, v in zip(along, chain)]
+        stations = [(a, nav.known_as(v) if nav.vertex_name[v] else "") for a, v in zip(along, chain)]
         for a, _ in stations:
             ax.axhline(a, color=GRID, lw=0.7, zorder=0)
         ax.grid(axis="y", visible=False)
@@ -219,7 +219,7 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
         if named:
             figure.legend(loc="outside lower left", ncols=6)
 
-    ends = [nav.vertex_name[v] or f"v{v}" for v in (chain[0], chain[-1])]
+    ends = [nav.known_as(v) for v in (chain[0], chain[-1])]
     caption = (
         f"The busiest straight stretch of lanes, from {printable(ends[0])} to {printable(ends[1])} ({along[-1]:.1f} m). A level line "
         "stands still; lines that cross are robots that pass each other on the two ways of the lane. Dashed: as planned."

@@ -29,9 +29,9 @@ from mrp_sumo.reports.pictures.map_picture import INK, MUTED, PAPER
 from mrp_sumo.reports.study import Study, numbers
 
 OF_TASKS = (  # metric, title, axis
-    ("throughput_per_h", "Throughput", "tasks done an hour"),
-    ("service_time_p95_s", "Service time", "release to done, 95 % below (s)"),
-    ("tasks_open", "Tasks not done at the end", "tasks"),
+    ("throughput_per_h", "Throughput", "orders done an hour"),
+    ("service_time_p95_s", "Lead time of orders", "release to done, 95 % below (s)"),
+    ("tasks_open", "Orders not done at the end", "orders"),
 )
 MAX_MAPS = 6  # drawn one by one; more are drawn together
 ALL = "all maps"

@@ -51,7 +51,7 @@ def _throughput(orders: TaskLog, end_s: float, warm_up_s: float | None, tag: str
             ax.axvspan(0, cut_s / scale, color=MUTED, alpha=0.22, lw=0, label="warm-up")
         ax.axhline(mean, color=INK, lw=1.3, ls=(0, (5, 2)), label="mean afterwards" if cut_s else "mean")
         key(figure, ax)
-        ax.set(xlim=(0, end_s / scale), ylim=(0, None), xlabel=f"time ({unit})", ylabel="tasks done an hour")
+        ax.set(xlim=(0, end_s / scale), ylim=(0, None), xlabel=f"time ({unit})", ylabel="orders done an hour")
 
     each_s = end_s / bars
     caption = f"By the hour, in {bars} parts of {each_s:.0f} s each. Dashed: the mean{' after the warm-up' * bool(cut_s)}, {mean:.0f}."
@@ -66,10 +66,10 @@ def _open(orders: TaskLog, end_s: float, tag: str) -> Chart | None:
             at_s, number = _known(orders.released_s, until_s, end_s)
             ax.step(at_s / scale, number, where="post", color=colour, label=name)
         key(figure, ax)
-        ax.set(xlim=(0, end_s / scale), ylim=(0, None), xlabel=f"time ({unit})", ylabel="tasks")
+        ax.set(xlim=(0, end_s / scale), ylim=(0, None), xlabel=f"time ({unit})", ylabel="orders")
 
     left = int((~(orders.done_s <= end_s)).sum())
-    return draw(f"{tag}_{OPEN}", "Tasks that wait", f"Released and not done by then; {left} at the end.", paint)
+    return draw(f"{tag}_{OPEN}", "Orders that wait", f"Released and not done by then; {left} at the end.", paint)
 
 
 def _service(orders: TaskLog, tag: str) -> Chart | None:
@@ -86,9 +86,9 @@ def _service(orders: TaskLog, tag: str) -> Chart | None:
             value = float(np.quantile(took_s, q)) / scale
             ax.axvline(value, color=colour, lw=1.3, ls=line, label=f"{name}: {value:.3g} {unit}")
         key(figure, ax)
-        ax.set(xlim=(0, None), xlabel=f"from release to done ({unit})", ylabel="tasks")
+        ax.set(xlim=(0, None), xlabel=f"from release to done ({unit})", ylabel="orders")
 
-    return draw(f"{tag}_{SERVICE}", "Service time", f"Of the {len(took_s)} tasks that were done.", paint, size=NARROW)
+    return draw(f"{tag}_{SERVICE}", "Lead time", f"Of the {len(took_s)} orders that were done.", paint, size=NARROW)
 
 
 def _known(from_s: FloatArray, until_s: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray]:

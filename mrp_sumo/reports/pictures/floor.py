@@ -9,7 +9,7 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.reports.pictures.labels import place_labels
-from mrp_sumo.reports.pictures.view import furniture_and_walls, is_grid_map
+from mrp_sumo.reports.pictures.view import crossings, furniture_and_walls, is_grid_map
 from mrp_sumo.reports.replay.constants import THEMES
 
 LIGHT = THEMES["light"]
@@ -47,11 +47,11 @@ def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_
     once = ((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head])  # rides are on no floor
     ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
     ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
-    named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
+    named = np.flatnonzero([bool(name) for name in nav.vertex_name] & ~crossings(nav)).tolist()
     ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
     if 0 < len(named) <= 80:
         walls = None if outline is None else np.concatenate([outline.walls, outline.doors])
-        names = [nav.vertex_name[v] for v in named]
+        names = [nav.known_as(v) for v in named]
         for name, at in zip(names, name_places(ax, names, nav.xy[named], name_pt, 2 + 0.08 * points_per_m, points_per_m, walls, ends)):
             if np.isfinite(at[0]):
                 write_name(ax, name, *at, name_pt, LIGHT["muted"], 3)

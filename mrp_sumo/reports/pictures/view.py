@@ -15,6 +15,7 @@ from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
+from mrp_sumo.plugins.source import short_name
 
 if TYPE_CHECKING:
     from mrp_sumo.core.fleet import Fleet
@@ -26,6 +27,7 @@ AT_REST = "idle or served"  # what AT_GOAL is called in runs with tasks
 MAP_FILES = (".building.yaml", ".nav.yaml", ".yaml", ".map")  # ends of names
 TURNING_RAD = 0.02  # a sample
 MARGIN_M = 0.6  # around all that is drawn
+MANY_NAMES = 80  # from which on not all that have one are stations
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
 
@@ -85,7 +87,7 @@ def map_name_of(result: Mapping[str, Any]) -> str:
 
 def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
     """Map, robots and planner of a run in a line; nobody knows who planned what is read from a log."""
-    by = RECORDED if result.get("policy") == RECORDED else result["scenario"]["planner"]["name"]
+    by = RECORDED if result.get("policy") == RECORDED else short_name(result["scenario"]["planner"]["name"])
     return f"{map_name_of(result)} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {by}"
 
 
@@ -258,6 +260,14 @@ def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray
             outlines.append(xy[ConvexHull(xy).vertices])
     fine = is_furniture[island[end[:, 0]]] if len(end) else np.zeros(0, np.bool_)
     return outlines, walls[fine], walls[~fine]
+
+
+def crossings(nav: "NavGraph") -> NDArray[np.bool_]:
+    """[V] named vertices that are crossings to people: no stations, where the map says which are; and all of very many names."""
+    named = np.array([bool(name) for name in nav.vertex_name], np.bool_)
+    if nav.has_stations:
+        return named & ~nav.having("station")
+    return named & (np.count_nonzero(named) > MANY_NAMES)
 
 
 def level_boxes(record: RunRecord, outline: "Outline | None") -> dict[str, tuple[FloatArray, FloatArray]]:

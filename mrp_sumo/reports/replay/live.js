@@ -80,7 +80,7 @@ class Live {
       asks(`${run.robots[robot]} breaks down`, ["for 30 s", { do: "break", robot, duration_s: 30 }], ["for good", { do: "break", robot, duration_s: null }]);
     } else {
       const { station, lane } = this.nearest(px, py, slack);
-      if (station && run.tasks) asks(`A task at ${station.name}`, ["add", { do: "add", stops: [station.name] }]);
+      if (station && run.tasks) asks(`An order at ${station.name}`, ["add", { do: "add", stops: [station.name] }]);
       if (lane >= 0) asks("This lane", ["close for 1 min", { do: "close", lane, duration_s: 60 }], ["close for good", { do: "close", lane, duration_s: null }]);
     }
     if (!parts.length) return;

@@ -29,8 +29,10 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import DAMAGE, load_run
 from mrp_sumo.metrics.evaluate import succeeded
+from mrp_sumo.plugins.source import short_name
 from mrp_sumo.reports.pictures.view import (
     AnyRun,
+    crossings,
     extent,
     furniture_and_walls,
     is_grid_map,
@@ -264,13 +266,13 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Status": status,
         "Map": map_name_of(run.result),
         "Robots": f"{num_robots}",
-        "Planner": scenario["planner"]["name"] if is_planned else None,
+        "Planner": short_name(scenario["planner"]["name"]) if is_planned else None,
         "Assignment": scenario["assignment"]["mode"] if is_planned else None,
-        "Policy": run.result.get("policy"),
+        "Policy": short_name(run.result.get("policy") or "") or None,
         "Seed": run.result["seed"] if is_planned else None,
-        "Tasks": f"{metrics['tasks_done']} done, {metrics['tasks_open']} open" if metrics.get("tasks_done") is not None else None,
+        "Orders": f"{metrics['tasks_done']} done, {metrics['tasks_open']} open" if metrics.get("tasks_done") is not None else None,
         "Throughput": f"{metrics['throughput_per_h']:.0f} an hour" if metrics.get("throughput_per_h") is not None else None,
-        "Service time": _seconds(metrics.get("service_time_mean_s")),
+        "Lead time": _seconds(metrics.get("service_time_mean_s")),
         "People": f"{metrics['num_people']}" if metrics.get("num_people") is not None else None,
         "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
         "Planned makespan": _seconds(metrics.get("makespan_s")) if is_planned else None,
@@ -282,9 +284,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Planning time, CPU": _seconds(metrics.get("planning_cpu_s")) if is_planned else None,
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
         "Lower bound": f"{bound:.0f} steps" if bound and in_steps else None,
-        "Execution, MRP-Bench": _seconds(metrics.get("execution_time_s")),
         "Blocked in all": _seconds(metrics.get("blocked_s")),
-        "Blocked, MRP-Bench": _seconds(metrics.get("time_blocked_total_s")),
         "Mean lateness": _lateness(metrics.get("lateness_mean_s")),
         "Largest lateness": _lateness(metrics.get("lateness_max_s")),
         "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
@@ -377,7 +377,7 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
         columns.add("plan_arrived", _milliseconds(record.execution.arrived_s), "<u4", 1)
     return {
         "vertex_unit_m": unit_m,
-        "vertices": [graph.label(int(v)) for v in vertices],
+        "vertices": [graph.known_as(int(v)) for v in vertices],
         "target": index[record.target] if len(record.target) else [],
         "vertex_index": index,
     }
@@ -443,8 +443,12 @@ def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: Floa
         parts["lanes"] = _flat(ends)
         kind = [next((name for option, name in STATION_KINDS if options.get(option)), "") for options in nav.vertex_options]
         xy = (nav.xy - low).round(3).tolist()
+        crossing = crossings(nav)
         parts["stations"] = [
-            {"name": name, "kind": kind[v], "x": xy[v][0], "y": xy[v][1]} for v, name in enumerate(nav.vertex_name) if name or kind[v]
+            {"name": nav.known_as(v) if name or "station" in nav.vertex_options[v] else "", "kind": kind[v], "x": xy[v][0], "y": xy[v][1]}
+            | ({"crossing": True} if crossing[v] and not kind[v] else {})
+            for v, name in enumerate(nav.vertex_name)
+            if name or kind[v]
         ]
         bare = np.array([not (nav.vertex_name[v] or kind[v]) for v in range(nav.num_vertices)], np.bool_)
         bare[np.setdiff1d(np.arange(nav.num_vertices), np.concatenate([nav.tail, nav.head]))] = False

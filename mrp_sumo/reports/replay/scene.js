@@ -7,6 +7,7 @@ const TRAIL_S = 20;
 const MAX_TASK_PIECES = 800; // of the way of one task
 const MAX_TRAIL_PIECES = 48000;
 const MAX_LABELS = 260;
+const CROSSINGS_FROM = 45; // pixels a metre, from which on crossings have their names
 const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const STATION_FONT = `500 10.5px ${FAMILY}`;
 
@@ -401,7 +402,7 @@ export class Scene {
     if (this.names && this.names.step === step) return this.names.list;
     const { map } = this, k = this.camera.scale;
     context.font = STATION_FONT;
-    const list = this.labelOrder.map((i) => map.stations[i]).filter((s) => s.name).map((station) => ({ station, width: context.measureText(station.name).width }));
+    const list = this.labelOrder.map((i) => map.stations[i]).filter((s) => s.name && (!s.crossing || k >= CROSSINGS_FROM)).map((station) => ({ station, width: context.measureText(station.name).width }));
     const lines = [...map.walls, ...map.doors.flat()].map((v, i) => (i % 2 ? -v : v) * k);
     const sides = list.length <= MAX_LABELS ? chooseSides(list.map(({ station, width }) => ({ x: station.x * k, y: -station.y * k, width })), lines, 14, this.stationRadius) : [];
     list.forEach((name, i) => (name.side = sides[i] ?? 0));

@@ -14,7 +14,7 @@ function stateAt(times, t) {
 
 export function showTasks(panel) {
   const { app } = panel, { run, motion, view } = app, { tasks } = run;
-  const chart = make("canvas", { className: "strip tall", title: "Tasks done (bars) and open (line) over time; click to go there" }), head = make("i"), facts = make("div");
+  const chart = make("canvas", { className: "strip tall", title: "Orders done (bars) and open (line) over time; click to go there" }), head = make("i"), facts = make("div");
   chart.addEventListener("click", (e) => app.seek((e.offsetX / chart.clientWidth) * motion.end));
   const stations = tasks.stations.map(([name]) => make("div", { className: "row still" },
     make("span", { className: "what", textContent: name }), make("span", { className: "end" })));

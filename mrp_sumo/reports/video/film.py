@@ -185,7 +185,7 @@ class Film:
             self.canvas.write(name, x + 32 * u + room, y, 18 * u, LIGHT["muted"])
             x += 58 * u + room + font(round(18 * u)).getlength(name)
         if tasks is not None:
-            self.canvas.write(f"{tasks[0]} tasks done, {tasks[1]} open", x, y, 18 * u, LIGHT["ink"])
+            self.canvas.write(f"{tasks[0]} orders done, {tasks[1]} open", x, y, 18 * u, LIGHT["ink"])
 
     def _track(self, pane: Pane) -> tuple[Pixels, Pixels]:
         """How many robots are in which state at every time: what has been, and paler, what is to come."""
