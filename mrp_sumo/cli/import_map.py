@@ -13,6 +13,7 @@ A FILE.jsonl is a recorded stream of VDA 5050 messages, `{"t_s":, "topic":, "pay
 
 import argparse
 import json
+import shlex
 import shutil
 import sys
 import tempfile
@@ -76,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(written if options.robot else known, indent=2))
     else:
-        _print(map_, written, options.out)
+        _print(map_, written, options)
     return 0
 
 
@@ -205,7 +206,29 @@ def _frame(map_: "Map") -> dict[str, Any]:
     }
 
 
-def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
+def _run_command(map_: "Map", out: Path, options: argparse.Namespace) -> list[str]:
+    """What drives robots on the map as it was imported; on a plan of a floor, on the map that was made of it."""
+    if map_.floor is not None:
+        return ["mrp-sumo", "run", str(out / f"{map_.name}_map.yaml")]
+    chosen = {
+        "graph": list(options.graph) if isinstance(options.graph, tuple) else options.graph,
+        "level": options.level,
+        "vehicle_type": options.vehicle_type,
+        "reader": options.reader,
+        "snap_m": options.snap,
+        "join_short_m": options.join_short,
+        "split_crossings": True if options.split_crossings else None,
+        "largest_component": True if options.largest_component else None,
+    }
+    command = ["mrp-sumo", "run", options.file]
+    if options.meters_per_pixel is not None:
+        command += ["--meters-per-pixel", f"{options.meters_per_pixel:g}"]
+    for key, value in chosen.items():
+        command += [] if value is None else ["--set", f"map.{key}={json.dumps(value)}"]
+    return command
+
+
+def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> None:
     """A short table."""
     from rich.console import Console
     from rich.markup import escape
@@ -241,7 +264,9 @@ def _print(map_: "Map", known: dict[str, Any], out: Path) -> None:
         table.add_row("note", f"[dim]{escape(note)}[/]")
     for note in _shortened(oddities(map_.building) if map_.building else ()):
         table.add_row("note", f"[dim]{escape(note)}[/]")
+    out: Path = options.out
     row("files", str(out))
+    row("next", shlex.join(_run_command(map_, out, options)))
     console.print(table)
 
 

@@ -21,6 +21,7 @@ from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
+    "init": ("mrp_sumo.cli.init", "write a first scenario for a map: stations, orders, fleet, charging"),
     "capacity": ("mrp_sumo.cli.capacity", "find out how many robots fit, and what binds"),
     "import": ("mrp_sumo.cli.import_map", "make a nav graph, a SUMO network and a picture of a map"),
     "plan": ("mrp_sumo.cli.plan", "plan a scenario or a benchmark instance without driving"),
@@ -46,7 +47,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "completion": ("mrp_sumo.cli.completion", "print what lets bash, zsh or fish complete commands and options"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
-SLOW = ("run", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
+SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 
 

@@ -3,10 +3,12 @@
 import argparse
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario.file import ScenarioFile
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 HEAD = 1_000_000  # bytes in which a file says what it is
 NAMES_A_MAP = re.compile(rb'^(?:\xef\xbb\xbf)?\{?\s*"?map"?\s*:', re.MULTILINE)
 KEYS_OF_MAPS = re.compile(rb"^(?:levels|building_name|coordinate_system|image|resolution|nodes|links)\s*:", re.MULTILINE)
+FIRST_PLAN_S = 3.0  # CPU time of the planner of a map alone, whose user wants to see it drive
 INSTANCE_CELL_M = 1.0  # side of a cell where there is no scenario to say it
 
 Override = tuple[str, Any]  # the option, for messages, and the value
@@ -105,17 +108,35 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     path = Path(options.scenario)
     file = str(path.absolute()) if path.is_file() else options.scenario
     scale = {} if options.meters_per_pixel is None else {"meters_per_pixel": options.meters_per_pixel}
-    values = {"map": {"file": file, **scale}, "robots": {"count": 1}, "assignment": {"cost": "path"}}
-    name = _folder_name(map_name(path if path.is_file() else bundled_maps()[options.scenario]))
+    values = {
+        "map": {"file": file, **scale},
+        "robots": {"count": 1},
+        "assignment": {"cost": "path"},
+        "planner": {"time_limit_s": FIRST_PLAN_S},
+    }
+    name = folder_name(map_name(path if path.is_file() else bundled_maps()[options.scenario]))
     chosen = with_set(options, changed(scenario_of(values, Path.cwd(), name), _named(options)))
     changes, robots = {**_named(options), **_set(options, chosen)}, chosen.scenario.robots
     if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
         return chosen
     count = robots.count if ("robots", "count") in changes else None
-    return with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
+    with map_alone():
+        return with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
 
 
-def _folder_name(name: str) -> str:
+@contextmanager
+def map_alone() -> Iterator[None]:
+    """Refusals within the block name the map's file, and no place in a scenario that the user has not written."""
+    try:
+        yield
+    except PlugInError:
+        raise
+    except MrpSumoError as error:
+        lines = (line.removeprefix("scenario: map: ").removeprefix("scenario: ") for line in str(error).splitlines())
+        raise type(error)(*lines) from None
+
+
+def folder_name(name: str) -> str:
     """A name made of those characters that a run's folder may have."""
     return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "map"
 

@@ -35,4 +35,5 @@ class Map:
     level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level; they lie on one plane
     changes: tuple[str, ...] = ()  # what repairs have done to `nav`
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
+    num_vehicles: int = 0  # that the file lists; 0 where it lists none
     floor: Floor | None = None  # of a plan of a floor

@@ -43,7 +43,7 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     ("arguments", "line"),
     [
         (["warehouse_9", "--demand", "100/h"], "'warehouse_9' has no orders to count; give it tasks"),
-        (["warehouse_lifelong", "--robots", "5..2000"], "there are 857 vertices that reach each other); 5..857 would do"),
+        (["warehouse_lifelong", "--robots", "5..2000"], "robots.count: 857 fits); 5..857 would do"),
         (["warehouse_lifelong", "--budget", "1s"], "--budget 1s: too little to say anything"),
         (["warehouse_lifelong", "--what-if", "stations.pak: +1"], "'pak' is no station or group (did you mean 'pack'?)"),
         (["warehouse_lifelong", "--what-if", "planer: pibt"], "unknown key (did you mean 'planner'?)"),

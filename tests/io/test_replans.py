@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("replans")
     scenario = folder / "around.yaml"
     scenario.write_text(
-        "map: office\nrobots: {count: 9}\nseed: 102\nplanner: ecbs\n"
+        "map: office\ndiscretisation: {kind: grid, clearance: ignore}\nrobots: {count: 9}\nseed: 102\nplanner: ecbs\n"
         "execution:\n  policy: open_loop\n  on_deadlock: resolve\n  time_limit_s: 120\n  recovery: {patience_s: 2}\n"
         "  disturbances: {stops_per_s: 0.02, speed_noise: 0.1}\n"
     )

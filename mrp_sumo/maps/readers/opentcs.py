@@ -13,7 +13,7 @@ curve is turned and scaled to join the model's. Points that the model puts all a
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -69,7 +69,7 @@ class _Model:
         self._paths()
         self._locations()
         self._blocks()
-        return self.draft.to_map()
+        return replace(self.draft.to_map(), num_vehicles=sum(1 for _ in self.root.all("vehicle")))
 
     def _version(self) -> None:
         """Note a version that is not known, and what older ones say that is not read."""

@@ -1,0 +1,185 @@
+"""Write a first scenario with work for a map: stations, orders, fleet, charging and parking, as far as the map says; the rest is guessed.
+
+It asks nothing that it can read, says in comments what it guessed, and has driven what it writes for ten simulated seconds.
+"""
+
+import argparse
+import json
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.cli.scenario_choice import folder_name, map_alone, scale_argument
+from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.proposal import Proposal, Wishes
+
+SCENARIO, ORDERS = "scenario.yaml", "orders.csv"
+WISHED = ("robot_type", "num_robots", "rate_per_h")  # of the wishes, those that have an option
+BOUNDS = {
+    "num_robots": ("--robots", 1, 100_000),
+    "rate_per_h": ("--rate", 1e-3, 1e6),
+    "service_s": ("seconds at a stop", 0, 1e5),
+    "hours": ("hours of a run", 0.01, 1e4),
+}
+QUESTIONS = (  # wish, question, unit: what matters most for an answer
+    ("robot_type", "type of robots (turtlebot3, amr_600, tugger, forklift, or a YAML file)", ""),
+    ("num_robots", "number of robots to begin with", ""),
+    ("rate_per_h", "orders an hour", ""),
+    ("service_s", "seconds that a robot is served at a stop", ""),
+    ("hours", "hours of a run", ""),
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `mrp-sumo init`."""
+    parser.add_argument("map", metavar="FILE", help="map of any format that `mrp-sumo import` reads, or the name of a bundled one")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the scenario (default: the map's name)")
+    parser.add_argument("--type", dest="robot_type", default="", metavar="NAME", help="type of robots (default: the largest that fits)")
+    parser.add_argument("--robots", dest="num_robots", type=int, metavar="N", help="how many (default: by what fits)")
+    parser.add_argument("--rate", dest="rate_per_h", type=float, metavar="N", help="orders an hour (default: what half of the fleet does)")
+    parser.add_argument("--orders", type=int, metavar="N", help=f"write {ORDERS} with N orders, too, to fill with your own")
+    parser.add_argument("--interactive", action="store_true", help="ask the five questions that matter most")
+    scale_argument(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Propose, try, write, and say what to do with it."""
+    from mrp_sumo.experiments.proposal import propose
+    from mrp_sumo.maps.catalogue import find_map
+    from mrp_sumo.maps.readers.reader import map_name
+
+    path = find_map(options.map, Path())
+    name = folder_name(map_name(path))
+    out: Path = options.out or Path(name)
+    _require_free(out)
+    if options.orders is not None and not 1 <= options.orders <= 100_000:
+        raise MrpSumoError(f"--orders: found {options.orders}, expected 1 to 100000")
+    file = os.path.relpath(path, out) if Path(options.map).is_file() else options.map
+    scale = {} if options.meters_per_pixel is None else {"meters_per_pixel": options.meters_per_pixel}
+    wishes = _asked(options) if options.interactive else _wishes({key: getattr(options, key) for key in WISHED})
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with map_alone():
+            proposal = propose({"file": file, **scale}, out.resolve(), name, wishes)
+    except MrpSumoError:
+        _remove_empty(out)
+        raise
+    (out / SCENARIO).write_text(text_of(proposal, path.name), encoding="utf-8")
+    if options.orders is not None:
+        (out / ORDERS).write_text(_orders(proposal, options.orders), encoding="utf-8")
+    _print(proposal, out, name, options.orders)
+    return 0
+
+
+def _require_free(out: Path) -> None:
+    """Refuse to replace what may be somebody's work."""
+    if out.exists() and not out.is_dir():
+        raise MrpSumoError(f"--out {out}: is a file, expected a folder")
+    for name in (SCENARIO, ORDERS):
+        if (out / name).exists():
+            raise MrpSumoError(f"{out / name}: is there already, and may be yours: choose another --out")
+
+
+def _remove_empty(out: Path) -> None:
+    """Take back a folder that nothing came into."""
+    if not any(out.iterdir()):
+        out.rmdir()
+
+
+def _wishes(values: dict[str, Any]) -> "Wishes":
+    """What the user wants, checked."""
+    from mrp_sumo.experiments.proposal import Wishes
+
+    for key, (name, least, most) in BOUNDS.items():
+        if (value := values.get(key)) is not None and not least <= value <= most:
+            raise MrpSumoError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
+    return Wishes(**values)
+
+
+def _asked(options: argparse.Namespace) -> "Wishes":
+    """The answers of the user; an empty one leaves the guess to the program."""
+    values: dict[str, Any] = {key: getattr(options, key) for key in WISHED}
+    for key, question, _ in QUESTIONS:
+        if values.get(key):
+            continue
+        try:
+            answer = input(f"{question} [Enter: guess]: ").strip()
+        except EOFError:
+            raise MrpSumoError("--interactive: no answers on the standard input; leave it out to have all guessed") from None
+        if answer:
+            values[key] = answer if key == "robot_type" else _number(question, answer, whole=key == "num_robots")
+    return _wishes(values)
+
+
+def _number(question: str, answer: str, *, whole: bool) -> float:
+    try:
+        return int(answer) if whole else float(answer)
+    except ValueError:
+        raise MrpSumoError(f"{question}: found {answer!r:.40}, expected a {'whole ' * whole}number") from None
+
+
+def text_of(proposal: "Proposal", map_file: str) -> str:
+    """The scenario as YAML, with comments on what was read and what was guessed."""
+    values, why = proposal.values, proposal.reasons
+    tasks, robots, stream = values["tasks"], values["robots"], values["tasks"]["streams"][0]
+    plain = json.dumps  # which is YAML, whatever the names hold
+    lines = [
+        f"# A first scenario for {map_file}, made by `mrp-sumo init`. Every key is explained in docs/scenario.md.",
+        f"name: {plain(values['name'])}",
+        f"map: {plain(values['map'], ensure_ascii=False)}",
+        f"discretisation: {plain(values['discretisation'])}  # {why['cell']}",
+        "robots:",
+        f"  count: {robots['count']}  # {why['count']}",
+        f"  type: {plain(robots['type'])}  # {why['type']}",
+        "planner: auto",
+        "tasks:",
+        "  groups:  # by what the map says of its places, else by their names: move names where that is wrong",
+        *(f"    {group}: {plain(names, ensure_ascii=False)}" for group, names in tasks["groups"].items()),
+        "  streams:",
+        f"    - name: {stream['name']}",
+        f"      arrivals: {plain(stream['arrivals'])}  # {why['orders']}",
+        f"      stops: {plain(stream['stops'])}",
+        f"      service: {plain(stream['service'])}  # seconds at a stop; {why['service']}",
+    ]
+    if "charging" in tasks:
+        lines.append(f"  charging: {plain(tasks['charging'])}  # {why['charging']}")
+    if "parking" in tasks:
+        lines.append("  parking: [parking]  # where robots without an order go")
+    execution = values["execution"]
+    lines += [
+        "execution:",
+        f"  dispatcher: {execution['dispatcher']}  # the oldest order first, to the nearest free robot; or: `mrp-sumo list dispatchers`",
+        f"  time_limit_s: {execution['time_limit_s']:g}  # simulated",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _orders(proposal: "Proposal", count: int) -> str:
+    """Orders as CSV, evenly at the proposal's rate, from stop to stop in turn."""
+    stream, groups = proposal.values["tasks"]["streams"][0], proposal.values["tasks"]["groups"]
+    (first, second), gap_s = (groups[name] for name in stream["stops"]), 3600 / stream["arrivals"]["rate_per_h"]
+    rows = ["name,release_s,stops"]
+    for i in range(count):
+        a = first[i % len(first)]
+        others = [name for name in second if name != a]
+        rows.append(f"order_{i},{i * gap_s:.0f},{a} {others[i // len(first) % len(others)]}")
+    return "\n".join(rows) + "\n"
+
+
+def _print(proposal: "Proposal", out: Path, name: str, orders: int | None) -> None:
+    """What was found, and three commands."""
+    tasks, robots = proposal.values["tasks"], proposal.values["robots"]
+    groups = ", ".join(f"{len(names)} {group}" for group, names in tasks["groups"].items())
+    stops, rate = " to ".join(tasks["streams"][0]["stops"]), tasks["streams"][0]["arrivals"]["rate_per_h"]
+    scenario, folder = shlex.quote(str(out / SCENARIO)), shlex.quote(str(Path("runs") / name))
+    print(f"{out / SCENARIO}: {robots['count']} robots of type {robots['type']}, {rate:g} orders an hour from {stops}")
+    print(f"places: {groups}")
+    print("driven for 10 simulated seconds: it runs")
+    if orders:
+        print(f"your orders: fill {out / ORDERS}, then mrp-sumo run {scenario} --set 'tasks.streams=[]' --set tasks.file={ORDERS}")
+    print(f"next: mrp-sumo run {scenario}")
+    print(f"      mrp-sumo capacity {scenario} --quick")
+    print(f"      mrp-sumo replay {folder} --serve")

@@ -1,0 +1,281 @@
+"""A first scenario with work for a map: what its stations, chargers and parking are, which orders there could be, and for which robots.
+
+What the map says is taken as it is; what it leaves open is guessed, and every guess is named.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.core.graph import STATIONS, NavGraph, PlanGraph
+from mrp_sumo.errors import MapError, MrpSumoError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.run import carry_out
+from mrp_sumo.experiments.staging.set_up import SetUp, set_up
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.read import scenario_of
+from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.traffic.draw import main_piece, most_drawn
+
+STATIONS_A_ROBOT = 4
+MOST_ROBOTS = 8
+MOST_STATIONS = 60  # of a group
+SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
+BUSY = 0.5  # share of their time that robots are to work
+TRIAL_S = 10.0  # simulated
+ROUTES = 200  # whose mean length is taken
+LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
+KEPT = 0.8  # share of the small robot's stations that a larger one has to reach
+
+CHARGES = re.compile(r"charg|battery|lade(station|platz)", re.IGNORECASE)
+PARKS = re.compile(r"\bpark|_park|^park|home|wait|holding|standby|idle", re.IGNORECASE)
+PICKS = re.compile(r"pick|(?<!un)load(?!ing_dock)|supply|source|storage|store|receiv|inbound|goods[ _-]?in|dispens|pantry", re.IGNORECASE)
+DROPS = re.compile(r"drop|unload|destin|deliver|ingest|pack|ship|outbound|goods[ _-]?out|dock|sink", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Names of places by what they are for, in the order of the map."""
+
+    pick: tuple[str, ...] = ()  # where loads come from
+    drop: tuple[str, ...] = ()  # where they go
+    place: tuple[str, ...] = ()  # of neither kind
+    charger: tuple[str, ...] = ()
+    parking: tuple[str, ...] = ()
+
+    @property
+    def groups(self) -> dict[str, list[str]]:
+        """Those that are there, by the name of the group; at least two of them, or one of two, are stops."""
+        named = {"pick": self.pick, "drop": self.drop, "place": self.place, "charger": self.charger, "parking": self.parking}
+        return {name: list(members[:MOST_STATIONS]) for name, members in named.items() if members}
+
+    @property
+    def stops(self) -> list[str]:
+        """The two groups between which orders go."""
+        ways = (("pick", "drop"), ("pick", "place"), ("place", "drop"), ("place", "place"), ("pick", "pick"), ("drop", "drop"))
+        return next((list(way) for way in ways if len({name for group in way for name in getattr(self, group)}) > 1 and
+                     all(getattr(self, group) for group in way)), [])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user says himself; None and '' where the proposal decides."""
+
+    robot_type: str = ""
+    num_robots: int | None = None
+    rate_per_h: float | None = None
+    service_s: float | None = None
+    hours: float | None = None
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Values of a scenario, and a sentence on each that was guessed or read."""
+
+    values: dict[str, Any]
+    reasons: Mapping[str, str] = field(default_factory=dict)  # by section, or group
+
+
+def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wishes) -> Proposal:
+    """A scenario with work for a map, which was driven for ten simulated seconds.
+
+    Parameters
+    ----------
+    map_values
+        What the scenario says under `map`.
+    folder
+        Where relative paths begin.
+    name
+        Of runs.
+    wishes
+        What is not to be guessed.
+
+    Raises
+    ------
+    MrpSumoError
+        Where no scenario with work comes of it, with the reason.
+    """
+    with MapCache() as maps:
+        setup, why_type = _fitting_type(map_values, folder, maps, wishes.robot_type)
+        stations = stations_of(setup.map.nav, setup.problem.graph)
+        if not stations.stops:
+            raise MapError(f"'{setup.map.name}' has fewer than two stations that reach each other: there is nothing to carry")
+        num_robots, why_number = _num_robots(setup, wishes.num_robots)
+        fault = ""
+        while num_robots:
+            proposal = _proposal(map_values, name, setup, stations, num_robots, wishes)
+            fault = _fault(scenario_of(proposal.values, folder, name), maps)
+            if not fault or wishes.num_robots is not None:
+                break
+            num_robots = num_robots * 2 // 3
+    if fault:
+        raise MapError(f"'{setup.map.name}': what was proposed does not run: {fault}")
+    reasons = {**proposal.reasons, "type": why_type, "count": why_number}
+    return replace(proposal, reasons=reasons)
+
+
+def stations_of(nav: NavGraph, graph: PlanGraph) -> Stations:
+    """What the places of a map are for, of those that robots can reach from each other: by what the map says, else by their names."""
+    reached = set(main_piece(graph).tolist())
+    usable = [v for v in range(nav.num_vertices) if int(graph.vertex_of_station[v]) in reached and not _is_passed(nav, graph, v)]
+    named = [v for v in usable if nav.vertex_name[v] or "station" in nav.vertex_options[v]]
+    if sum("station" in nav.vertex_options[v] for v in named) > 1:  # of maps that tell stations from mere points
+        named = [v for v in named if "station" in nav.vertex_options[v] or _role(nav, v) in ("charger", "parking")]
+    roles: dict[str, list[str]] = {role: [] for role in ("pick", "drop", "place", "charger", "parking")}
+    for v in named:
+        roles[_role(nav, v)].append(_name(nav, v))
+    found = Stations(**{role: tuple(dict.fromkeys(names)) for role, names in roles.items()})
+    if not found.stops and found.parking:  # as on maps where every station is a parking spot
+        found = replace(found, place=found.place + found.parking, parking=())
+    if not found.stops and found.charger:
+        found = replace(found, place=found.place + found.charger)
+    if not found.stops:
+        dead_ends = [v for v in usable if v not in named and np.count_nonzero(nav.tail == v) == 1]
+        unnamed = dead_ends if len(dead_ends) > 1 else [v for v in usable if v not in named]
+        found = replace(found, place=found.place + tuple(nav.label(v) for v in unnamed))
+    return found
+
+
+def _is_passed(nav: NavGraph, graph: PlanGraph, v: int) -> bool:
+    """Whether robots do not stop at a vertex: bends, cabins of lifts, and what the map marks so."""
+    options = nav.vertex_options[v]
+    is_cabin = bool(graph.vertex_options[int(graph.vertex_of_station[v])].get("cabin"))
+    return is_cabin or any(options.get(key) for key in ("is_bend", "is_passthrough_point", "cabin", "lift_cabin", "lift"))
+
+
+def _role(nav: NavGraph, v: int) -> str:
+    """What a vertex is for."""
+    options = nav.vertex_options[v]
+    text = " ".join(str(part) for part in (nav.vertex_name[v], options.get("station", ""), options.get("actions", "")) if part)
+    for role, keys in (("pick", ("pickup_dispenser",)), ("drop", ("dropoff_ingestor",)), ("charger", ("is_charger",))):
+        if any(options.get(key) for key in keys):
+            return role
+    if CHARGES.search(text):
+        return "charger"
+    is_pick, is_drop = PICKS.search(text) is not None, DROPS.search(text) is not None
+    if is_pick != is_drop:
+        return "pick" if is_pick else "drop"
+    if not is_pick and (options.get("is_parking_spot") or options.get("is_holding_point") or PARKS.search(text)):
+        return "parking"
+    return "place"
+
+
+def _name(nav: NavGraph, v: int) -> str:
+    """What a vertex is called in a scenario: as its station, where that has no other."""
+    stations = str(nav.vertex_options[v].get("station", "")).split(STATIONS)
+    own = next((name for name in stations if name and nav.vertex_of_name.get(name) == v), "")
+    return own or nav.label(v)
+
+
+def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, wanted: str) -> tuple[SetUp, str]:
+    """A map with the largest type of robot that reaches nearly all its stations; forklifts where the map was drawn for such vehicles."""
+
+    def with_type(name: str) -> SetUp:
+        return set_up(scenario_of({"map": dict(map_values), "robots": {"count": 1, "type": name}}, folder, "s"), maps)
+
+    if wanted:
+        return with_type(wanted), "as you say"
+    smallest = with_type(SMALL)
+    reached = _num_reached(smallest)
+    is_industrial = any("path" in options or "edge_id" in options for options in smallest.map.nav.lane_options)
+    refused = []
+    for name in (LARGE, MEDIUM) if is_industrial else (MEDIUM,):
+        try:
+            setup = with_type(name)
+        except MrpSumoError as error:
+            refused.append(f"{name}: {str(error).partition(': ')[2]}")
+            continue
+        if _num_reached(setup) >= KEPT * reached:
+            return (
+                setup,
+                "guessed: the largest type that reaches the stations; `mrp-sumo list robots` names others, docs/robots.md your own",
+            )
+        refused.append(f"{name}: reaches {_num_reached(setup)} of {reached} stations")
+    return smallest, f"guessed, as larger ones do not fit ({refused[-1]})"
+
+
+def _num_reached(setup: SetUp) -> int:
+    """How many stations robots reach from each other."""
+    graph = setup.problem.graph
+    return int(np.isin(np.unique(graph.vertex_of_station), main_piece(graph)).sum())
+
+
+def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
+    """How many robots to begin with, and why."""
+    if wanted is not None:
+        return wanted, "as you say"
+    room = most_drawn(setup.problem.graph, 0, setup.problem.fleet.separation_m)
+    if listed := min(setup.map.num_vehicles, room):
+        return listed, f"as many vehicles as the map lists{'' if listed == setup.map.num_vehicles else ' and has room for'}"
+    count = max(1, min(MOST_ROBOTS, room // STATIONS_A_ROBOT))
+    return (
+        count,
+        f"guessed: one for {STATIONS_A_ROBOT} of the {room} stations that hold one each, at most {MOST_ROBOTS}; `capacity` knows better",
+    )
+
+
+def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: Stations, num_robots: int, wishes: Wishes) -> Proposal:
+    """The scenario, and why it is so."""
+    groups, stops, choice = stations.groups, stations.stops, setup.scenario.discretisation
+    trip_s = _trip_s(setup, [groups[stop] for stop in stops])
+    service_s = SERVICE_S[1] if wishes.service_s is None else wishes.service_s
+    order_s = 2 * trip_s + 2 * service_s  # to the first stop and on to the second
+    rate_per_h = max(1.0, round(BUSY * num_robots * 3600 / order_s)) if wishes.rate_per_h is None else wishes.rate_per_h
+    service: dict[str, Any] = {"triangular_s": list(SERVICE_S)} if wishes.service_s is None else {"constant_s": wishes.service_s}
+    stream = {"name": "order", "arrivals": {"rate_per_h": rate_per_h}, "stops": stops, "service": [service]}
+    tasks: dict[str, Any] = {"groups": groups, "streams": [stream]}
+    why = {
+        "cell": f"the least step from 0.4 m on that '{setup.problem.fleet.type_name[0]}' fits on every lane",
+        "orders": f"guessed: a way between stops takes {trip_s:.0f} s, so that robots work about {BUSY:.0%} of their time"
+        if wishes.rate_per_h is None
+        else "as you say",
+        "service": "guessed: least, usual and most" if wishes.service_s is None else "as you say",
+    }
+    if "charger" in groups and _has_battery(setup):
+        tasks["charging"] = {"stations": ["charger"], "policy": "opportunity"}
+        why["charging"] = "robots charge when they have nothing else to do; they begin with full batteries"
+    if "parking" in groups:
+        tasks["parking"] = ["parking"]
+    values = {
+        "name": name,
+        "map": dict(map_values),
+        "discretisation": {"kind": choice.kind, "cell_m": choice.cell_m},
+        "robots": {"count": num_robots, "type": setup.scenario.robots.type},
+        "planner": "auto",
+        "tasks": tasks,
+        "execution": {"dispatcher": "nearest", "time_limit_s": 3600.0 * (1 / 3 if wishes.hours is None else wishes.hours)},
+    }
+    return Proposal(values, why)
+
+
+def _has_battery(setup: SetUp) -> bool:
+    """Whether the robots of a set-up have one."""
+    from mrp_sumo.experiments.staging.choices import robot_types
+
+    return all(model.battery is not None for model in robot_types(setup.file))
+
+
+def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
+    """The mean time of a way between stops, in planned steps."""
+    graph, nav = setup.problem.graph, setup.map.nav
+    starts, ends = ([int(graph.vertex_of_station[nav.vertex_of_name[name]]) for name in group] for group in groups)
+    steps = distances(graph)
+    known = [int(steps.to(end)[start]) for end in ends[:ROUTES // 10] for start in starts[:ROUTES // 10] if start != end]  # fmt: skip
+    reached = [count for count in known if count < UNREACHABLE]
+    return float(np.mean(reached)) * setup.problem.step_s if reached else setup.problem.step_s
+
+
+def _fault(file: ScenarioFile, maps: MapCache) -> str:
+    """Why a scenario does not run for ten simulated seconds; '' where it does."""
+    execution = file.scenario.execution.model_copy(update={"time_limit_s": TRIAL_S, "engine": "kinematic"})
+    record = file.scenario.record.model_copy(update={"bag": False})
+    trial = replace(file, scenario=file.scenario.model_copy(update={"execution": execution, "record": record}))
+    try:
+        result = carry_out(trial, maps)
+    except MrpSumoError as error:
+        return str(error)
+    return "" if result.status == "completed" else f"{result.status.replace('_', ' ')}: {result.note}"

@@ -1,0 +1,121 @@
+"""`mrp-sumo init MAP`: what it writes runs, says what it guessed, and replaces nothing."""
+
+import shlex
+
+import pytest
+import yaml
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.experiments.proposal import stations_of
+from mrp_sumo.maps.roadmap import cut_lanes
+
+SHOP = """name: shop
+coordinate_system: cartesian_meters
+levels:
+  L1:
+    vertices:
+      - [0, 0, 0, counter, {pickup_dispenser: [1, d]}]
+      - [4, 0, 0, ""]
+      - [8, 0, 0, table, {dropoff_ingestor: [1, i]}]
+      - [4, 4, 0, nest, {is_charger: [4, true]}]
+      - [4, -4, 0, corner, {is_parking_spot: [4, true]}]
+      - [40, 40, 0, island]
+      - [44, 40, 0, beach]
+    lanes:
+      - [0, 1, {bidirectional: [4, true], graph_idx: [2, 0]}]
+      - [1, 2, {bidirectional: [4, true], graph_idx: [2, 0]}]
+      - [1, 3, {bidirectional: [4, true], graph_idx: [2, 0]}]
+      - [1, 4, {bidirectional: [4, true], graph_idx: [2, 0]}]
+      - [5, 6, {bidirectional: [4, true], graph_idx: [2, 0]}]
+"""
+KINEMATIC = ("--set", "execution.engine=kinematic", "--set", "record.bag=false", "--set", "execution.time_limit_s=60")
+
+
+@pytest.fixture
+def shop(tmp_path, monkeypatch):
+    """A folder with a map, in which commands are called."""
+    (tmp_path / "shop.building.yaml").write_text(SHOP)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_what_the_map_says_is_taken_and_runs(shop, capsys):
+    assert main(["init", "shop.building.yaml", "--type", "turtlebot3"]) == 0
+    said = capsys.readouterr().out
+    text = (shop / "shop" / "scenario.yaml").read_text()
+    scenario = yaml.safe_load(text)
+    assert scenario["tasks"]["groups"] == {"pick": ["counter"], "drop": ["table"], "charger": ["nest"], "parking": ["corner"]}
+    assert scenario["tasks"]["streams"][0]["stops"] == ["pick", "drop"] and scenario["tasks"]["charging"]["stations"] == ["charger"]
+    assert scenario["map"]["file"] == "../shop.building.yaml" and "# guessed: " in text
+    commands = [line.removeprefix("next:").strip() for line in said.splitlines() if "mrp-sumo " in line and not line.startswith("your")]
+    assert [command.split()[1] for command in commands] == ["run", "capacity", "replay"]
+    assert main([*shlex.split(commands[0])[1:], *KINEMATIC]) == 0  # and the folder that the third one names is that of the first
+    assert main(shlex.split(commands[2])[1:-1]) == 0
+
+
+def test_listed_orders_are_driven_as_printed(shop, capsys):
+    assert main(["init", "shop.building.yaml", "--type", "turtlebot3", "--robots", "1", "--orders", "3", "--out", "a b"]) == 0
+    said = capsys.readouterr().out
+    assert (shop / "a b" / "orders.csv").read_text().splitlines()[:2] == ["name,release_s,stops", "order_0,0,counter table"]
+    line = next(line for line in said.splitlines() if line.startswith("your orders"))
+    assert main([*shlex.split(line.partition("then mrp-sumo ")[2]), *KINEMATIC[:4]]) == 0
+
+
+def test_the_five_questions_are_answered_or_guessed(shop, monkeypatch):
+    answers = iter(["turtlebot3", "2", "", "5", "0.5"])
+    monkeypatch.setattr("builtins.input", lambda _: next(answers))
+    assert main(["init", "shop.building.yaml", "--interactive"]) == 0
+    scenario = yaml.safe_load((shop / "shop" / "scenario.yaml").read_text())
+    assert (scenario["robots"], scenario["execution"]["time_limit_s"]) == ({"count": 2, "type": "turtlebot3"}, 1800)
+    assert scenario["tasks"]["streams"][0]["service"] == [{"constant_s": 5}]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["none.building.yaml"], "no map 'none.building.yaml'"),
+        (["shop.building.yaml", "--type", "forklif"], "'forklif' is neither a robot type nor a file (did you mean 'forklift'?)"),
+        (["shop.building.yaml", "--robots", "99"], "99 robots, but 'shop' has"),
+        (["shop.building.yaml", "--rate", "0"], "--rate: found 0, expected"),
+        (["shop.building.yaml", "--orders", "0"], "--orders: found 0, expected"),
+        (["shop.building.yaml", "--out", "shop.building.yaml"], "is a file, expected a folder"),
+        (["one.building.yaml"], "fewer than two stations"),
+        (["office_5"], "no map 'office_5'"),
+    ],
+)
+def test_what_cannot_be_made_is_one_line_and_leaves_nothing(shop, capsys, arguments, line):
+    (shop / "one.building.yaml").write_text(SHOP.partition("    lanes:")[0] + "    lanes: [[1, 3, {graph_idx: [2, 0]}]]\n")
+    before = sorted(path.name for path in shop.iterdir())
+    code = main(["init", *arguments])
+    said = capsys.readouterr().err
+    assert (code, said.count("\n")) == (2, 1), said
+    assert line in said and sorted(path.name for path in shop.iterdir()) == before
+
+
+def test_a_scenario_that_is_there_is_left_alone(shop, capsys):
+    (shop / "shop").mkdir()
+    (shop / "shop" / "scenario.yaml").write_text("mine")
+    assert main(["init", "shop.building.yaml"]) == 2
+    assert "may be yours" in capsys.readouterr().err and (shop / "shop" / "scenario.yaml").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "role"),
+    [
+        (["Goods in", "x", "y"], [{}, {}, {}], {"pick": ("Goods in",), "place": ("x", "y")}),
+        (["unload_1", "load_1", "y"], [{}, {}, {}], {"drop": ("unload_1",), "pick": ("load_1",), "place": ("y",)}),
+        (["a", "b", "c"], [{"is_parking_spot": True}] * 3, {"place": ("a", "b", "c")}),  # parking alone is no work: they are stations
+        (["a", "b", "c"], [{"is_parking_spot": True}, {}, {}], {"parking": ("a",), "place": ("b", "c")}),
+        (["p", "q", "r"], [{"station": "Storage 01", "actions": "Unload cargo"}, {"station": "Out", "actions": "Drop"}, {}],
+         {"place": ("Storage 01",), "drop": ("Out",)}),  # of maps with stations mere points are none; storage is loaded and unloaded
+        (["Ladestation", "b", "c"], [{}, {}, {}], {"charger": ("Ladestation",), "place": ("b", "c")}),
+        (["", "", ""], [{}, {}, {}], {"place": ("v0", "v2")}),  # the ends
+    ],
+)  # fmt: skip
+def test_places_are_for_what_the_map_says_else_their_names(names, options, role):
+    nav = nav_graph(
+        name="row", xy=[(0, 0), (4, 0), (8, 0)], lanes=[(0, 1), (1, 0), (1, 2), (2, 1)], vertex_name=names, vertex_options=options
+    )
+    stations = stations_of(nav, cut_lanes(nav, 0.4))
+    assert {key: value for key, value in vars(stations).items() if value} == role
