@@ -2,7 +2,8 @@
 
 A message for each change of a task, one JSON document of the schema `task_state.json` of Open-RMF's rmf_api_msgs in a std_msgs/String.
 Open-RMF has no message of its own for it. A task is `queued` from its release, `standby` once a robot has it, `underway` from its first
-stop and `completed` after its last; each stop that was begun is a phase. Times are Unix time in ms on the clock of the bag's stamps.
+stop and `completed` after its last; one that ended otherwise is `failed` or `canceled`. Each stop that was begun is a phase. Times are Unix
+time in ms on the clock of the bag's stamps.
 """
 
 import json
@@ -12,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.bags.messages import EPOCH_NS, FLEET_NAME, Messages
-from mrp_sumo.core.task import CHARGE, NOBODY, StopLog, TaskLog
+from mrp_sumo.core.task import CANCELLED, CHARGE, DONE, FAILED, NOBODY, StopLog, TaskLog
 
 TOPIC, TYPE = "/task_states", "std_msgs/String"
 CATEGORIES = {CHARGE: "charge_battery"}
+ENDS = {DONE: "completed", FAILED: "failed", CANCELLED: "canceled"}  # as Open-RMF spells them
 ORDERED = "compose"  # Open-RMF's category of tasks that are a series of stops
 
 
@@ -42,7 +44,7 @@ def _rows_of(tasks: TaskLog, stops: StopLog | None) -> list[list[int]]:
 
 def _changes(tasks: TaskLog, stops: StopLog | None, k: int, rows: list[int]) -> list[float]:
     """When the state of a task changes, s."""
-    times = {float(tasks.released_s[k]), float(tasks.assigned_s[k]), float(tasks.opened_s[k]), float(tasks.done_s[k])}
+    times = {float(tasks.released_s[k]), float(tasks.assigned_s[k]), float(tasks.opened_s[k]), float(tasks.ended_s[k])}
     if stops is not None:
         times |= {float(t) for t in (*stops.begin_s[rows], *stops.end_s[rows])}
     return sorted(t for t in times if np.isfinite(t))
@@ -50,11 +52,11 @@ def _changes(tasks: TaskLog, stops: StopLog | None, k: int, rows: list[int]) -> 
 
 def _state(m: Messages, tasks: TaskLog, stops: StopLog | None, k: int, rows: list[int], t_s: float) -> dict[str, Any]:
     """The state of a task at a time, by the keys of the schema."""
-    released_s, assigned_s, opened_s, done_s = (
-        float(column[k]) for column in (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.done_s)
+    released_s, assigned_s, opened_s, ended_s = (
+        float(column[k]) for column in (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.ended_s)
     )
     robot = int(tasks.robot[k]) if assigned_s <= t_s else NOBODY
-    status = "completed" if done_s <= t_s else "underway" if opened_s <= t_s else "queued" if robot == NOBODY else "standby"
+    status = ENDS[tasks.status[k]] if ended_s <= t_s else "underway" if opened_s <= t_s else "queued" if robot == NOBODY else "standby"
     kind = tasks.kind[k] if tasks.kind else ""
     found: dict[str, Any] = {
         "booking": {
@@ -72,8 +74,8 @@ def _state(m: Messages, tasks: TaskLog, stops: StopLog | None, k: int, rows: lis
         found["dispatch"] = {"status": "dispatched", "assignment": {"fleet_name": FLEET_NAME, "expected_robot_name": name}}
     if opened_s <= t_s:
         found["unix_millis_start_time"] = _millis(opened_s)
-    if done_s <= t_s:
-        found["unix_millis_finish_time"] = _millis(done_s)
+    if ended_s <= t_s:
+        found["unix_millis_finish_time"] = _millis(ended_s)
     if stops is not None:
         begun = [row for row in rows if stops.begin_s[row] <= t_s]
         over = [stops.end_s[row] <= t_s for row in begun]

@@ -42,6 +42,11 @@ class Places:
         away, place = min((int(known.to(v)[at]), v) for v in stop.places)
         return self._way(robot, at, place) if away < UNREACHABLE else [at]
 
+    def can_come(self, robot: int, at: int, stop: Stop, blocked: set[int]) -> bool:
+        """Whether a robot can come from a vertex to a place of a stop without passing some others."""
+        reach = self._reach(robot, at, blocked - {at})
+        return any(reach[v] < UNREACHABLE for v in stop.places)
+
     def choose(self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int]) -> tuple[IntArray, BoolArray]:
         """[R] vertices where robots are to go, and whether they can make their stops there.
 

@@ -48,6 +48,7 @@ NONE = -1
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
 STALLED_S = 60.0  # for which a robot with work has not got on, nor stood for the work's sake
+FOR_GOOD_S = 300.0  # for which robots have been stalled at the end of a run that counts as one that has
 SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop without service, its way on is asked for
 LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
@@ -331,8 +332,13 @@ class Work:
         return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
 
     def has_stalled(self, now_s: float) -> bool:
-        """Whether orders are open, and for a while nobody has been at work, or charging for it, or broken for a while only."""
+        """Whether orders are open, and a robot has been stalled for long, or nobody has been at work for a while.
+
+        Who charges for it, or is broken for a while only, counts as at work.
+        """
         open_since_s = self.orders.open_since_s
+        if (now_s - self._moved_s[self.duties.are(STALLED)] >= STALLED_S + FOR_GOOD_S).any():
+            return True
         if np.isinf(open_since_s) or (self.duties.are(BROKEN) & (self._resumes < BROKEN)).any():
             return False
         if self.duties.are(TO_STOP, IN_SERVICE, LEAVING, TO_CHARGER, CHARGING).any():
@@ -744,8 +750,7 @@ class Work:
         """Robots with work that have not got on for long, for nothing that the work itself asks for."""
         gets_on = (state.motion.speed_mps > 0) | state.motion.turning | self.serving | (self.current == NONE)
         self._moved_s[gets_on] = now_s
-        lost = np.flatnonzero(self.out)
-        lost_at = set(visits.vertex[visits.granted[lost]].tolist())
+        lost_at, gone_at = (set(visits.vertex[visits.reached[lost]].tolist()) for lost in (self.out, self._resumes >= BROKEN))
         for r in np.flatnonzero(self.duties.are(TO_STOP, TO_CHARGER, STALLED)).tolist():
             task = NONE if self._is_charge(r) else int(self.current[r])
             if self.duties.of[r] == STALLED:
@@ -756,6 +761,11 @@ class Work:
                     self._moved_s[r] = now_s
                     continue
                 self.duties.enter(r, STALLED, now_s, task)
+                if task != NONE and gone_at.issuperset(self.tasks[task].stops[int(self.stop[r])].places):
+                    self._free(r, now_s)
+                    self._fail(task, now_s, "a robot that is lost stands where its next stop is", r)
+                    self.news = True
+                    continue
                 doing = "its way to a charger" if task == NONE else f"order '{self.tasks[task].name}'"
                 self._events.append(Event(now_s, "stalled", r, text=f"has not got on with {doing} for {STALLED_S:g} s"))
 
@@ -769,8 +779,8 @@ class Work:
             if r != robot and self._moved_s[r] > self._looked_s - STALLED_S / 2:
                 return True
             if np.isfinite(self._came_s[r]):  # in line: for one of those who are at the places
-                places = self.tasks[int(self.current[r])].stops[int(self.stop[r])].places
-                return not lost_at.issuperset(places)
+                stop = self.tasks[int(self.current[r])].stops[int(self.stop[r])]
+                return self._places.can_come(r, int(self._wait_at[r]), stop, lost_at)
             if cause[r] in (PLANNED, FACILITY):
                 return True
             if other[r] < 0:

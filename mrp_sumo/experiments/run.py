@@ -188,7 +188,7 @@ def finish(
     """
     from mrp_sumo.metrics.audit import at_walls, audit, beside_lifts
     from mrp_sumo.metrics.evaluate import evaluate
-    from mrp_sumo.metrics.fleet_use import ran_empty
+    from mrp_sumo.metrics.fleet_use import ran_empty, stalled_robots
     from mrp_sumo.metrics.lane_keeping import lane_keeping, on_lane_m
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
@@ -219,11 +219,12 @@ def finish(
     cabins = cabins_of(building, level_names, setup.map.level_shift_m) if building and building.lifts else None
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls, cabins) if execution else None
     busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
-    flat = ran_empty(execution.batteries, problem.fleet.robot_name) if execution and execution.batteries else ""
-    idle = _unanswered(execution) if execution else ""
-    note = "; ".join(
-        filter(None, (note, at_walls(audited) if audited else "", beside_lifts(audited) if audited else "", busy, flat, idle, *setup.notes))
-    )
+    names = problem.fleet.robot_name
+    flat = ran_empty(execution.batteries, names) if execution and execution.batteries else ""
+    stalled = stalled_robots(execution.robot_states, names, execution.sim_time_s) if execution and execution.robot_states else ""
+    unanswered = _unanswered(execution) if execution else ""
+    seen = (at_walls(audited), beside_lifts(audited)) if audited else ()
+    note = "; ".join(filter(None, (note, *seen, busy, flat, stalled, unanswered, *setup.notes)))
     lanes = lane_keeping(execution, setup.map.nav, on_lane_m(_tracks_apart_m(setup))) if execution else None
     if execution:
         let_go_of_samples(execution)

@@ -44,7 +44,8 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         _count(None if m["soc_steps"] is None else m["lower_bound_steps"] or None, "steps lower bound"),
     )
     if m["tasks_done"] is not None:
-        yield "orders", f"{m['tasks_done']} done, {m['tasks_open']} open", _count(m["throughput_per_h"], "an hour")
+        ends = (f"{m[f'tasks_{end}']} {end}" for end in ("failed", "cancelled") if m[f"tasks_{end}"])
+        yield "orders", f"{m['tasks_done']} done, {m['tasks_open']} open", *ends, _count(m["throughput_per_h"], "an hour")
         yield (
             "lead time",
             _given("mean", seconds(m["service_time_mean_s"])),

@@ -5,14 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
+from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
-from mrp_sumo.metrics.tasks import spent_s
 
 
-@metric(
-    "", "none", "share of the fleet's time for which robots had a task and were getting on with it; this and the next three add up to 1"
-)
+@metric("", "none", "share of the fleet's time for which robots had a task, those left out that were lost with one")
+def robot_busy_share(run: Evidence) -> float | None:
+    shares = run.once(_shares)
+    return shares["working"] + shares["blocked"] if shares else None
+
+
+@metric("", "none", "share of the fleet's time for which robots had a task and were getting on with it; this and the next four add up to 1")
 def robot_working_share(run: Evidence) -> float | None:
     return run.once(_shares).get("working")
 
@@ -30,6 +34,16 @@ def robot_charging_share(run: Evidence) -> float | None:
 @metric("", "none", "share for which they had no task")
 def robot_idle_share(run: Evidence) -> float | None:
     return run.once(_shares).get("idle")
+
+
+@metric("", "less", "share for which they were broken or empty")
+def robot_lost_share(run: Evidence) -> float | None:
+    return run.once(_shares).get("lost")
+
+
+@metric("", "less", "share for which they had a task or were to charge, and had not got on for a minute; part of the others")
+def robot_stalled_share(run: Evidence) -> float | None:
+    return run.once(_shares).get("stalled")
 
 
 @metric("m", "less", "driven by all robots")
@@ -81,6 +95,16 @@ def robots_battery_empty(run: Evidence) -> int | None:
     return None if log is None else int((log.level[-1] <= 0).sum())
 
 
+def stalled_robots(log: RobotStateLog, robot_name: Sequence[str], end_s: float) -> str:
+    """A line for people where robots stand stalled at the end of a run, '' elsewhere."""
+    last = np.flatnonzero((log.state == STALLED) & (log.end_s >= end_s - 1e-9))
+    if not len(last):
+        return ""
+    first = min(last.tolist(), key=lambda k: float(log.begin_s[k]))
+    others = f" and {len(last) - 1} more" if len(last) > 1 else ""
+    return f"stalled at the end: {robot_name[log.robot[first]]} since {log.begin_s[first]:.0f} s{others}"
+
+
 def ran_empty(log: BatteryLog, robot_name: Sequence[str]) -> str:
     """A line for people where batteries ran empty, '' elsewhere."""
     empty = np.flatnonzero((log.level <= 0).any(0)).tolist()
@@ -106,16 +130,23 @@ def _logs(run: Evidence) -> tuple[TaskLog, StopLog] | None:
 
 
 def _shares(run: Evidence) -> dict[str, float]:
-    """What the fleet's time was spent on; they add up to 1."""
+    """Shares of the fleet's time by its use; all but `stalled` add up to 1."""
     logs, execution = run.once(_logs), run.execution
-    if logs is None or execution is None or execution.tasks is None or not execution.sim_time_s:
+    if logs is None or execution is None or execution.robot_states is None or not execution.sim_time_s:
         return {}
-    tasks, end_s = execution.tasks, execution.sim_time_s
-    of_task_s, whole_s = spent_s(tasks, end_s), end_s * run.problem.num_robots
-    busy, charging = of_task_s[tasks.is_order].sum() / whole_s, of_task_s[~tasks.is_order].sum() / whole_s
-    blocked = logs[1].stood_s.sum() / whole_s
-    found = {"working": busy - blocked, "blocked": blocked, "charging": charging, "idle": 1 - busy - charging}
-    return {name: float(share) for name, share in found.items()}
+    states, whole_s = execution.robot_states, execution.sim_time_s * run.problem.num_robots
+    ordered = (states.state == STALLED) & (states.task >= 0)
+    spent_s = np.bincount(np.where(ordered, WORKING, states.state), states.end_s - states.begin_s, minlength=len(ROBOT_STATES))
+    blocked_s = min(float(logs[1].stood_s.sum()), float(spent_s[WORKING]))
+    found = {
+        "working": spent_s[WORKING] - blocked_s,
+        "blocked": blocked_s,
+        "charging": spent_s[CHARGING] + spent_s[STALLED],
+        "idle": spent_s[IDLE],
+        "lost": spent_s[EMPTY] + spent_s[BROKEN],
+        "stalled": (states.end_s - states.begin_s)[states.state == STALLED].sum(),
+    }
+    return {name: float(share_s / whole_s) for name, share_s in found.items()}
 
 
 def _driven_m(run: Evidence) -> tuple[float, float]:

@@ -53,6 +53,16 @@ def tasks_cancelled(run: Evidence) -> int | None:
     return None if tasks is None else tasks.status.count(CANCELLED)
 
 
+@metric("", "less", "how often a task's load was left for another robot to fetch, since its robot was lost (`tasks.retry.hand_over`)")
+def tasks_handed_over(run: Evidence) -> int | None:
+    return _num_events(run, "handed_over")
+
+
+@metric("", "less", "how often a task was begun anew, since its robot was lost (`tasks.retry.times`)")
+def tasks_begun_anew(run: Evidence) -> int | None:
+    return _num_events(run, "begun_anew")
+
+
 @metric("s", "less", "mean time from release to done of the tasks done after the warm-up")
 def service_time_mean_s(run: Evidence) -> float | None:
     times = run.once(_service_times)
@@ -154,31 +164,6 @@ def station_utilisation_mean(run: Evidence) -> float | None:
     return float(shares.mean()) if len(shares) else None
 
 
-@metric("", "none", "share of the fleet's time for which robots had a task")
-def robot_busy_share(run: Evidence) -> float | None:
-    tasks, execution = _tasks(run), run.execution
-    if tasks is None or execution is None or not execution.sim_time_s:
-        return None
-    return float(spent_s(tasks, execution.sim_time_s).sum() / (execution.sim_time_s * run.problem.num_robots))
-
-
-def spent_s(tasks: TaskLog, end_s: float) -> FloatArray:
-    """[K] seconds of its robot that each task took, up to the end of the run; 0 of a task that nobody had.
-
-    A robot is given its next task while it is still served at the last stop of one; those moments count once, for the first.
-    """
-    found = np.zeros(len(tasks.name))
-    order = np.lexsort((tasks.assigned_s, tasks.robot))
-    robot, free_s = -1, 0.0
-    for k in order[np.isfinite(tasks.assigned_s[order])].tolist():
-        if tasks.robot[k] != robot:
-            robot, free_s = int(tasks.robot[k]), 0.0
-        done_s = end_s if np.isnan(tasks.done_s[k]) else float(tasks.done_s[k])
-        found[k] = max(0.0, done_s - max(float(tasks.assigned_s[k]), free_s))
-        free_s = max(free_s, done_s)
-    return found
-
-
 @metric("s", "none", "when the warm-up ends, by MSER-5 on service times; null where the run is too short to tell")
 def warm_up_s(run: Evidence) -> float | None:
     tasks = _tasks(run)
@@ -247,6 +232,10 @@ def _orders(run: Evidence) -> tuple[TaskLog, StopLog | None] | None:
     if run.execution is None or run.execution.tasks is None:
         return None
     return orders_of(run.execution.tasks, run.execution.stops)
+
+
+def _num_events(run: Evidence, kind: str) -> int | None:
+    return None if _tasks(run) is None or run.execution is None else sum(event.kind == kind for event in run.execution.events)
 
 
 def _stops(run: Evidence) -> StopLog | None:

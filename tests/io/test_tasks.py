@@ -239,3 +239,28 @@ def test_an_unknown_station_is_answered_with_file_line_and_the_nearest(tmp_path,
     assert (
         said.startswith("mrp-sumo: work.yaml:3: tasks.list[1].stops[0]: ") and "did you mean 'pick_a2'?" in said and said.count("\n") == 1
     )
+
+
+@pytest.mark.parametrize(
+    "rule, says",
+    [
+        ({"cancel": {}}, "cancels nothing: give overdue: true, after_s, or both"),
+        ({"cancel": {"after_s": 0}}, "greater than 0"),
+        ({"retry": {}}, "retries nothing: give times, or hand_over: true"),
+        ({"retry": {"times": 1, "hand_over": True}}, "gives times and hand_over, expected one"),
+    ],
+)
+def test_rules_that_say_nothing_are_refused(rule, says):
+    with pytest.raises(ValidationError, match=says):
+        TasksChoice.model_validate({"list": [{"stops": ["a"]}], **rule})
+
+
+def test_rules_of_a_scenario_are_those_that_are_driven(tmp_path):
+    (tmp_path / "lanes.csv").write_text("from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways\na,b,0,0,4,0,yes\n")
+    tasks = {"list": [{"name": n, "stops": ["b"], "service_s": 30} for n in "xy"], "cancel": {"after_s": 20}}
+    document = {"map": "lanes.csv", "robots": {"count": 1, "starts": ["a"]}, "planner": "lacam", "tasks": tasks, "record": {"bag": False}}
+    document |= {"discretisation": {"kind": "roadmap", "cell_m": 1.0}, "execution": {"engine": "kinematic", "time_limit_s": 100}}
+    (tmp_path / "s.yaml").write_text(json.dumps(document))
+    assert main(["run", str(tmp_path / "s.yaml"), "--out", str(tmp_path / "run")]) == 0
+    table = pq.read_table(tmp_path / "run" / "tasks.parquet").to_pylist()
+    assert [(row["task"], row["status"]) for row in table] == [("x", "done"), ("y", "cancelled")] and table[1]["ended_s"] == 20.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.task import log_of_times
-from mrp_sumo.metrics.tasks import overload, spent_s, steady_from
+from mrp_sumo.metrics.tasks import overload, steady_from
 
 
 def log_of(service_s):
@@ -46,10 +46,3 @@ def test_a_stream_that_is_faster_than_the_fleet_is_reported():
 def test_a_queue_that_does_not_grow_is_no_overload():
     released_s = np.arange(0.0, 400.0, 10.0)
     assert overload(waiting(released_s, released_s + 60.0), 400.0, 5) == ""
-
-
-def test_a_robot_that_has_its_next_task_already_is_not_busy_twice():
-    none = np.full(4, np.nan)
-    robot, assigned_s = np.array([0, 0, 1, -1]), np.array([10.0, 59.0, 5.0, np.nan])
-    log = log_of_times(("a", "b", "c", "d"), robot, np.zeros(4), assigned_s, none, np.array([60.0, np.nan, 30.0, np.nan]))
-    assert spent_s(log, 100.0).tolist() == [50.0, 40.0, 25.0, 0.0]

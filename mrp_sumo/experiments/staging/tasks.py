@@ -3,6 +3,7 @@
 Refuses tasks that no robot can do, and charging without batteries.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,11 +11,13 @@ from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import TaskList, TaskSource
+from mrp_sumo.drive.orders import Rules
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.tasks import TasksChoice
 from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import find_map
 
@@ -35,8 +38,20 @@ def with_tasks(
         tasks=task_sources(file, nav, problem),
         charging=charging_of(choice, site),
         parking=parking_of(choice, site),
+        rules=_rules_of(choice),
         batteries=batteries_of(models),
         start_level=(start[0] / 100, start[1] / 100),
+    )
+
+
+def _rules_of(choice: TasksChoice) -> Rules:
+    """When orders are withdrawn, and what becomes of those whose robot is lost."""
+    cancel, retry = choice.cancel, choice.retry
+    return Rules(
+        cancel_overdue=cancel is not None and cancel.overdue,
+        cancel_after_s=math.inf if cancel is None or cancel.after_s is None else cancel.after_s,
+        retries=retry.times if retry else 0,
+        hand_over=retry is not None and retry.hand_over,
     )
 
 

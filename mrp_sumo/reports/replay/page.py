@@ -11,6 +11,7 @@ import json
 import math
 import re
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -270,7 +271,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Assignment": scenario["assignment"]["mode"] if is_planned else None,
         "Policy": short_name(run.result.get("policy") or "") or None,
         "Seed": run.result["seed"] if is_planned else None,
-        "Orders": f"{metrics['tasks_done']} done, {metrics['tasks_open']} open" if metrics.get("tasks_done") is not None else None,
+        "Orders": _tasks(metrics),
         "Throughput": f"{metrics['throughput_per_h']:.0f} an hour" if metrics.get("throughput_per_h") is not None else None,
         "Lead time": _seconds(metrics.get("service_time_mean_s")),
         "People": f"{metrics['num_people']}" if metrics.get("num_people") is not None else None,
@@ -307,6 +308,14 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         outline=run.outline,
         is_plan_only=not run.executed,
     )
+
+
+def _tasks(metrics: Mapping[str, Any]) -> str | None:
+    """What became of the tasks of a run with some."""
+    if metrics.get("tasks_done") is None:
+        return None
+    ends = [f"{metrics[f'tasks_{end}']} {end}" for end in ("failed", "cancelled") if metrics.get(f"tasks_{end}")]
+    return ", ".join([f"{metrics['tasks_done']} done", f"{metrics['tasks_open']} open", *ends])
 
 
 def _seconds(value: float | None) -> str | None:

@@ -1,0 +1,180 @@
+"""Orders, robots and runs change their states by the rules of the scenario: each rule decides one way here, and the other beside it.
+
+A Burger drives a cell of 0.4 m in 1.82 s; services take 5 s unless said otherwise.
+"""
+
+import numpy as np
+import pytest
+from worlds import BURGER, drive, line, square_grid
+
+from mrp_sumo.core.battery import Battery
+from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.robot_states import ROBOT_STATES
+from mrp_sumo.core.stream import TaskList
+from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.drive.disturbances import Breakdown, Disturbances
+from mrp_sumo.drive.orders import NEXT, Orders, Rules
+from mrp_sumo.metrics.audit import audit
+
+SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second
+
+
+def order(name, *route, release_s=0.0, service_s=5.0, **other):
+    stops = tuple(Stop(v, service_s, "", Station(f"at {v}", (v,))) for v in route)
+    return Task(0, stops, release_s, name=name, **other)
+
+
+def work(tmp_path, graph, starts, *tasks, broken=(), **settings):
+    """Robots that stand at their starts and are given tasks; some break down: (robot, s, for s)."""
+    disturbances = Disturbances(breakdowns=tuple(Breakdown(*each) for each in broken))
+    usual = {"planner": "lacam", "engine": "kinematic", "time_limit_s": 200.0, "dispatcher": "nearest", "disturbances": disturbances}
+    settings = usual | settings
+    run = drive(tmp_path, graph, [[v] for v in starts], tasks=(TaskList(tasks),), **settings)
+    assert audit(run, fleet_of(BURGER, len(starts)))["passed"]
+    log = run.robot_states
+    for r in range(len(starts)):  # without gaps from 0 to the end
+        mine = log.robot == r
+        assert log.begin_s[mine][0] == 0 and log.end_s[mine][-1] == run.sim_time_s
+        assert (log.begin_s[mine][1:] == log.end_s[mine][:-1]).all()
+    return run
+
+
+def states(run, robot):
+    """What a robot was at, in words."""
+    return [ROBOT_STATES[k] for k in run.robot_states.state[run.robot_states.robot == robot].tolist()]
+
+
+def events(run, kind):
+    return [event for event in run.events if event.kind == kind]
+
+
+def test_an_order_fails_whose_robot_breaks_down_with_it_on_board(tmp_path):
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)])
+    assert run.tasks.status == ("failed",) and run.tasks.reason == ("robot_0 broke down with it on board",)
+    assert run.tasks.ended_s[0] == pytest.approx(12.0, abs=0.1) and np.isnan(run.tasks.done_s[0])
+    (failed,) = events(run, "failed")
+    assert failed.robot == 0 and failed.text == "order 'a': robot_0 broke down with it on board"
+    assert states(run, 0) == ["working", "broken"]
+
+
+def test_before_its_first_stop_it_goes_to_another_robot(tmp_path):
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 1.0)])
+    assert run.tasks.status == ("done",) and run.tasks.robot.tolist() == [1] and not events(run, "failed")
+
+
+def test_a_robot_that_is_mended_goes_on_with_its_order(tmp_path):
+    run = work(tmp_path, line(5), [0], order("a", 2, 4), broken=[(0, 5.0, 20.0)])
+    free = work(tmp_path / "free", line(5), [0], order("a", 2, 4))
+    assert run.tasks.status == ("done",) and run.outcome is Outcome.COMPLETED
+    assert run.tasks.done_s[0] == pytest.approx(free.tasks.done_s[0] + 20.0, abs=1.0)
+    assert states(run, 0)[:3] == ["working", "broken", "working"]
+
+
+def test_an_order_is_begun_anew_as_often_as_the_rule_says(tmp_path):
+    once = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], rules=Rules(retries=1))
+    assert once.tasks.status == ("done",) and once.tasks.robot.tolist() == [1] and len(events(once, "begun_anew")) == 1
+    assert once.tasks.opened_s[0] > 12.0  # the load is picked up again, where it was
+    assert [name for name, r in zip(once.stops.station, once.stops.robot.tolist()) if r == 1] == ["at 0", "at 8"]
+    again_s = once.tasks.opened_s[0] + 6.0
+    twice = work(tmp_path / "2", square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0), (1, again_s)], rules=Rules(retries=1))
+    assert twice.tasks.status == ("failed",) and twice.tasks.reason == ("robot_1 broke down with it on board",)
+
+
+def test_a_load_is_handed_over_beside_the_robot_that_is_lost(tmp_path):
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], rules=Rules(hand_over=True))
+    assert run.tasks.status == ("done",) and run.tasks.robot.tolist() == [1] and len(events(run, "handed_over")) == 1
+    made = [name for name, r in zip(run.stops.station, run.stops.robot.tolist()) if r == 1]
+    assert made == ["beside robot_0", "at 8"] and run.tasks.opened_s[0] < 12.0
+    lost_xy, place = np.array([run.x_m[-1, 0], run.y_m[-1, 0]]), int(run.stops.vertex[list(run.stops.station).index("beside robot_0")])
+    assert 0.3 < np.hypot(*(square_grid(3).xy[place] - lost_xy)) < 1.0
+
+
+def test_nobody_is_left_to_fetch_a_load(tmp_path):
+    run = work(tmp_path, square_grid(3), [1], order("a", 0, 8), broken=[(0, 12.0)], rules=Rules(hand_over=True))
+    assert run.tasks.status == ("handed over",) and run.outcome is Outcome.STALLED
+
+
+@pytest.mark.parametrize("after_s, status", [(20.0, "cancelled"), (100.0, "done")])
+def test_orders_are_withdrawn_that_nobody_has_picked_up_in_time(tmp_path, after_s, status):
+    # the only robot is served for 60 s
+    tasks = order("long", 2, service_s=60.0), order("waits", 4)
+    run = work(tmp_path, line(5), [0], *tasks, rules=Rules(cancel_after_s=after_s))
+    assert run.tasks.status == ("done", status) and run.outcome is Outcome.COMPLETED
+    if status == "cancelled":
+        assert run.tasks.ended_s[1] == 20.0 and run.tasks.reason[1] == "not picked up by 20 s"
+        assert [event.t_s for event in events(run, "cancelled")] == [20.0]
+        assert 4 not in run.stops.vertex.tolist()
+
+
+@pytest.mark.parametrize("due_s, status", [(30.0, "cancelled"), (90.0, "done")])
+def test_orders_are_withdrawn_when_they_are_due(tmp_path, due_s, status):
+    tasks = order("long", 2, service_s=60.0), order("waits", 4, due_s=due_s)
+    run = work(tmp_path, line(5), [0], *tasks, rules=Rules(cancel_overdue=True))
+    assert run.tasks.status == ("done", status)
+    kept = work(tmp_path / "kept", line(5), [0], *tasks)
+    assert kept.tasks.status == ("done", "done")
+
+
+def test_a_robot_on_its_way_is_freed_when_its_order_is_withdrawn(tmp_path):
+    run = work(tmp_path, line(12), [0], order("far", 11), order("near", 10, release_s=10.0), rules=Rules(cancel_after_s=15.0))
+    assert run.tasks.status == ("cancelled", "done") and run.tasks.ended_s[0] == 15.0
+    assert states(run, 0)[0] == "working" and run.tasks.assigned_s[1] == pytest.approx(15.0, abs=0.11)
+
+
+def test_an_order_fails_whose_robot_runs_empty_with_it_on_board(tmp_path):
+    # 2 cells and a service of 5 s take less than the 12 s that are left; 6 more cells do not
+    run = work(tmp_path, line(12), [0], order("a", 2, 11), batteries=(SMALL,), start_level=(0.012, 0.012))
+    assert run.tasks.status == ("failed",) and run.tasks.reason == ("robot_0 ran empty with it on board",)
+    assert states(run, 0) == ["working", "empty"]
+    fuller = work(tmp_path / "more", line(12), [0], order("a", 2, 11), batteries=(SMALL,), start_level=(0.06, 0.06))
+    assert fuller.tasks.status == ("done",)
+
+
+@pytest.mark.parametrize("robot_type, status", [("forklift", "failed"), (BURGER.name, "done")])
+def test_an_order_fails_that_no_robot_can_do(tmp_path, robot_type, status):
+    run = work(tmp_path, line(5), [0], order("a", 2), order("b", 3, robot_type=robot_type, release_s=4.0))
+    assert run.tasks.status == ("done", status) and run.outcome is Outcome.COMPLETED
+    assert run.tasks.reason[1] == ("no robot that can do it is left" if status == "failed" else "")
+
+
+def test_an_order_fails_at_whose_only_place_a_lost_robot_stands(tmp_path):
+    # robot_0 breaks down while it leaves vertex 0, where the order is to be begun anew; at 12 s it is clear of it
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 10.0)], rules=Rules(retries=1))
+    assert run.tasks.status == ("failed",) and run.tasks.reason == ("a robot that is lost stands where its next stop is",)
+    assert states(run, 1)[-1] == "idle" and run.outcome is Outcome.COMPLETED
+
+
+def test_who_stands_behind_a_robot_that_is_lost_is_stalled_and_so_is_the_run(tmp_path):
+    tasks = order("a", 7), order("b", 6)
+    run = work(tmp_path, line(8), [2, 0], *tasks, broken=[(0, 1.0)])
+    assert run.outcome is Outcome.STALLED and set(run.tasks.status) <= {"assigned", "released"}
+    assert "stalled" in states(run, 1) and states(run, 0)[-1] == "broken"
+    (stalled,) = events(run, "stalled")
+    assert stalled.robot == 1 and stalled.t_s == pytest.approx(60.0 + 2.0, abs=3.0)
+    mended = work(tmp_path / "mended", line(8), [2, 0], *tasks, broken=[(0, 1.0, 30.0)])
+    assert mended.outcome is Outcome.COMPLETED and not events(mended, "stalled")
+
+
+def test_a_robot_that_is_stalled_for_good_makes_a_run_stalled_though_others_work(tmp_path):
+    # robot_1 is shut in behind robot_0, which is lost; robot_2 is served on the other side
+    tasks = order("long", 8, service_s=600.0), order("shut in", 4, release_s=5.0)
+    run = work(tmp_path, line(10), [2, 0, 9], *tasks, broken=[(0, 1.0)], time_limit_s=520.0)
+    assert run.outcome is Outcome.STALLED and run.tasks.robot.tolist() == [2, 1]
+    short = work(tmp_path / "short", line(10), [2, 0, 9], *tasks, broken=[(0, 1.0)], time_limit_s=200.0)
+    assert short.outcome is Outcome.TIME_LIMIT
+
+
+def test_who_waits_for_a_place_is_not_stalled(tmp_path):
+    run = work(tmp_path, line(6), [2, 0], order("a", 4, service_s=150.0), order("b", 4), time_limit_s=300.0)
+    assert run.outcome is Outcome.COMPLETED and not events(run, "stalled")
+
+
+def test_states_change_by_the_table_alone():
+    stop = (Stop(0, 1.0),)
+    for first, then in (("assigned", "done"), ("done", "failed"), ("cancelled", "assigned"), ("released", "picked")):
+        assert then not in NEXT[first]
+    orders = Orders([TaskList((Task(0, stop),))])
+    orders.reveal(0.0)
+    with pytest.raises(AssertionError, match="released -> done"):
+        orders.finish(0, 1.0)
