@@ -219,7 +219,7 @@ def test_a_scenario_with_tasks_is_run_from_the_command_line(tmp_path, monkeypatc
         "execution: {time_limit_s: 120}\n"
     )
     assert main(["run", "work.yaml", "--out", "out"]) == 0
-    assert "tasks" in capsys.readouterr().out
+    assert "orders" in capsys.readouterr().out
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     metrics = result["metrics"]
     assert result["status"] == "completed" and metrics["tasks_done"] >= 1
