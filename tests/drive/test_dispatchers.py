@@ -10,6 +10,7 @@ from worlds import line, problem_on
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive.dispatcher import dispatcher_of
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice
 from mrp_sumo.drive.state import state_at_rest
 from mrp_sumo.drive.work import Work
 from mrp_sumo.errors import PlugInError
@@ -53,6 +54,11 @@ class Fleet:
         (request,) = dispatcher_of(dispatcher, parameters).due(now_s, self.around)
         self.work.accepted(request, now_s, self.visits, self.state)
         return {r: k for r, k in enumerate(self.work.current.tolist()) if k >= 0}
+
+    def choice(self, now_s=0.0, most=99, **options):
+        """What can be decided."""
+        self.work.orders.reveal(now_s)
+        return choice(now_s, self.around, most, **{"reassign": False, **options})
 
 
 @pytest.mark.parametrize("dispatcher", [name for name in ALL if name != "nearest"])
@@ -109,3 +115,38 @@ def test_min_cost_flow_looks_beyond_the_next_task_of_each_robot():
     assert Fleet([1, 10], *tasks).decides("hungarian") == {0: 2, 1: 3}
     assert Fleet([1, 10], *tasks).decides("min_cost_flow") == {0: 2, 1: 0}
     assert Fleet([1, 10], *tasks).decides("min_cost_flow", depth=1) == {0: 2, 1: 3}
+
+
+@pytest.mark.parametrize(("most", "left"), [(2, [3, 1, 2]), (3, [3, 1, 2, 0])])
+def test_the_least_urgent_tasks_are_left_out_and_those_of_one_priority_are_taken_together(most, left):
+    """Of the priorities 2, 1, 1 and 0, two are too few for the second 1, which comes along, three bring the 0."""
+    tasks = [(0.0, (3, 4)), (0.0, (5, 6), 1), (0.0, (7, 8), 1), (0.0, (9, 8), 2)]
+    assert Fleet([2], *tasks).choice(most=most).task == left
+
+
+@pytest.mark.parametrize(("robot_type", "left"), [("cart", [2, 1, 0]), ("", [2, 1])])
+def test_nothing_is_left_out_where_a_task_needs_a_type_of_robot(robot_type, left):
+    """What is left out might be all that some robot can do."""
+    tasks = [(0.0, (3, 4)), (0.0, (5, 6), 1), (0.0, (7, 8), 2, robot_type)]
+    assert Fleet([2], *tasks, types=("cart",)).choice(most=1).task == left
+
+
+def test_a_task_takes_its_services_from_the_first_on_and_the_ways_between_them():
+    fleet = Fleet([2], (0.0, (3,)), (0.0, (3, 7)), (0.0, (3, 7, 5)), service_s=10.0)
+    assert fleet.choice().rest_s.tolist() == [10.0, 24.0, 36.0]
+    assert fleet.choice().pick_up_s.tolist() == [[1.0] * 3]
+    assert fleet.choice().between_s.tolist() == pytest.approx([(0 + 4 + 2) / 3] * 3)  # from 3, 7 and 5 to 3
+
+
+@pytest.mark.parametrize(("at", "remaining_s"), [(3, 10 + 5 + 10), (0, 3 + 10 + 5 + 10)])
+def test_a_robot_at_work_is_ready_when_its_services_are_over_and_the_one_under_way_counts_once(at, remaining_s):
+    """Stops at 3 and 8, 10 s each: in service for 4 s, or still on the way there. Others in the way cost half as much again."""
+    fleet = Fleet([at], (0.0, (3, 8)), (0.0, (10, 11)), service_s=10.0)
+    fleet.decides("nearest")
+    assert bool(fleet.work.serving[0]) == (at == 3)
+    now_s = 4.0 if at == 3 else 0.0
+    left = fleet.choice(now_s, busy=True)
+    assert left.able.tolist() == [] and left.task == [1]
+    assert left.ready_s.tolist() == pytest.approx([1.5 * (remaining_s - now_s)])
+    assert left.pick_up_s.tolist() == [pytest.approx([1.5 * (remaining_s - now_s) + 2])]  # from 8 to 10
+    assert fleet.choice(now_s).ready_s.tolist() == [FAR_S]

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from worlds import BURGER, graph_of, line, problem_of, square_grid
+from worlds import BURGER, cross, graph_of, line, problem_of, square_grid
 
 from mrp_sumo.core.execution import plans_in_force
 from mrp_sumo.drive.fit import resources_for
-from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
+from mrp_sumo.drive.ledger import Ledger, _squeezed, planned_arrivals, replies_of
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import Replan, Reroute, first_of
+from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.errors import PlanError
 
 
@@ -119,3 +120,59 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     assert ledger.column("from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
     assert ledger.turn_backs[0].xy == pytest.approx([0.5, 0.0])
+
+
+def passing(ledger, vertex):
+    """Robots in the order in which they are to pass a vertex."""
+    visits = [(r, k) for r in range(ledger.num_robots) for k in ledger.all_ids(r) if ledger.column("vertex")[k] == vertex]
+    return [r for r, _ in sorted(visits, key=lambda visit: ledger.needs.passage[ledger.needs.first[visit[1]]])]
+
+
+def frozen_ahead(ledger):
+    """Freeze what robots will have been granted in a minute."""
+    num_robots, graph = ledger.num_robots, ledger.graph
+    limits = Kinematics(*(np.full(num_robots, value) for value in (0.22, 2.5, 2.84, 0.1, 0.1, 0.1)))
+    ledger.cut(60.0, limits, np.zeros(graph.num_lanes, np.bool_), np.zeros(num_robots, np.bool_))
+
+
+EAST_TO_NORTH, WEST_TO_SOUTH = [2, 1, 0, 4, 5], [8, 7, 7, 7, 0, 10, 11]  # the second one comes to the middle, 0, after the first
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_is_frozen_keeps_its_order_whatever_comes_after_it(first):
+    """Two robots are to pass the middle of a cross one after the other, and are sent on beyond that, both from the same time on."""
+    ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH] if first == 0 else [WEST_TO_SOUTH, EAST_TO_NORTH])
+    before = passing(ledger, 0)
+    frozen_ahead(ledger)
+    assert [way[-1] for way in ledger.committed] == ([5, 11] if first == 0 else [11, 5])
+    ledger.append(Replan(dict(enumerate([way(6), way(12)] if first == 0 else [way(12), way(6)])), "replan"), policy_of("adg"), 1.0)
+    assert passing(ledger, 0) == before == [first, 1 - first]
+
+
+def test_what_is_not_frozen_goes_by_the_new_times():
+    ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
+    slow = Reroute(np.array([1, 0, 4]), np.array([20.0, 23.0, 26.0]), np.array([20.0, 23.0, np.inf]), 17.0)
+    ledger.append(Replan({0: slow, 1: way(7, 0, 10)}, "replan"), policy_of("adg"), 1.0)
+    assert passing(ledger, 0) == [1, 0]
+
+
+def test_times_are_squeezed_into_a_second_in_their_order_entry_by_entry():
+    """What an earlier entry planned comes first, however late it was planned for; equal times stay equal."""
+    squeezed = _squeezed(np.array([1, 0, 0, 1, 0]), np.array([3.0, 9.0, 7.0, 4.0, 7.0]), 100.0)
+    assert squeezed == pytest.approx([100.05 + 0.9 * k / 4 for k in (2, 1, 0, 3, 0)])
+
+
+@pytest.mark.parametrize("leave_s", [4.0, 7.0])
+def test_a_robot_that_is_sent_another_way_leaves_when_the_new_plan_says(leave_s):
+    """It was to leave 0 at 3 s."""
+    ledger, _ = ledger_of(square_grid(3), [[0, 0, 1, 2]], "timed")
+    assert (ledger.column("depart_s")[0], ledger.column("earliest_s")[0]) == (3.0, 3.0)
+    ledger.append(Replan({0: way(3, 6, leave_s=leave_s)}, "detour"), policy_of("timed"), 1.0)
+    assert (ledger.column("depart_s")[0], ledger.column("earliest_s")[0]) == (leave_s, leave_s)
+    assert ledger.column("earliest_s")[ledger.all_ids(0)[1]] == 2.0  # as planned
+
+
+def test_robots_that_are_not_sent_elsewhere_keep_when_they_leave():
+    ledger, _ = ledger_of(square_grid(3), [[0, 0, 1], [8, 8, 8, 7]], "timed")
+    ledger.append(Replan({0: way(3, leave_s=7.0)}, "detour"), policy_of("timed"), 1.0)
+    assert [float(ledger.column("earliest_s")[ledger.all_ids(r)[0]]) for r in (0, 1)] == [7.0, 6.0]

@@ -204,6 +204,17 @@ def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
     assert made["charger"] == called.tasks.done_s[0] < 41  # the log says when it left, not when it would have
 
 
+@pytest.mark.parametrize(("num_orders", "called_off"), [(1, False), (2, True)])
+def test_nobody_is_called_off_a_charger_for_an_order_that_another_is_free_for(tmp_path, num_orders, called_off):
+    """robot_0 charges from 2 s on and would until 67 s, robot_1 has nothing to do when one order comes, or two."""
+    late = listed(*[(4, 40.0, 1.0), (6, 40.0, 1.0)][:num_orders])
+    charger = charging(0, opportunity=True)
+    run = work(tmp_path, line(9), [1, 8], late, batteries=(SMALL,), charging=charger, start_level=(0.35, 0.35), time_limit_s=90.0)
+    done_s = dict(zip(run.tasks.name, run.tasks.done_s.tolist()))
+    assert (done_s["charge_0"] < 45) == called_off and run.tasks.robot[run.tasks.name.index("charge_0")] == 0
+    assert set(run.tasks.robot[1 : 1 + num_orders].tolist()) == ({0, 1} if called_off else {1})
+
+
 def test_a_robot_that_runs_empty_stands_and_others_do_its_task(tmp_path):
     run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), batteries=(SMALL,), start_level=(0.004, 0.004), time_limit_s=30.0)
     assert [event.robot for event in run.events if event.kind == "battery_empty"] == [0, 1]

@@ -1,0 +1,66 @@
+"""Robots go to places where they are no trouble; each case by hand, on a line."""
+
+import numpy as np
+import pytest
+from worlds import CELL_M, problem_on
+
+from mrp_sumo.core.graph import nav_graph, plan_graph
+from mrp_sumo.core.task import Station, Stop
+from mrp_sumo.drive.places import Places
+
+
+def row(length, *doorsteps, ring=False):
+    """Vertices 0 to length - 1 in a row, on some of which nobody should stand; as a ring, the last one leads on to the first."""
+    lanes = [lane for i in range(length - 1) for lane in ((i, i + 1), (i + 1, i))] + [(0, length - 1), (length - 1, 0)] * ring
+    options = [{"is_passthrough_point": True} if v in doorsteps else {} for v in range(length)]
+    nav = nav_graph(name="row", xy=[(i * CELL_M, 0) for i in range(length)], lanes=lanes, vertex_options=options)
+    return plan_graph(nav, kind="roadmap", cell_m=CELL_M)
+
+
+def chosen(graph, start, stops, parking=(), stays=()):
+    """Where robots go that begin at `start`, and who of them makes a stop there; `stops` are vertices by robot."""
+    where = Places(problem_on(graph, start, start), parking)
+    at = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in stops.items()}
+    vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops))
+    return vertex.tolist(), makes.tolist()
+
+
+@pytest.mark.parametrize(("doorsteps", "rests_at"), [((), 5), ((5,), 6), ((5, 6, 7), 8), ((5, 6, 7, 8), 3), ((3, 5, 6, 7, 8), 2)])
+def test_a_robot_that_makes_room_does_not_stand_on_a_doorstep(doorsteps, rests_at):
+    """robot_1 makes room at 4 for robot_0, which comes from 0: beyond it, and where there is no room, on the side it comes from."""
+    assert chosen(row(9, *doorsteps), [0, 4], {0: 4}) == ([4, rests_at], [True, False])
+
+
+def test_where_there_are_only_doorsteps_a_robot_makes_room_on_the_nearest():
+    assert chosen(row(3, 0, 1, 2), [0, 1], {0: 1}) == ([1, 0], [True, False])
+
+
+@pytest.mark.parametrize(("third", "rests_at"), [(2, 4), (4, 3)])
+def test_a_robot_makes_room_where_best_nobody_stands(third, rests_at):
+    """robot_1 makes room at the end of the row, so on the way to it; robot_2 stands there still, and is to go to 1."""
+    assert chosen(row(6), [0, 5, third], {0: 5, 2: 1}) == ([5, rests_at, 1], [True, False, True])
+
+
+def test_a_robot_that_is_in_nobodys_way_stays_even_on_a_doorstep():
+    assert chosen(row(9, 6), [0, 6], {0: 4}) == ([4, 6], [True, False])
+
+
+@pytest.mark.parametrize(("parking", "spots"), [((6,), [6, 1]), ((6, 0), [6, 0]), ((7, 6), [6, 7]), ((), [5, 1])])
+def test_robots_without_work_park_as_far_as_there_is_room(parking, spots):
+    assert chosen(row(9), [5, 1], {}, parking)[0] == spots
+
+
+@pytest.mark.parametrize(("doorsteps", "waits_at"), [((), 3), ((3,), 5), ((3, 5), 2)])
+def test_a_robot_waits_for_a_place_as_near_as_it_can_but_on_no_doorstep(doorsteps, waits_at):
+    """robot_1 is served at 4, and can leave on the other side."""
+    assert chosen(row(9, *doorsteps, ring=True), [0, 4], {0: 4}, stays=[1]) == ([waits_at, 4], [False, False])
+
+
+def test_nobody_waits_where_the_robot_that_is_served_could_not_get_past():
+    """In a row robot_1 cannot, wherever robot_0 waits."""
+    assert chosen(row(9), [0, 4], {0: 4}, stays=[1]) == ([0, 4], [False, False])
+
+
+def test_of_two_robots_for_one_place_the_one_whose_turn_it_is_makes_its_stop():
+    assert chosen(row(9), [0, 8], {0: 4, 1: 4})[1] == [True, False]
+    assert chosen(row(9), [0, 8], {1: 4, 0: 4})[1] == [False, True]

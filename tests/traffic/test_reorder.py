@@ -1,0 +1,59 @@
+"""Another order in zones: whoever stands in one goes first, whoever stays goes last, and in between whoever others wait for."""
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.traffic.passages import Needs, order_of
+from mrp_sumo.traffic.reorder import reordered
+
+NUM_VERTICES = 6
+
+
+def schedules(paths, *zones):
+    """Robots in the one zone of vertices of each, in the plan's order and in the other one, a second a step."""
+    plan = plan_of_paths(paths, 1.0)
+    needs = [[v, *(NUM_VERTICES + q for q, zone in enumerate(zones) if v in zone)] for v in plan.vertex.tolist()]
+    flat = np.concatenate(needs)
+    columns = np.cumsum([0, *map(len, needs)]), flat, np.zeros(len(flat), np.bool_)
+    before = order_of(plan, Needs(*columns, NUM_VERTICES + len(zones)))
+    return before, reordered(plan, before, NUM_VERTICES)
+
+
+def passing(schedule, resource=NUM_VERTICES):
+    return schedule.robot[schedule.first[resource] : schedule.first[resource + 1]].tolist()
+
+
+@pytest.mark.parametrize(("way", "after"), [([0, 2], [0, 1]), ([4, 0, 2], [1, 0])])
+def test_nobody_overtakes_a_robot_that_begins_in_a_zone(way, after):
+    """robot_0 leaves the zone of 0 and 1 when it is at 2, which robot_1 leaves when it is at 1: only robot_1 can go first.
+
+    It does where robot_0 is still outside; where robot_0 begins in the zone, nothing helps, and the order stays as it is.
+    """
+    before, schedule = schedules([way, [2] * len(way) + [1, 3]], {0, 1})
+    assert passing(before) == [0, 1] and passing(schedule) == after
+    assert passing(schedule, 2) == [1, 0]  # vertices keep the plan's order
+
+
+@pytest.mark.parametrize(("way", "after"), [([0], [0, 1]), ([4, 0], [1, 0])])
+def test_a_robot_that_stays_in_a_zone_comes_last_there_unless_it_begins_there(way, after):
+    before, schedule = schedules([way, [2, 2, 1, 3]], {0, 1})
+    assert passing(before) == [0, 1] and passing(schedule) == after
+
+
+def test_a_robot_that_stays_in_a_zone_comes_last_there_even_where_it_has_to_go_first():
+    """robot_1 is through the zone when it is at 4, which robot_0 leaves when it is in it: no order helps."""
+    before, schedule = schedules([[4, 0], [2, 2, 1, 4, 5]], {0, 1})
+    assert passing(before) == [0, 1] and passing(schedule) == [1, 0]
+
+
+def test_without_a_circle_the_order_stays_as_it_is():
+    before, schedule = schedules([[4, 0, 2], [5, 5, 5, 1, 3]], {0, 1})
+    assert passing(before) == passing(schedule) == [0, 1]
+
+
+def test_a_circle_through_two_zones_is_undone_in_both():
+    """Both zones hold 0 and 1, so the order of one decides that of the other."""
+    before, schedule = schedules([[4, 0, 2, 5], [2, 2, 2, 2, 1, 3]], {0, 1}, {0, 1})
+    assert passing(before, 6) == passing(before, 7) == [0, 1]
+    assert passing(schedule, 6) == passing(schedule, 7) == [1, 0]
