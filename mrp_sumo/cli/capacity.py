@@ -72,9 +72,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the study, write its page, print the answer."""
     from mrp_sumo.plugins.trust import trust_everything
-    from mrp_sumo.reports.capacity.page import write_capacity_page
-    from mrp_sumo.sizing.replays import keep
-    from mrp_sumo.sizing.study import Study
 
     if options.trust:
         trust_everything()
@@ -82,6 +79,8 @@ def run(options: argparse.Namespace) -> int:
     if workers < 1:
         raise BatchError(f"--workers: found {workers}, expected 1 or more")
     question = question_of(options)
+    from mrp_sumo.sizing.study import Study
+
     study = Study(question)
     folder = Path(options.out) if options.out else Path("runs") / study.variations.suite.name
     print(f"mrp-sumo: {_beforehand(study)}; into {folder}", file=sys.stderr)
@@ -92,6 +91,9 @@ def run(options: argparse.Namespace) -> int:
     if answer is None:
         print(f"mrp-sumo: interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}", file=sys.stderr)
         return 130
+    from mrp_sumo.reports.capacity.page import write_capacity_page
+    from mrp_sumo.sizing.replays import keep
+
     page = write_capacity_page(study, answer, folder, keep(study, answer, folder) if options.replays else ())
     print(json.dumps(answer.document, indent=2) if options.json else _in_words(answer, page))
     return 0
@@ -107,10 +109,12 @@ def question_of(options: argparse.Namespace) -> "Question":
     """
     from mrp_sumo.io.scenario.file import find_scenario
     from mrp_sumo.io.scenario.read import read_scenario
-    from mrp_sumo.sizing.study import asked
+
+    file = scenario_choice.with_set(options, read_scenario(find_scenario(options.scenario)))
+    from mrp_sumo.sizing.study import asked  # which loads what a study needs: after the scenario is known to be one
 
     return asked(
-        scenario_choice.with_set(options, read_scenario(find_scenario(options.scenario))),
+        file,
         robots=_sizes(options.robots) if options.robots else None,
         demand_per_h=_rate_per_h(options.demand) if options.demand else None,
         on_time=_share(options.on_time) if options.on_time else None,

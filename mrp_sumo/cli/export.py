@@ -9,6 +9,8 @@ import json
 from math import inf
 from pathlib import Path
 
+from mrp_sumo.cli.result_folder import result_folder
+
 FORMATS = {  # option -> (name of the file or folder, help)
     "bag": ("bag", "ROS 2 bag (folder)"),
     "ros1": ("run.bag", "ROS 1 bag"),
@@ -22,7 +24,7 @@ FORMATS = {  # option -> (name of the file or folder, help)
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo export`."""
-    parser.add_argument("run", metavar="RUN", help="run folder")
+    parser.add_argument("run", metavar="RUN", type=result_folder, help="run folder")
     wanted = parser.add_mutually_exclusive_group(required=True)
     for name, (_, about) in FORMATS.items():
         wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=about)

@@ -9,10 +9,12 @@ import argparse
 import sys
 from pathlib import Path
 
+from mrp_sumo.cli.result_folder import result_folder
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo query`."""
-    parser.add_argument("folder", metavar="DIR", help="folder of a batch, or a results.parquet")
+    parser.add_argument("folder", metavar="DIR", type=result_folder, help="folder of a batch, or a results.parquet")
     parser.add_argument("sql", nargs="?", metavar="SQL", help="a query, or the name of a view of the suite")
     parser.add_argument("--json", action="store_true", help="print a line of JSON for each row")
     parser.add_argument("--csv", action="store_true", help="print CSV instead of a table")

@@ -11,12 +11,13 @@ import re
 import sys
 from pathlib import Path
 
+from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo render`."""
-    parser.add_argument("run", nargs="+", help="run folder, as `mrp-sumo run --out` makes it; up to four for a video")
+    parser.add_argument("run", nargs="+", type=result_folder, help="run folder, as `mrp-sumo run --out` makes it; up to four for a video")
     parser.add_argument("--at", type=float, metavar="T", help="simulated time in s, for a picture")
     parser.add_argument("--out", metavar="FILE", help="the picture, .png or .svg")
     parser.add_argument("--dpi", type=float, default=150.0, metavar="N", help="of a PNG (default: 150)")

@@ -75,8 +75,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the scenario and print a table."""
-    from mrp_sumo.experiments.run import PLUG_IN_FAILED
-
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or map file, or --map")
     if options.scenario is not None and options.scen is not None:
@@ -84,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
     file = scenario_choice.chosen_scenario(options)
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
     _check_watching(options)
+    from mrp_sumo.experiments.run import PLUG_IN_FAILED  # with all that drives: after the scenario is known to be one
+
     with ExitStack() as stack:
         watches = _watches(options, stack)
         result = (_run_live if options.live else _run)(file, out, options, watches)

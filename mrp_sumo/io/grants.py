@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mrp_sumo.core.execution import GrantLog
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.io.arrow import numbers, texts
 from mrp_sumo.io.tables import read_table
 
@@ -23,7 +24,13 @@ def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> Non
     pq.write_table(table, path, compression="zstd")
 
 
-def read_grants(path: Path, robot_name: Sequence[str]) -> GrantLog:
-    """The grants as they were written."""
+def read_grants(path: Path, robot_name: Sequence[str], num_visits: IntArray) -> GrantLog:
+    """The grants as they were written, of robots with these numbers of visits [R]."""
     table = read_table(path)
-    return GrantLog(table.numbers("t_s"), table.indices("robot", robot_name), table.integers("visit", 0), table.flags("enters"))
+    robot, visit = table.indices("robot", robot_name), table.integers("visit", 0)
+    if (beyond := visit >= num_visits[robot]).any():
+        row = int(np.argmax(beyond))
+        raise table.fault(
+            f"column 'visit', row {row}: found {visit[row]}, but robot '{robot_name[robot[row]]}' has {num_visits[robot[row]]}"
+        )
+    return GrantLog(table.numbers("t_s"), robot, visit, table.flags("enters"))

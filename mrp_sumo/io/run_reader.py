@@ -4,9 +4,9 @@ Files are read on first use. Refuses folders without a complete run.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -28,12 +28,15 @@ from mrp_sumo.io.record import RunRecord, constants_of
 from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import pandas
 
     from mrp_sumo.io.outline import Outline
     from mrp_sumo.io.trajectory import Trajectory
     from mrp_sumo.maps.costmap import Costmap
 
+T = TypeVar("T")
 RESULT = "result.json"
 SCHEMA_VERSION = 1  # of it
 
@@ -70,6 +73,19 @@ def load_run(folder: str | Path) -> "RunFolder":
     return RunFolder(folder, result)
 
 
+def _whole(read: "Callable[[RunFolder], T]") -> "Callable[[RunFolder], T]":
+    """A reader of a run folder for which what it stumbles over is damage, which is said in a line."""
+
+    @wraps(read)
+    def checked(run: "RunFolder") -> T:
+        try:
+            return read(run)
+        except DAMAGE as error:
+            raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {first_line(error)}") from None
+
+    return checked
+
+
 @dataclass(frozen=True, eq=False)
 class RunFolder:
     """One run on disk."""
@@ -97,6 +113,7 @@ class RunFolder:
         return self._has("trajectory.parquet")
 
     @cached_property
+    @_whole
     def _floor(self) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         return read_floor(self.folder / "floor.json")
 
@@ -115,11 +132,13 @@ class RunFolder:
         return self._floor[2]
 
     @cached_property
+    @_whole
     def costmap(self) -> "Costmap | None":
         """The walls."""
         return read_walls(self.folder)
 
     @cached_property
+    @_whole
     def outline(self) -> "Outline | None":
         """The building as drawn."""
         from mrp_sumo.io.outline import read_outline
@@ -127,11 +146,13 @@ class RunFolder:
         return read_outline(self.folder / "building.json")
 
     @cached_property
+    @_whole
     def plan(self) -> Plan | None:
         """Visits as arrays; None when there is no plan."""
         return read_plan(self.folder / "plan.json", self.fleet.robot_name) if self._has("plan.json") else None
 
     @cached_property
+    @_whole
     def samples(self) -> "Trajectory":
         """The trajectory as arrays [T, R]."""
         from mrp_sumo.io.trajectory import read_trajectory
@@ -143,6 +164,7 @@ class RunFolder:
         return samples
 
     @cached_property
+    @_whole
     def believed(self) -> "Trajectory | None":
         """The poses that robots believed to have, [T, R]; None where these are the true ones."""
         from mrp_sumo.io.trajectory import read_trajectory
@@ -151,14 +173,9 @@ class RunFolder:
         return read_trajectory(path) if self._has(path.name) else None
 
     @cached_property
+    @_whole
     def execution(self) -> Execution:
         """Trajectory, arrivals and events as the simulation gave them; clocks from the metrics."""
-        try:
-            return self._execution()
-        except DAMAGE as error:
-            raise self._damaged(error) from None
-
-    def _execution(self) -> Execution:
         from mrp_sumo.io.visits import read_arrivals
 
         samples, believed, metrics = self.samples, self.believed, self.metrics
@@ -199,25 +216,23 @@ class RunFolder:
         )
 
     @property
+    @_whole
     def record(self) -> RunRecord:
         """Everything that logs are made of. Raises MrpSumoError where a file is missing or damaged."""
-        try:
-            return RunRecord(
-                name=self.result["scenario"]["name"],
-                seed=self.result["seed"],
-                fleet=self.fleet,
-                graph=self.graph,
-                target=self._target(),
-                plan=self.plan,
-                execution=self.execution,
-                nav=self.nav,
-                costmap=self.costmap,
-                levels=self.samples.levels,
-                goal_heading_rad=goal_headings(self.folder / "plan.json", self.fleet.robot_name) if self.plan else None,
-                constants=constants_of(self.result["scenario"]),
-            )
-        except DAMAGE as error:
-            raise self._damaged(error) from None
+        return RunRecord(
+            name=self.result["scenario"]["name"],
+            seed=self.result["seed"],
+            fleet=self.fleet,
+            graph=self.graph,
+            target=self._target(),
+            plan=self.plan,
+            execution=self.execution,
+            nav=self.nav,
+            costmap=self.costmap,
+            levels=self.samples.levels,
+            goal_heading_rad=goal_headings(self.folder / "plan.json", self.fleet.robot_name) if self.plan else None,
+            constants=constants_of(self.result["scenario"]),
+        )
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
@@ -240,9 +255,6 @@ class RunFolder:
         frame: pandas.DataFrame = read_table(self.folder / "visits.parquet").as_written().to_pandas()
         return frame
 
-    def _damaged(self, error: Exception) -> MrpSumoError:
-        return MrpSumoError(f"{self.folder}: damaged, or of another version: {type(error).__name__}: {first_line(error)}")
-
     def _replies(self) -> tuple[Reply, ...]:
         if not self._has("replans.parquet"):
             return ()
@@ -255,7 +267,14 @@ class RunFolder:
             return None
         from mrp_sumo.io.grants import read_grants
 
-        return read_grants(self.folder / "grants.parquet", self.fleet.robot_name)
+        return read_grants(self.folder / "grants.parquet", self.fleet.robot_name, self._num_visits())
+
+    def _num_visits(self) -> IntArray:
+        """[R] visits of each robot along its whole way, replans included."""
+        num = np.zeros(self.fleet.num_robots, np.int64) if self.plan is None else np.diff(self.plan.first)
+        for reply in self._replies():
+            num[reply.robot] = np.maximum(num[reply.robot], reply.since + 1 + np.diff(reply.first))
+        return num
 
     def _tasks(self) -> TaskLog | None:
         if not self._has("tasks.parquet"):

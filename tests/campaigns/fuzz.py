@@ -22,6 +22,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from campaigns.deep_damage import damage_any, damage_results, damage_run, damage_trace
 from campaigns.driver import Trial
 from lif_worlds import LIF
 from map_worlds import CSV, LINK, MODEL, ROUTE, SITE
@@ -30,6 +31,7 @@ from step_wise_worlds import ROUND, write_problem
 from mrp_sumo.cli.main import COMMANDS, main
 
 LIMIT_S = 30
+PROJECT = Path(__file__).resolve().parents[2]
 WORD = re.compile(rb"[^\s,\[\]{}:()\"'>-]+")
 JUNK = (
     b"", b"null", b"-1", b"0", b"1e308", b"1e400", b"-1e-320", b"nan", b"inf", b".nan", b".inf", b"99999999999999999999",
@@ -135,8 +137,10 @@ class Reading:
         return SLOW.get(self.command[0], 1.0)
 
 
+STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--budget", "5s", "--horizon", "1min", "--workers", "1", "--out", "study")
 SLOW = {"report": 0.01, "analyze": 0.05, "query": 0.05, "compare": 0.05, "render": 0.05, "run": 0.1, "export": 0.1, "import": 0.1}
 SLOW |= {"replay": 0.1, "batch": 0.3, "reproduce": 0.05}
+SLOW_BELOW = SLOW | {"report": 0.03, "analyze": 0.3, "query": 0.3, "compare": 0.2, "render": 0.1, "export": 0.3, "capacity": 0.02}
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
 MAPS = ("small.lif.json", "small.xml", "small.site.json", "route.geojson", "small.geojson", "small.net.xml", "lanes.csv", "link.json")
@@ -185,6 +189,29 @@ READINGS = (
         ("report", "batch", "--out", "page.html"),
         ("compare", "batch", "batch"), ("batch", "suite.yaml", "--out", "batch", "--dry-run"),
         ("analyze", "batch", "--metric", "soc_steps"),
+    )),
+)  # fmt: skip
+DEEP: tuple[tuple[str, Callable[[Path, random.Random], None], tuple[str, ...]], ...] = (  # folder, what damages it, a command
+    *(("work", damage_run, command) for command in (
+        ("replay", "work"), ("render", "work", "--at", "20", "--out", "out.png"), ("export", "work", "--csv"),
+        ("export", "work", "--bag", "--out", "again"), ("export", "work", "--vda5050", "--out", "vda"), ("export", "work", "--geojson"),
+        ("export", "work", "--fcd"), ("export", "work", "--rmf-plans"), ("report", "work", "--out", "page.html"),
+        ("analyze", "work", "--metric", "min_clearance_m"), ("analyze", "work", "--metric", "protective_stops_per_robot_h"),
+        ("replay", "work", "work", "--out", "two.html"), ("validate", "work/plan.json", "work/floor.json"),
+    )),
+    *(("run", damage_run, command) for command in (
+        ("replay", "run"), ("export", "run", "--csv"), ("export", "run", "--bag", "--out", "again"), ("reproduce", "run"),
+        ("analyze", "run", "--metric", "min_clearance_m"), ("render", "run", "--at", "2", "--out", "out.png"),
+        ("validate", "run/plan.json", *ON_MAP), ("convert", "run/plan.json", "out.yaml", "--map", "small.map"),
+        ("run", "scenario.yaml", "--plan", "run/plan.json", "--out", "out"),
+    )),
+    *(("batch", damage_trace, ("analyze", "batch", "--metric", metric)) for metric in ("soc_steps", "min_clearance_m")),
+    *(("batch", damage_results, command) for command in (
+        ("query", "batch", "select * from results"), ("query", "batch", "cost"), ("report", "batch", "--out", "page.html"),
+        ("compare", "batch", "batch"), ("status", "batch"),
+    )),
+    *(("study", damage_any, command) for command in (
+        ("capacity", *STUDY), ("status", "study"), ("report", "study", "--out", "page.html"), ("compare", "study", "study"),
     )),
 )  # fmt: skip
 WORDS = (
@@ -256,7 +283,7 @@ class _TooLong(BaseException):
 
 
 class Fuzz:
-    """Nine trials in ten damage a file, the others make up arguments."""
+    """Four trials in ten damage a file, five a folder below its checksums, the others make up arguments."""
 
     size = None
 
@@ -285,6 +312,8 @@ class Fuzz:
                 shutil.copy(self._material / name, folder)
             command = [chance.choice([name for name in COMMANDS if name not in UNSAFE]), *chance.choices(WORDS, k=chance.randint(0, 5))]
             return attempt(command, folder, "arguments")
+        if chance.random() < 0.5:
+            return self._deep(chance, folder)
         (reading,) = chance.choices(READINGS, self._weights)
         for name in {
             reading.file.split("/")[0],
@@ -298,6 +327,16 @@ class Fuzz:
             target = chance.choice(sorted(path for path in target.rglob("*") if path.is_file() and path.name != "batch.lock"))
         target.write_bytes(damaged(target.read_bytes(), chance))
         return attempt(list(reading.command), folder, f"{reading.file}: {reading.command[0]}")
+
+    def _deep(self, chance: random.Random, folder: Path) -> Trial:
+        """Damage a folder below its checksums."""
+        ((name, damage, command),) = chance.choices(DEEP, [SLOW_BELOW.get(command[0], 1.0) for _, _, command in DEEP])
+        shutil.copytree(self._material / name, folder / name)
+        for other in ("lifelong.yaml", "small.building.yaml", "cart.yaml", "scenario.yaml", "small.map", "small.scen"):
+            shutil.copy(self._material / other, folder)
+        for _ in range(chance.choice((1, 1, 1, 2, 4))):
+            damage(folder / name, chance)
+        return attempt(list(command), folder, f"{name}, {damage.__name__}: {command[0]}")
 
 
 def damaged(data: bytes, chance: random.Random) -> bytes:
@@ -423,7 +462,7 @@ def _value(data: bytes, chance: random.Random) -> bytes:
         document = json.loads(data)
     except (ValueError, RecursionError):
         return _word(data, chance)
-    places = list(_places(document))
+    places = list(places_in(document))
     if not places:
         return json.dumps(chance.choice(VALUES)).encode()
     parent, key = chance.choice(places)
@@ -440,10 +479,10 @@ def _value(data: bytes, chance: random.Random) -> bytes:
     return json.dumps(document).encode()
 
 
-def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+def places_in(value: Any) -> Iterator[tuple[Any, Any]]:
     for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
         yield value, key
-        yield from _places(inner)
+        yield from places_in(inner)
 
 
 def _is_deep(data: bytes) -> bool:
@@ -457,7 +496,7 @@ def _yaml_value(data: bytes, chance: random.Random) -> bytes:
 
     try:
         document = yaml.load(data, yaml.CSafeLoader) if len(data) < 100_000 and not _is_deep(data) else None
-        places = list(islice(_places(document), 10_000))  # aliases may stand for any number
+        places = list(islice(places_in(document), 10_000))  # aliases may stand for any number
     except (yaml.YAMLError, ValueError, RecursionError):
         return _word(data, chance)
     if not places:
@@ -511,6 +550,10 @@ def make_material(folder: Path) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
+    work = (PROJECT / "scenarios" / "hospital_people.yaml").read_text()
+    (folder / "work.yaml").write_text(
+        work.partition("execution:")[0] + "execution: {engine: kinematic, doors: automatic, time_limit_s: 60}\n"
+    )
     (folder / "room.pgm").write_bytes(b"P5\n16 16\n255\n" + bytes([254] * 256))
     (folder / "instance.yaml").write_text(
         "map:\n  dimensions: [4, 3]\n  obstacles:\n  - [1, 1]\nagents:\n"
@@ -537,6 +580,8 @@ def make_material(folder: Path) -> None:
                 ["export", "run", "--vda5050", "--out", "vda"],
                 ["export", "run", "--ros1", "--out", "ros1.bag"],
                 ["batch", "suite.yaml", "--out", "batch", "--workers", "1"],
+                ["run", "work.yaml", "--out", "work"],
+                ["capacity", *STUDY],
             ):
                 if main(command) == 2:
                     raise RuntimeError(f"the material cannot be made: {command}")

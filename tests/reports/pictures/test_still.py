@@ -2,6 +2,7 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 from mrp_sumo.cli.main import main
@@ -30,7 +31,7 @@ def test_a_name_is_no_formula(folder, tmp_path):
     names = ("$x^$", *samples.robot_name[1:])
     write_trajectory(path, samples, names, {})
     grants = tmp_path / "run" / "grants.parquet"
-    write_grants(grants, read_grants(grants, samples.robot_name), names)
+    write_grants(grants, read_grants(grants, samples.robot_name, np.full(len(samples.robot_name), 10**6)), names)
     assert main(["render", str(tmp_path / "run"), "--at", "0", "--out", str(tmp_path / "x.svg")]) == 0
 
 
