@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import product
 
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import solve
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
@@ -39,8 +40,12 @@ def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | N
         counts = _counts(set_up(_drawn(file, 1, seed or 0), maps)) if count is None else [count]
         for robots, draw in product(counts, range(SEEDS) if seed is None else [seed]):
             chosen = _drawn(file, robots, draw)
-            if _is_solved(set_up(chosen, maps)):
-                break
+            try:
+                if _is_solved(set_up(chosen, maps)):
+                    break
+            except MrpSumoError:
+                if robots in (1, count):
+                    raise
     return chosen
 
 
@@ -48,7 +53,7 @@ def _counts(setup: SetUp) -> list[int]:
     """Numbers of robots that are worth a try, descending to 1."""
     robots, fleet = setup.scenario.robots, setup.problem.fleet
     room = most_drawn(setup.problem.graph, setup.scenario.seed, fleet.separation_m, anywhere=robots.draw == "anywhere")
-    counts = [max(1, min(MOST, room // STATIONS_A_ROBOT))]
+    counts = [max(1, min(MOST, max(room // STATIONS_A_ROBOT, min(2, room // 2))))]
     while counts[-1] > 1:
         counts.append(counts[-1] // 2)
     return counts

@@ -28,6 +28,7 @@ from mrp_sumo.experiments.staging.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.run_folder import check_replaceable, plain
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.maps.clearance import standing_walls
+from mrp_sumo.maps.facts import driven_levels
 from mrp_sumo.maps.lifts import cabins_of
 
 POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statuses of runs whose plug-in broke its contract
@@ -214,7 +215,8 @@ def finish(
             setup = replace(setup, file=steering.recorded(setup.file))
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
-    walls = standing_walls(setup.map.building, setup.map.nav.level_names) if setup.map.building else None
+    # levels without lanes lie where they are drawn: above or below others
+    walls = standing_walls(setup.map.building, driven_levels(setup.map.nav)) if setup.map.building else None
     building, level_names = setup.map.building, problem.graph.level_names
     cabins = cabins_of(building, level_names, setup.map.level_shift_m) if building and building.lifts else None
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls, cabins) if execution else None

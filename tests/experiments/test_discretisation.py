@@ -108,3 +108,22 @@ def test_a_map_that_holds_fewer_robots_says_how_many_and_what_else_would_do(tmp_
         chosen(tmp_path, "square.nav.yaml", SQUARE, robots=9)
     assert chosen(tmp_path, "square.nav.yaml", SQUARE, robots={"count": 40, "draw": "anywhere"}).problem.num_robots == 40
     assert isinstance(chosen(tmp_path, "square.nav.yaml", SQUARE, robots=4).problem.graph, PlanGraph)
+
+
+def test_walls_of_a_level_without_lanes_are_not_those_of_the_level_below(tmp_path):
+    upstairs = (
+        '  L2:\n    vertices: [[2, -1, 0, ""], [2, 1, 0, ""]]\n    walls: [[0, 1, {}]]\n'  # across the lane from west to mid, one level up
+    )
+    (tmp_path / "gap.building.yaml").write_text(GAP + upstairs)
+    values = {"map": str(tmp_path / "gap.building.yaml"), "robots": {"starts": ["west"], "goals": ["east"]}}
+    quick = {"execution": {"engine": "kinematic"}, "record": {"bag": False}}
+    with MapCache() as maps:
+        result = carry_out(scenario_of(values | quick, tmp_path, "s"), maps).result
+    assert (result["status"], result["note"]) == ("completed", "")
+
+
+def test_one_robot_alone_needs_no_room_for_two(tmp_path):
+    short = SQUARE.replace("[4, 0, {name: b}]", "[0.2, 0, {name: b}]")
+    assert chosen(tmp_path, "short.nav.yaml", short, robots=1).problem.num_robots == 1
+    with pytest.raises(ScenarioError, match=r"lane 'a' - 'b' of 'short' is 0.200 m long; .* or one alone"):
+        chosen(tmp_path, "short.nav.yaml", short, robots=2)

@@ -82,7 +82,7 @@ levels:
         (
             "[0.2, 0, {name: b}]",
             "lane 'a' - 'b' of 'hall' is 0.200 m long; 'a' - 'b' cannot be joined, as both ends have a name or properties: "
-            "lengthen it in the map, or choose smaller robots",
+            "lengthen it in the map, or choose smaller robots, or one alone",
         ),
         (
             "[0.2, 0]",
@@ -94,7 +94,7 @@ levels:
 def test_robot_too_large_for_a_step_learns_which_lane_it_is_and_what_would_help(tmp_path, second, remedy):
     (tmp_path / "hall.nav.yaml").write_text(SHORT.replace("[0.2, 0, {name: b}]", second))
     path = tmp_path / "scenario.yaml"
-    path.write_text("map:\n  file: hall.nav.yaml\ndiscretisation:\n  kind: roadmap\n  cell_m: 0.2\nrobots: {count: 1}\n")
+    path.write_text("map:\n  file: hall.nav.yaml\ndiscretisation:\n  kind: roadmap\n  cell_m: 0.2\nrobots: {count: 2, draw: mrp_bench}\n")
     with MapCache() as maps, pytest.raises(ScenarioError) as error:
         set_up(read_scenario(path), maps)
     assert remedy in str(error.value)
@@ -105,7 +105,7 @@ def test_robot_too_large_for_a_step_learns_which_lane_it_is_and_what_would_help(
         text = text.replace("hall.nav.yaml", f"hall.nav.yaml\n  join_short_m: {remedy.split('join_short_m: ')[1].split(' ')[0]}")
     path.write_text(text)
     with MapCache() as maps:
-        assert set_up(read_scenario(path), maps).problem.num_robots == 1
+        assert set_up(read_scenario(path), maps).problem.num_robots == 2
 
 
 # a grid that reaches into walls

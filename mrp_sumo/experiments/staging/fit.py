@@ -26,7 +26,12 @@ NAMED = 5  # stations in a line
 
 
 def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], *, is_auto: bool = False) -> None:
-    """Every step is at least as long as any two robots' centres are apart; `is_auto` where the cell length follows from that."""
+    """Every step is at least as long as any two robots' centres are apart; `is_auto` where the cell length follows from that.
+
+    A robot that is alone on its map keeps clear of nobody.
+    """
+    if file.scenario.robots.size == 1:
+        return
     kind, model = max(enumerate(models), key=lambda each: fleet_of(each[1], 1).separation_m)
     needed_m = fleet_of_types(models, np.arange(len(models))).separation_m
     shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
@@ -62,7 +67,9 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
         return f"{found}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
     lane = int(left[0])
     ends = f"'{joined.known_as(int(joined.tail[lane]))}' - '{joined.known_as(int(joined.head[lane]))}'"
-    return f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots"
+    return (
+        f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots, or one alone"
+    )
 
 
 def require_brakes(file: ScenarioFile, graph: PlanGraph, models: Sequence[RobotType]) -> None:
