@@ -1,12 +1,14 @@
 """Scripts of `tools/` that people run on files of their own."""
 
 import csv
+import importlib.util
 import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 GRID = ["..@..", ".....", "..@.."]
@@ -49,3 +51,28 @@ def test_movingai_benchmark_goes_on_where_it_was_and_writes_plans_that_lead_to_t
         assert (column, row) == goal
     refused = movingai(tmp_path, "--out", out, "--step", "2")
     assert refused.returncode == 2 and "choose another --out" in refused.stderr and "Traceback" not in refused.stderr
+
+
+def mutate():
+    """The tool as a module; it needs no library until it makes mutants."""
+    spec = importlib.util.spec_from_file_location("mutate", TOOLS / "mutate.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["mutate"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_rooms_that_are_mutated_and_the_tests_that_hold_them_are_there():
+    for room, (files, tests) in mutate().ROOMS.items():
+        assert all(list(TOOLS.parent.glob(file)) for file in files), room
+        assert all((TOOLS.parent / test).exists() for test in tests), room
+
+
+def test_mutants_that_are_listed_are_of_lines_that_are_there_and_have_reasons():
+    for row in yaml.safe_load((TOOLS / "mutants.yaml").read_text()):
+        lines = [line.strip() for line in (TOOLS.parent / row["file"]).read_text().splitlines()]
+        assert row["before"] in lines and row["after"] != row["before"] and row["reason"], row
+
+
+def test_a_mutant_is_known_by_the_lines_that_it_changes():
+    assert mutate().changed_lines("a = 1\n  b = a > 2\n", "a = 1\n  b = a < 2\n") == [("b = a > 2", "b = a < 2")]
