@@ -67,8 +67,12 @@ def sources_of(choice: TasksChoice, site: Site, seed: int, step_s: float, num_ro
     if listed:
         found.append(_listed([_task(names, place, task, n) for n, (place, task) in enumerate(listed)]))
     if choice.file is not None:
-        found.append(_file(names, site, site.folder / choice.file, num_robots))
-    found += [_stream(names, ("tasks", "streams", i), stream, i, seed, step_s) for i, stream in enumerate(choice.streams)]
+        found.append(_file(names, site, site.folder / choice.file, num_robots, len(listed)))
+    for i, stream in enumerate(choice.streams):
+        is_named = "name" in stream.model_fields_set or not (i or found)
+        found.append(
+            _stream(names, ("tasks", "streams", i), stream, i, seed, step_s, stream.name if is_named else f"{stream.name}_{i + 1}")
+        )
     return tuple(found) if choice.open is None else (ClosedLoop(tuple(found), choice.open),)
 
 
@@ -104,6 +108,7 @@ class _Names:
     def __init__(self, choice: TasksChoice, site: Site) -> None:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
         self._robot_types = dict.fromkeys(site.robot_types)
+        self._orders: dict[str, str] = {}  # where each was named
         self._station = {
             name: Station(
                 name,
@@ -127,6 +132,13 @@ class _Names:
 
     def group(self, place: Place, name: str) -> tuple[Station, ...]:
         return tuple(self.station(place, member) for member in self._group.get(name, [name]))
+
+    def order(self, place: Place, name: str) -> str:
+        """The name of an order, which no other may have."""
+        first = self._orders.setdefault(name, where := self.at(*place))
+        if first != where:
+            raise ScenarioError(f"{where}: the order at {first} is called '{name}', too")
+        return name
 
     def robot_type(self, place: Place, name: str) -> str:
         """The type of robot that a task needs, which somebody has to be of."""
@@ -155,30 +167,30 @@ def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     times_s = task.service_s if isinstance(task.service_s, list) else [task.service_s] * len(stations)
     stops = tuple(Stop(station.places[0], service_s, "", station) for station, service_s in zip(stations, times_s))
     due_s = math.inf if task.due_s is None else task.due_s
-    name, robot_type = task.name or f"task_{number}", names.robot_type((*place, "robot_type"), task.robot_type)
+    name, robot_type = names.order(place, task.name or f"task_{number}"), names.robot_type((*place, "robot_type"), task.robot_type)
     return Task(number, stops, task.release_s, due_s, task.priority, name=name, robot_type=robot_type)
 
 
-def _file(names: _Names, site: Site, path: Path, num_robots: int) -> TaskSource:
-    """The tasks of a file, in the format that its name ends with."""
+def _file(names: _Names, site: Site, path: Path, num_robots: int, begin: int) -> TaskSource:
+    """The tasks of a file, in the format that its name ends with. Those without a name are counted from `begin` on."""
     if not path.is_file():
         raise ScenarioError(f"{site.at('tasks', 'file')}: {shortened(path)}: no such file")
     if path.suffix == ".tasks":
-        return TaskPool(tuple(_league(names, path, site.cells())), max(1, int(REVEALED * num_robots)))
+        return TaskPool(tuple(_league(names, path, site.cells(), begin)), max(1, int(REVEALED * num_robots)))
     if path.suffix == ".json":
-        return _listed(_checked(names, path, tasks_of_requests(read_json(path, MAX_BYTES, ScenarioError), str(shortened(path)))))
+        return _listed(_checked(names, path, tasks_of_requests(read_json(path, MAX_BYTES, ScenarioError), str(shortened(path))), begin))
     if path.suffix in (".yaml", ".yml"):
-        return _listed(_checked(names, path, read_document(path).content.get("tasks")))
-    return _listed(_read(names, path))
+        return _listed(_checked(names, path, read_document(path).content.get("tasks"), begin))
+    return _listed(_read(names, path, begin))
 
 
-def _league(names: _Names, path: Path, free: BoolArray) -> Iterator[Task]:
+def _league(names: _Names, path: Path, free: BoolArray, begin: int) -> Iterator[Task]:
     """Tasks of the League of Robot Runners: a line each, its cells by row * width + column."""
     lines = [(n, text.strip()) for n, text in enumerate(read_text(path, MAX_BYTES, ScenarioError).splitlines(), 1)]
     lines = [(n, text) for n, text in lines if text and not text.startswith("#")][1:]  # after their number
     vertex = np.full(free.shape, -1)
     vertex[::-1][free[::-1]] = np.arange(free.sum())  # as readers number cells: from the lower left
-    for number, (n, text) in enumerate(lines):
+    for number, (n, text) in enumerate(lines, begin):
         here = names.of_line(f"{shortened(path)}:{n}")
         cells = [int(word) if word.strip().isdecimal() else -1 for word in text.split(",")]
         wrong = next((word for word, cell in zip(text.split(","), cells) if not 0 <= cell < free.size or vertex.flat[cell] < 0), None)
@@ -187,7 +199,7 @@ def _league(names: _Names, path: Path, free: BoolArray) -> Iterator[Task]:
         yield _task(here, (), TaskChoice(stops=[f"v{vertex.flat[cell]}" for cell in cells]), number)
 
 
-def _checked(names: _Names, path: Path, content: Any) -> list[Task]:
+def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
     """Tasks of a document."""
     if not isinstance(content, list) or not content:
         raise ScenarioError(f"{shortened(path)}: found no tasks, expected a list of them")
@@ -201,11 +213,11 @@ def _checked(names: _Names, path: Path, content: Any) -> list[Task]:
             key = "".join(f".{part}" for part in first["loc"])
             found_instead = f", found {first['input']!r}" if key else ""
             raise ScenarioError(f"{line}{key}: {first['msg'].removeprefix('Value error, ')}{found_instead}") from None
-        found.append(_task(names.of_line(line), (), task, number))
+        found.append(_task(names.of_line(line), (), task, begin + number))
     return found
 
 
-def _read(names: _Names, path: Path) -> list[Task]:
+def _read(names: _Names, path: Path, begin: int) -> list[Task]:
     """The tasks of a CSV file."""
     rows = csv.DictReader(read_text(path, MAX_BYTES, ScenarioError).splitlines())
     columns = set(rows.fieldnames or ())
@@ -216,20 +228,20 @@ def _read(names: _Names, path: Path) -> list[Task]:
             f"{shortened(path)}:1: unknown column '{sorted(odd)[0]}'{nearest(sorted(odd)[0], TaskChoice.model_fields, limit=9)}"
         )
     found = []
-    for number, row in enumerate(rows):
+    for number, row in enumerate(rows, begin):
         line = f"{shortened(path)}:{rows.line_num}"
         given: Mapping[str, Any] = {key: value for key, value in row.items() if value not in (None, "")}
         try:
             task = TaskChoice.model_validate({**given, "stops": str(given.get("stops", "")).split()})
         except ValueError as error:
             first = error.errors()[0] if hasattr(error, "errors") else {"loc": (), "msg": str(error)}
-            key = ".".join(map(str, first["loc"]))
-            raise ScenarioError(f"{line}: {key}: {first['msg']}, found {row.get(key)!r}") from None
+            key, says = ".".join(map(str, first["loc"])), str(first["msg"]).removeprefix("Value error, ")
+            raise ScenarioError(f"{line}: {key}: {says}, found {row.get(key)!r}" if key else f"{line}: {says}") from None
         found.append(_task(names.of_line(line), (), task, number))
     return found
 
 
-def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed: int, step_s: float) -> TaskStream:
+def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed: int, step_s: float, name: str) -> TaskStream:
     routes: tuple[tuple[Station, ...], ...]
     if stream.matrix is not None:
         pairs = [
@@ -255,7 +267,7 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
     chosen = stream.arrivals
     kind = "poisson" if chosen.rate_per_h else "open" if chosen.open else "per_step" if chosen.per_step else "at_once"
     return TaskStream(
-        name=stream.name,
+        name=name,
         arrivals=Arrivals(
             kind,
             rate_per_h=chosen.rate_per_h or 0.0,

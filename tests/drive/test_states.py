@@ -3,6 +3,9 @@
 A Burger drives a cell of 0.4 m in 1.82 s; services take 5 s unless said otherwise.
 """
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from worlds import BURGER, drive, line, square_grid
@@ -14,6 +17,8 @@ from mrp_sumo.core.robot_states import ROBOT_STATES
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
+from mrp_sumo.drive.duties import NAMES
+from mrp_sumo.drive.duties import NEXT as DUTIES
 from mrp_sumo.drive.orders import NEXT, Orders, Rules
 from mrp_sumo.metrics.audit import audit
 
@@ -178,3 +183,11 @@ def test_states_change_by_the_table_alone():
     orders.reveal(0.0)
     with pytest.raises(AssertionError, match="released -> done"):
         orders.finish(0, 1.0)
+
+
+def test_the_documented_transitions_are_those_of_the_code():
+    lines = (Path(__file__).resolve().parents[2] / "docs" / "lifelong.md").read_text().splitlines()
+    rows = {cells[0].strip(): cells[-1] for line in lines if line.startswith("| `") and (cells := line.strip("| ").split("|"))}
+    for tables in ({name: then for name, then in NEXT.items() if then}, {NAMES[k]: [NAMES[n] for n in then] for k, then in DUTIES.items()}):
+        for name, then in tables.items():
+            assert re.findall("`([^`]+)`", rows[f"`{name}`"]) == list(then), name

@@ -10,6 +10,9 @@ from pydantic import ValidationError
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.task import log_of_times
 from mrp_sumo.errors import ScenarioError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.staging.set_up import set_up
+from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.io.scenario.tasks import TasksChoice
 from mrp_sumo.io.tasks import Site, sources_of
 from mrp_sumo.io.tasks_table import read_tasks, write_tasks
@@ -264,3 +267,45 @@ def test_rules_of_a_scenario_are_those_that_are_driven(tmp_path):
     assert main(["run", str(tmp_path / "s.yaml"), "--out", str(tmp_path / "run")]) == 0
     table = pq.read_table(tmp_path / "run" / "tasks.parquet").to_pylist()
     assert [(row["task"], row["status"]) for row in table] == [("x", "done"), ("y", "cancelled")] and table[1]["ended_s"] == 20.0
+
+
+def test_orders_are_due_after_their_release(tmp_path):
+    with pytest.raises(ValidationError, match="due_s is 5, before release_s, 9"):
+        TasksChoice.model_validate([{"stops": ["a"], "release_s": 9, "due_s": 5}])
+    (tmp_path / "orders.csv").write_text("release_s,stops,due_s\n5,a,5\n9,b,5\n")
+    with pytest.raises(ScenarioError, match=r"orders.csv:3: due_s is 5, before release_s, 9$"):
+        tasks_of("orders.csv", tmp_path)
+
+
+def test_two_orders_of_one_name_are_refused(tmp_path):
+    with pytest.raises(ScenarioError, match=r"^s.yaml: tasks.list.1: the order at s.yaml: tasks.list.0 is called 'x', too$"):
+        tasks_of([{"name": "x", "stops": ["a"]}, {"name": "x", "stops": ["b"]}])
+    (tmp_path / "orders.csv").write_text("release_s,stops,name\n5,a,x\n9,b,\n9,b,x\n")
+    with pytest.raises(ScenarioError, match=r"orders.csv:4: the order at .*orders.csv:2 is called 'x', too$"):
+        tasks_of("orders.csv", tmp_path)
+    with pytest.raises(ValidationError, match="two streams are called 'x', expected names of their own"):
+        TasksChoice.model_validate({"streams": [{"name": "x", "arrivals": {"open": 1}, "stops": ["a"]}] * 2})
+
+
+def test_orders_without_names_have_names_of_their_own(tmp_path):
+    (tmp_path / "orders.csv").write_text("release_s,stops\n5,a\n9,b\n")
+    site = Site(VERTICES.get, list(VERTICES), at, tmp_path, lambda: None, ("cart",))
+    stream = {"arrivals": {"at_once": True}, "count": 2, "stops": ["a"]}
+    choice = {"list": [{"stops": ["a"]}], "file": "orders.csv", "streams": [stream, stream]}
+    names = [task.name for source in sources_of(TasksChoice.model_validate(choice), site, 0, 3.0, 1) for task in source.tasks()]
+    assert names == ["task_0", "task_1", "task_2", "task_1_0", "task_1_1", "task_2_0", "task_2_1"]
+
+
+@pytest.mark.parametrize("last, both_ways, says", [("c", "no", True), ("b", "no", False), ("c", "yes", False)])
+def test_a_last_stop_without_a_way_back_and_late_orders_are_said(tmp_path, last, both_ways, says):
+    rows = "from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways\na,b,0,0,4,0,yes\n" + f"b,c,4,0,8,0,{both_ways}\n"
+    (tmp_path / "lanes.csv").write_text(rows)
+    tasks = [{"name": "o", "stops": ["a", last]}, {"name": "late", "stops": ["a"], "release_s": 0 if says else 100}]
+    document = {"map": "lanes.csv", "robots": {"count": 1, "starts": ["a"]}, "planner": "lacam", "tasks": tasks, "record": {"bag": False}}
+    document |= {"discretisation": {"kind": "roadmap", "cell_m": 1.0}, "execution": {"engine": "kinematic", "time_limit_s": 100}}
+    (tmp_path / "s.yaml").write_text(json.dumps(document))
+    with MapCache() as maps:
+        notes = set_up(read_scenario(tmp_path / "s.yaml"), maps).notes
+    stays = "no way leads from 'c', the last stop of 'o', to where an order begins: a robot stays there for good"
+    late = "1 of 2 orders are released after the run's end at 100 s, the first is 'late' at 100 s"
+    assert notes == ((stays,) if says else (late,))

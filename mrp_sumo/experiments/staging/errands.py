@@ -33,6 +33,28 @@ def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
     return ""
 
 
+def oddities(sources: Sequence[TaskSource], problem: Problem, end_s: float) -> tuple[str, ...]:
+    """A line each for people: orders that are released after the end of a run, and last stops from which robots do not come back."""
+    found = []
+    listed = [task for source in sources if isinstance(source, TaskList) for task in source.listed]
+    late = [task for task in listed if task.release_s >= end_s]
+    if late:
+        first = f"the first is '{late[0].name}' at {late[0].release_s:g} s"
+        found.append(f"{len(late)} of {len(listed)} orders are released after the run's end at {end_s:g} s, {first}")
+    graph, steps = problem.graph, distances(problem.graph)
+    if not strong_components(graph.num_vertices, graph.tail, graph.head).any():
+        return tuple(found)
+    routes = dict.fromkeys((name, route[0], route[-1]) for name, route in _routes(sources))
+    begins = {v for _, first_station, _ in routes for v in first_station.places}
+    ends = {station.name: (name, station.places) for name, _, station in routes}
+    for station, (name, places) in ends.items():
+        if all(int(steps.to(u)[v]) >= UNREACHABLE for v in places for u in begins):
+            found.append(
+                f"no way leads from '{station}', the last stop of '{name}', to where an order begins: a robot stays there for good"
+            )
+    return tuple(found)
+
+
 def _stops_made(graph: PlanGraph, start: int, route: Sequence[Station]) -> int:
     """How many stops of a route a robot can make from a vertex."""
     steps, at = distances(graph), {start}

@@ -17,6 +17,7 @@ from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
 from mrp_sumo.experiments.staging.discretisation import as_discretised, loaded_cell_m, with_drawn_one_ways
+from mrp_sumo.experiments.staging.errands import oddities
 from mrp_sumo.experiments.staging.fit import require_brakes, require_fit, with_room, without_room
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import people_of
@@ -122,6 +123,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         require_reachable(file, problem)
     if scenario.tasks is not None:
         settings = with_tasks(settings, file, map_.nav, problem, models)
+        narrow += oddities(settings.tasks, problem, settings.time_limit_s)
     if scenario.people is not None:
         settings = replace(settings, people=people_of(file, map_, graph))
     return SetUp(

@@ -61,6 +61,8 @@ class TaskChoice(Strict):
     def _a_time_for_each(self) -> "TaskChoice":
         if isinstance(self.service_s, list) and len(self.service_s) != len(self.stops):
             raise ValueError(f"service_s has {len(self.service_s)} times, but there are {len(self.stops)} stops")
+        if self.due_s is not None and self.due_s < self.release_s:
+            raise ValueError(f"due_s is {self.due_s:g}, before release_s, {self.release_s:g}")
         return self
 
 
@@ -193,4 +195,7 @@ class TasksChoice(Strict):
     def _any(self) -> "TasksChoice":
         if not (self.list or self.file or self.streams):
             raise ValueError("no tasks: give list, file or streams")
+        names = [stream.name for stream in self.streams if "name" in stream.model_fields_set]
+        if (twice := next((name for n, name in enumerate(names) if name in names[:n]), None)) is not None:
+            raise ValueError(f"two streams are called '{twice}', expected names of their own")
         return self
