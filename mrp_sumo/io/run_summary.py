@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from mrp_sumo.io.remedy import remedy
 from mrp_sumo.io.summary import Summary, count, seconds, summary
 from mrp_sumo.plugins.source import short_name
 
@@ -25,6 +26,8 @@ def run_summary(result: Mapping[str, Any]) -> Summary:
 def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     scenario, m = result["scenario"], defaultdict[str, Any](lambda: None, result["metrics"])
     yield "status", result["status"].replace("_", " "), result.get("note", "")
+    if line := remedy(result):
+        yield "to change", line
     yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
     by = result.get("planner") or {}
     name, policy = short_name(scenario["planner"]["name"]), short_name(result.get("policy") or "")

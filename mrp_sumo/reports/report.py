@@ -19,6 +19,7 @@ import pandas as pd
 from mrp_sumo import __version__
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.io.remedy import remedy
 from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports.answer import answer
@@ -217,7 +218,7 @@ def _run_tiles(study: Study) -> list[Tile]:
     row = study.frame.iloc[0]
     good = bool(row["_succeeded"])
     tiles = [
-        Tile("status", str(row["status"]).replace("_", " "), mood="good" if good else "bad"),
+        Tile("status", str(row["status"]).replace("_", " "), _remedy(study), mood="good" if good else "bad"),
         Tile("map", str(row["_map"])),
         Tile("robots", "–" if pd.isna(row["_robots"]) else str(int(row["_robots"]))),
         Tile("planner", str(row["_series"])),
@@ -228,7 +229,6 @@ def _run_tiles(study: Study) -> list[Tile]:
         ("planned makespan", "makespan_s", 1, "s"),
         ("execution time", "execution_time_s", 1, "s"),
         ("blocked, all robots", "blocked_s", 1, "s"),
-        ("time blocked (MRP-Bench)", "time_blocked_total_s", 1, "s"),
         ("least clearance", "min_clearance_m", 100, "cm"),
         ("orders done an hour", "throughput_per_h", 1, ""),
         ("mean lead time of orders", "service_time_mean_s", 1, "s"),
@@ -237,6 +237,11 @@ def _run_tiles(study: Study) -> list[Tile]:
         if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))
     return tiles
+
+
+def _remedy(study: Study) -> str:
+    """The change that may mend the one run of a study, '' where it is not known."""
+    return next((f"to change: {line}" for run in study.folders.values() if (line := remedy(run.result))), "")
 
 
 def _about(study: Study) -> list[str]:

@@ -75,6 +75,7 @@ STYLE: Any = {
     "ytick.labelsize": 8.5,
 }
 NARROW = (4.7, 3.15)  # inches: two side by side on a desk, one readable on a phone
+LEAST_S = 0.5
 PNG_DPI = 180
 DOTS_DPI = 100  # of what is pixels inside an SVG
 PAD_INCH = 0.042  # around labels
@@ -200,6 +201,11 @@ def key(figure: Figure, ax: Axes) -> None:
     longest = max(map(len, labels)) * 5.0 + 34
     columns = max(1, min(len(labels), int(width / longest)))
     figure.legend(handles, labels, loc="outside lower left", ncols=columns, handlelength=2.6, columnspacing=1.4)
+
+
+def around_zero(low: float, high: float) -> tuple[float, float]:
+    """Limits of an axis of seconds with zero on it and half a second on both sides, so that rounding errors are not drawn large."""
+    return min(low, -LEAST_S), max(high, LEAST_S)
 
 
 def log_seconds(axis: Axis) -> None:

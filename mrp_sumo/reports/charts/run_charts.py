@@ -22,7 +22,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, draw, file_name, key, printable
+from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, draw, file_name, key, printable
 from mrp_sumo.reports.charts.task_charts import task_charts
 from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
 
@@ -415,7 +415,7 @@ def _lateness(record: RunRecord, tag: str) -> Chart | None:
         return None
     driven = np.ones(plan.num_visits, np.bool_)
     driven[plan.first[:-1]] = False
-    late = (arrived - plan.arrive_s)[driven & np.isfinite(arrived)].round(6)  # zero is zero
+    late = (arrived - plan.arrive_s)[driven & np.isfinite(arrived)].round(3)  # zero is zero
     if len(late) < 2:
         return None
 
@@ -427,7 +427,7 @@ def _lateness(record: RunRecord, tag: str) -> Chart | None:
             value = float(np.quantile(late, q))
             ax.axvline(value, color=INK, lw=1.3, ls=line, label=f"{name}: {value:.1f} s")
         key(figure, ax)
-        ax.set(xlabel="lateness (s)", ylabel="visits")
+        ax.set(xlabel="lateness (s)", ylabel="visits", xlim=around_zero(*ax.get_xlim()))
 
     return draw(
         f"{tag}_lateness", "Lateness of the visits", "Time at which each vertex was reached minus planned time; negative is early.", paint

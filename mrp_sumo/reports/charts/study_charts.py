@@ -18,6 +18,7 @@ from mrp_sumo.reports.charts.chart import (
     MAX_SERIES,
     NARROW,
     Chart,
+    around_zero,
     draw,
     file_name,
     key,
@@ -217,7 +218,7 @@ def _lateness(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -
             _box(ax, i + 0.17, largest, COLOURS[i % len(COLOURS)], False)
         ax.axvline(0, color=MUTED, lw=1, ls=(0, (4, 3)), zorder=1)
         _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v, _ in values])
-        ax.set_xlabel("lateness (s)")
+        ax.set(xlabel="lateness (s)", xlim=around_zero(*ax.get_xlim()))
 
     caption = (
         "Time at which vertices are reached minus planned time; negative is early. Filled: mean of a run; hollow: its largest. "
@@ -232,7 +233,8 @@ def _lateness_against(runs: pd.DataFrame, series: Sequence[str], x: str, tag: st
         return None
 
     def paint(figure: Figure) -> None:
-        _curves_against(figure, curves, x, "mean lateness (s)")
+        ax = _curves_against(figure, curves, x, "mean lateness (s)")
+        ax.set_ylim(around_zero(*ax.get_ylim()))
 
     caption = "Median over runs of their mean lateness, with the middle half of them."
     return draw(f"lateness_{file_name(x)}_{tag}", f"Lateness against {_factor(x)}{where}", caption, paint, size=_with_key(series))

@@ -60,6 +60,7 @@ class App {
     $("subtitle").textContent = run.subtitle;
     $("status").textContent = run.status_text;
     $("status").style.setProperty("--chip", run.is_good ? "var(--goal)" : "var(--blocked)");
+    $("status").title = run.remedy ? `To change: ${run.remedy}` : "";
     $("legend").replaceChildren(...[MOVING, WAITING, BLOCKED, AT_GOAL].map((state) => {
       const count = make("b"), button = make("button", { "aria-pressed": "false", style: { "--dot": `var(${STATE_VARIABLES[state]})` }, title: `Only robots that are ${run.state_names[state]}`,
         onclick: () => { this.view.only = this.view.only === state ? -1 : state; this.showToggles(); this.touch(); } }, count,

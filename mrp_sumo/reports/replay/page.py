@@ -28,6 +28,7 @@ from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import written_whole
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
+from mrp_sumo.io.remedy import remedy
 from mrp_sumo.io.run_reader import DAMAGE, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.plugins.source import short_name
@@ -90,6 +91,7 @@ class About:
     subtitle: str = ""
     status: str = ""
     is_good: bool = True
+    remedy: str = ""  # what would most likely mend it
     note: str = ""
     facts: tuple[tuple[str, str], ...] = ()
     metrics: tuple[tuple[str, str], ...] = ()
@@ -222,6 +224,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         "subtitle": about.subtitle,
         "status_text": about.status,
         "is_good": about.is_good,
+        "remedy": about.remedy,
         "note": about.note,
         "facts": about.facts,
         "metrics": about.metrics,
@@ -302,6 +305,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         subtitle=subtitle_of(run.result, num_robots),
         status=status if run.executed else f"{status}, plan only",
         is_good=succeeded(run.result["status"], metrics),
+        remedy=remedy(run.result),
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
         facts=tuple((name, str(value)) for name, value in facts.items() if value is not None),
         metrics=tuple((name, str(value)) for name, value in numbers.items() if value is not None),

@@ -60,6 +60,7 @@ export class Panel {
   showRun() {
     const { app } = this, { run, motion } = app;
     const parts = [make("section", { className: "pad" }, this.facts(run.facts))];
+    if (run.remedy) parts.push(make("section", { className: "pad" }, make("p", { className: "note", textContent: `To change: ${run.remedy}.` })));
     if (run.note) parts.push(make("section", { className: "pad" }, make("p", { className: "note", textContent: run.note })));
     const waited = (r) => this.totals[5 * r + WAITING] + this.totals[5 * r + BLOCKED];
     const worst = [...Array(motion.numRobots).keys()].sort((a, b) => waited(b) - waited(a)).slice(0, 8).filter((r) => waited(r) >= 0.5);

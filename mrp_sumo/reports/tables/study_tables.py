@@ -79,7 +79,7 @@ def main_figures(study: Study) -> Table | None:
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         done = runs[runs["_succeeded"]]
         row: list[Cell] = [name, whole(robots), series, len(done)]
-        for column in ("execution_time_s", "blocked_s", "time_blocked_total_s", "lateness_mean_s"):
+        for column in ("execution_time_s", "blocked_s", "lateness_mean_s"):
             mean = bootstrap_mean(numbers(done, column))
             row.append(between(mean))
         driven_s, planned_s = (done[column].to_numpy(np.float64, na_value=np.nan) for column in ("driven_makespan_s", "makespan_s"))
@@ -101,7 +101,6 @@ def main_figures(study: Study) -> Table | None:
             "succeeded",
             "execution time s",
             "blocked s",
-            "time blocked (MRP-Bench) s",
             "mean lateness s",
             "driven / planned",
             "least clearance cm",
@@ -109,12 +108,11 @@ def main_figures(study: Study) -> Table | None:
         ),
         rows,
         "Means with 95 % bootstrap intervals over the runs that succeeded; driven over planned makespan is a median. Least clearance and "
-        "overlaps are of all runs. Blocked: without progress by a cell, as the events say; time blocked (MRP-Bench): its sliding window. "
+        "overlaps are of all runs. Blocked: without progress by a cell, as the events say. "
         "A retimed plan is driven as planned where nothing disturbs the run. A plan that stays in steps allows every step a quarter turn, "
         "so its robots are early (negative lateness) where the way is free.",
         labels=3,
-        digits=dict.fromkeys(("execution time s", "blocked s", "time blocked (MRP-Bench) s", "mean lateness s", "least clearance cm"), 1)
-        | {"driven / planned": 2},
+        digits=dict.fromkeys(("execution time s", "blocked s", "mean lateness s", "least clearance cm"), 1) | {"driven / planned": 2},
     )
 
 

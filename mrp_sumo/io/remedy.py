@@ -1,0 +1,47 @@
+"""The change that most likely mends a run that did not succeed, in a line: beside the status on pages and on the terminal."""
+
+from collections.abc import Mapping
+from typing import Any
+
+BY_STATUS = {
+    "deadlock": "execution.on_deadlock: resolve lets robots give way and replan",
+    "stalled": "fewer robots, or lanes and stations where they can pass each other",
+    "planner_stalled": "another planner, such as lacam, or fewer robots",
+    "planning_timed_out": "a larger planner.time_limit_s, planner lacam, or fewer robots",
+    "planning_gave_up": "planner lacam, or fewer robots",
+    "planning_infeasible": "other goals, fewer robots, or lanes where two can pass (discretisation.lanes: two_way)",
+}
+CONFLICTS = "a planner that coordinates robots, such as lacam: this plan has conflicts"
+
+
+def remedy(result: Mapping[str, Any]) -> str:
+    """The change that most likely mends a run.
+
+    Parameters
+    ----------
+    result
+        As in `result.json`.
+
+    Returns
+    -------
+    str
+        '' for a run that succeeded, and where its note is all that is known.
+    """
+    status, metrics = str(result["status"]), result.get("metrics") or {}
+    if metrics.get("plan_success") and metrics.get("plan_valid") is False:
+        return CONFLICTS
+    if status == "audit_failed":
+        return _audit(result, metrics)
+    if status == "time_limit" and metrics.get("tasks_done") is None:
+        blocked = metrics.get("num_deadlocks") or (metrics.get("blocked_s") or 0) > 0
+        return "fewer robots, or another planner or policy: robots blocked each other" if blocked else "a larger execution.time_limit_s"
+    return BY_STATUS.get(status, "")
+
+
+def _audit(result: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
+    if metrics.get("num_wall_contacts"):
+        return "discretisation.clearance: prune leaves out lanes and cells without room; or a smaller robot"
+    if metrics.get("num_overlaps"):
+        return "a planner with valid plans and a policy that keeps their order, such as adg"
+    findings = (result.get("operations_audit") or {}).get("findings") or ()
+    return "see `mrp-sumo analyze RUN --audit`: the log of work does not add up" if findings else ""

@@ -1,0 +1,33 @@
+"""What would mend a run, by its status and metrics."""
+
+import pytest
+
+from mrp_sumo.io.remedy import remedy
+
+GOOD = {"plan_success": True, "plan_valid": True}
+
+
+@pytest.mark.parametrize(
+    ("status", "metrics", "words"),
+    [
+        ("completed", GOOD, ""),
+        ("completed", GOOD | {"plan_valid": False}, "such as lacam"),
+        ("time_limit", GOOD | {"blocked_s": 0.0}, "a larger execution.time_limit_s"),
+        ("time_limit", GOOD | {"blocked_s": 31.0}, "blocked each other"),
+        ("time_limit", GOOD | {"tasks_done": 40}, ""),  # runs with tasks end with their time
+        ("deadlock", GOOD, "execution.on_deadlock: resolve"),
+        ("audit_failed", GOOD | {"num_wall_contacts": 2, "num_overlaps": 1}, "discretisation.clearance: prune"),
+        ("audit_failed", GOOD | {"num_wall_contacts": 0, "num_overlaps": 1}, "such as adg"),
+        ("planning_timed_out", {"plan_success": False}, "planner.time_limit_s"),
+        ("refused", {"plan_success": False}, ""),
+    ],
+)
+def test_remedy_names_what_to_change(status, metrics, words):
+    line = remedy({"status": status, "metrics": metrics})
+    assert words in line
+    assert bool(line) == bool(words)
+
+
+def test_log_of_work_that_does_not_add_up_is_named():
+    findings = {"operations_audit": {"passed": False, "findings": ["two robots at one place"]}}
+    assert "--audit" in remedy({"status": "audit_failed", "metrics": GOOD} | findings)
