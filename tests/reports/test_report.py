@@ -353,7 +353,7 @@ def test_a_report_is_replaced_and_nothing_else_is(tmp_path):
     [
         (lambda p: p / "nowhere", "no such folder"),
         (lambda p: p, "neither a batch nor a run"),
-        (lambda p: _written(p / "results.parquet", b"junk").parent / "results.parquet", "not a Parquet file"),
+        (lambda p: _written(p / "results.parquet", b"junk").parent / "results.parquet", "not a readable Parquet file"),
         (lambda p: _written(p / "result.json", b"{").parent, "not JSON"),
         (lambda p: _written(p / "result.json", b"[]").parent, "not the result of a run"),
         (lambda p: _written(p / "plan.json", b"{}").parent, "not the plan of a batch"),
