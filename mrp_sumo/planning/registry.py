@@ -63,6 +63,12 @@ def planner_names() -> tuple[str, ...]:
     return registry.names("planners")
 
 
+def planners_that(support: str) -> str:
+    """The planners of ours that support something, 'effort' or 'window', as a list for messages."""
+    ours = (name for name in planner_names() if registry.find("planners", name).ours)
+    return ", ".join(name for name in ours if support in getattr(planner_class(name), "supports", ()))
+
+
 def assigner_names() -> tuple[str, ...]:
     """All registered assigners, sorted."""
     return registry.names("assigners")

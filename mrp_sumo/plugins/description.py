@@ -37,11 +37,13 @@ def describe(kind: Kind, source: Source) -> Described:
     parameters = parameters_of(plug_in) if kind.made else ()
     known = {parameter.name for parameter in parameters}
     values = {name: getattr(plug_in, name, None) for name in names if name not in known | {"name"}}
+    supports = ", ".join(sorted(getattr(plug_in, "supports", None) or ()))
+    said = {name: _simple(value) for name, value in values.items() if isinstance(value, bool | int | float | str)}
     return Described(
         source.name,
         _first_sentence(plug_in),
         tuple((p.name, p.expected, str(REQUIRED) if p.default is REQUIRED else _simple(p.default)) for p in parameters),
-        {name: _simple(value) for name, value in values.items() if isinstance(value, bool | int | float | str)},
+        {**said, "supports": supports} if supports else said,
         "" if source.ours else source.package or str(source.path or source.module),
     )
 

@@ -23,7 +23,7 @@ from mrp_sumo.io.scenario.programs import require_trust
 from mrp_sumo.io.scenario.robots import RobotShape, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.planning.protocol import Assigner, Planner
-from mrp_sumo.planning.registry import assigner, planner
+from mrp_sumo.planning.registry import assigner, planner, planners_that
 from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.registry import make as make_plug_in
 from mrp_sumo.plugins.source import resolved
@@ -174,10 +174,10 @@ def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
     scenario, place = file.scenario, ("execution", "planning", "window_s")
     chosen: Planner = _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters)
     if scenario.planner.budget and "effort" not in getattr(chosen, "supports", ()):
-        expected = "expected one that does (auto, cbs, continuous, ecbs, eecbs, lacam, lns2, pbs, pibt, prioritised), or no budget"
+        expected = f"expected one that does ({planners_that('effort')}), or no budget"
         raise ScenarioError(f"{file.at('planner', 'budget')}: planner '{scenario.planner.name}' does not count its labels, {expected}")
     if scenario.tasks and scenario.execution.planning.window_s and "window" not in getattr(chosen, "supports", ()):
-        expected = "expected one that does (auto, ecbs, lacam, lns2, pbs, pibt, prioritised), or 0"
+        expected = f"expected one that does ({planners_that('window')}), or 0"
         raise ScenarioError(f"{file.at(*place)}: planner '{scenario.planner.name}' does not plan in windows, {expected}")
     return chosen
 
