@@ -4,6 +4,7 @@ A robot that is out of order for a while goes on with what it was at; one whose 
 """
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -68,7 +69,8 @@ class Duties:
 
     def are(self, *duties: int) -> BoolArray:
         """[R] robots that are at one of these."""
-        return np.isin(self.of, duties)
+        are: BoolArray = _is_one_of(duties)[self.of]
+        return are
 
     @property
     def changed_s(self) -> float:
@@ -85,6 +87,14 @@ class Duties:
         ]
         robot, state, begin_s, until_s, task = zip(*rows)
         return RobotStateLog(_whole(robot), _whole(state), frozen(np.array(begin_s)), frozen(np.array(until_s)), _whole(task))
+
+
+@cache
+def _is_one_of(duties: tuple[int, ...]) -> BoolArray:
+    """[D] of all duties, which are some."""
+    some = np.zeros(len(NAMES), np.bool_)
+    some[list(duties)] = True
+    return frozen(some)
 
 
 def _whole(column: Sequence[int]) -> IntArray:
