@@ -298,6 +298,8 @@ class Work:
         for r in request.robot.tolist():
             if self.serving[r] or self.out[r]:
                 continue
+            if self._is_charge(r):  # nobody charges before the answer is there, even at a charger
+                self._earliest_s[r] = max(float(self._earliest_s[r]), now_s)
             self._legs[r] = [leg for leg in request.legs[r] if self._is_ahead(r, leg)]
             self._wait_at[r] = visits.vertex[visits.last[r]] if r in request.waits and self.current[r] != NONE else NONE
             if self.duties.of[r] == LEAVING:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from floors import driven, ring, scenario
 from worlds import line, problem_on
 
 from mrp_sumo.core.stream import TaskList
@@ -150,3 +151,12 @@ def test_a_robot_at_work_is_ready_when_its_services_are_over_and_the_one_under_w
     assert left.ready_s.tolist() == pytest.approx([1.5 * (remaining_s - now_s)])
     assert left.pick_up_s.tolist() == [pytest.approx([1.5 * (remaining_s - now_s) + 2])]  # from 8 to 10
     assert fleet.choice(now_s).ready_s.tolist() == [FAR_S]
+
+
+@pytest.mark.parametrize("dispatcher", REASSIGN)
+def test_a_robot_that_is_lost_before_it_has_ever_had_a_task_is_given_none(tmp_path, dispatcher):
+    what = {"disturbances": {"breakdowns": [{"robot": 0, "begin_s": 1.0}]}, "dispatcher": dispatcher, "time_limit_s": 120.0}
+    tasks = [{"name": "late", "stops": ["A"], "release_s": 20.0}]
+    alone, both = (driven(scenario(ring(tmp_path), tasks, starts=starts, execution=what)) for starts in (["c4"], ["c4", "c1"]))
+    assert alone.status == "stalled" and alone.execution.tasks.status == ("released",)
+    assert both.status == "completed" and both.execution.tasks.robot.tolist() == [1]

@@ -201,6 +201,20 @@ def test_batteries_balance(logs):
     assert list(energy.batteries(replace(logs, terms=replace(logs.terms, start_level=(0.5, 0.6)))))
 
 
+def test_a_robot_that_begins_at_a_charger_is_charged_once_the_planner_has_had_its_time(tmp_path):
+    tasks = {
+        "list": [{"stops": ["A"], "release_s": 100.0}],
+        "charging": {"stations": ["c3"], "critical_low_charging_level": 40, "start_level": [20, 20]},
+    }
+    file = scenario(ring(tmp_path), tasks, starts=["c3"], shape={"battery": BATTERY}, execution={"planning": {"budget_s": 3.0}})
+    result = driven(file)
+    run = result.execution
+    row = int(np.flatnonzero(~run.tasks.is_order[run.stops.task])[0])
+    begin_s, end_s = float(run.stops.begin_s[row]), float(run.stops.end_s[row])
+    assert begin_s == pytest.approx(3.0, abs=0.11) and end_s - begin_s == pytest.approx(0.8 * 60.0, abs=0.3)
+    assert result.status == "completed" and not result.operations_audit["findings"]
+
+
 def test_charging_needs_a_charger(logs):
     row = int(np.flatnonzero(~logs.tasks.is_order[logs.stops.task])[0])
     never = changed(logs, "stops", "end_s", row, float(logs.stops.begin_s[row]))

@@ -51,9 +51,10 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
     able = np.array(sorted({*work.free.tolist(), *holder.values()}), np.int64)
     ready_s = np.zeros(num_robots)
     for r in sorted(set(range(num_robots)) - set(able.tolist())):
-        if busy:
+        ready_s[r] = FAR_S
+        if busy and work.current[r] >= 0:  # else it is lost
             remaining_s, at[r] = _remaining(now_s, around, r)
-        ready_s[r] = LATER * remaining_s if busy else FAR_S
+            ready_s[r] = LATER * remaining_s
     waiting = sorted([*holder, *work.unassigned], key=lambda k: (-work.tasks[k].priority, k))
     typed = any(work.some_cannot(k) for k in waiting)  # then those left out might be all that some robot can do
     if len(waiting) > most and not typed:

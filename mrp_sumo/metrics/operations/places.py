@@ -14,7 +14,8 @@ BESIDE_M = 0.05  # of a place, where a robot stands at it: bodies stop within mi
 CORNER = 0.5  # of the way between two samples that a straight line may cut off at a corner
 NEAR = 5.0  # robots' least distances, as far from a place as who waits for it may stand
 LATER_S = 1.0  # after another has come to wait
-FAR_COUNT, FAR_STOOD = 3, 0.8  # later ones that are served before one that waits farther away, for that share of its time
+LATER_ONES = 3  # that are served before one that waits: fewer may have stood in its way
+STOOD = 0.8  # of its time, of one that waits farther away
 
 
 def service(logs: Logs) -> Iterator[Finding]:
@@ -65,7 +66,7 @@ class Wish(NamedTuple):
 
 
 def waits(logs: Logs) -> Iterator[Finding]:
-    """Nobody waits near a place while others are served there who set out for it later, unless their orders are more urgent."""
+    """Nobody waits near a place while several are served there who set out for it later, unless their orders are more urgent."""
     wishes = [*_made(logs), *_left(logs)]
     at_place: dict[str, list[Wish]] = {}
     for wish in wishes:
@@ -73,7 +74,7 @@ def waits(logs: Logs) -> Iterator[Finding]:
     urgent = {task: order.priority for task, order in logs.ordered.items()}
     for wish in wishes:
         until_s = min(wish.begin_s, logs.end_s)
-        if until_s - wish.since_s < LATER_S or len(at_place[wish.place]) < 2:
+        if until_s - wish.since_s < LATER_S + 2 * logs.terms.waits_s or len(at_place[wish.place]) < 2:
             continue
         stood, near_s = _stood(logs, wish, until_s)
         before = [
@@ -83,9 +84,10 @@ def waits(logs: Logs) -> Iterator[Finding]:
             if urgent.get(each.task, 0) <= urgent.get(wish.task, 0)
         ]
         later = [each for each in before if each.since_s > near_s + LATER_S]
-        if (later or (len(before) >= FAR_COUNT and stood > FAR_STOOD)) and not _lost(logs, wish.robot, wish.since_s, until_s):
-            who, order, since_s = logs.robot(wish.robot), logs.tasks.name[wish.task], min(near_s, wish.since_s if not later else near_s)
-            served = f"{len(later or before)} that set out later are served, at first order '{logs.tasks.name[(later or before)[0].task]}'"
+        first = later if len(later) >= LATER_ONES else before if stood > STOOD else []
+        if len(first) >= LATER_ONES and not _lost(logs, wish.robot, wish.since_s, until_s):
+            who, order, since_s = logs.robot(wish.robot), logs.tasks.name[wish.task], near_s if first is later else wish.since_s
+            served = f"{len(first)} that set out later are served, at first order '{logs.tasks.name[first[0].task]}'"
             text = f"{who}, order '{order}' at {wish.place}: waits from {since_s:.2f} s to {until_s:.2f} s while {served}"
             yield Finding("first come, first served", since_s, text, who, wish.place, order)
 

@@ -33,6 +33,12 @@ def states(logs: Logs) -> Iterator[Finding]:
             yield Finding("states", a, f"{who}: its states end at {a:.2f} s and go on at {b:.2f} s, expected no gap", who)
         for k in mine[log.end_s[mine] < log.begin_s[mine]].tolist():
             yield Finding("states", float(log.begin_s[k]), f"{who}: {ROBOT_STATES[log.state[k]]} ends before it begins", who)
+    for k in np.flatnonzero(
+        np.isin(log.state, (IDLE, CHARGING, EMPTY)) & (log.task >= 0) | (log.state == WORKING) & (log.task < 0)
+    ).tolist():
+        who, state, t_s = logs.robot(int(log.robot[k])), ROBOT_STATES[log.state[k]], float(log.begin_s[k])
+        has = f"has order '{tasks.name[log.task[k]]}'" if log.task[k] >= 0 else "has no order"
+        yield Finding("states", t_s, f"{who} is {state} from {t_s:.2f} s, but {has}", who)
     for row, (task, robot) in enumerate(zip(stops.task.tolist(), stops.robot.tolist())):
         middle_s = (stops.begin_s[row] + min(stops.end_s[row], logs.end_s)) / 2
         is_order = bool(tasks.is_order[task])
@@ -108,7 +114,8 @@ def visits(logs: Logs) -> Iterator[Finding]:
     if not parts or not len(run.t_s):
         return
     vertex, robot, arrived_s = (np.concatenate(column) for column in zip(*parts))
-    some = np.isfinite(arrived_s)
+    in_lift = np.array(["in_lift" in options for options in logs.graph.vertex_options], np.bool_)  # drawn beside each other
+    some = np.isfinite(arrived_s) & ~in_lift[vertex]
     vertex, robot, arrived_s = vertex[some], robot[some], arrived_s[some]
     away_m = np.hypot(*(logs.xy_at(robot, arrived_s) - logs.graph.xy[vertex]).T)
     limit_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps[robot] * logs.period_s
