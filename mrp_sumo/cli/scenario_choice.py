@@ -3,6 +3,7 @@
 import argparse
 import math
 import re
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -121,7 +122,17 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
         return chosen
     count = robots.count if ("robots", "count") in changes else None
     with map_alone():
-        return with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
+        first, refused = with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
+    if refused:
+        print(
+            f"mrp-sumo: {_robots(first.scenario.robots.size)}, as more are refused: {refused.rpartition('robots.type: ')[2]}",
+            file=sys.stderr,
+        )
+    return first
+
+
+def _robots(count: int) -> str:
+    return f"{count} robot{'s' if count > 1 else ''}"
 
 
 @contextmanager

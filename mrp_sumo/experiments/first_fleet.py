@@ -17,7 +17,7 @@ SEEDS = 2  # draws that are tried with one number of robots
 TRIAL_S = 1.5  # CPU time of the planner for one draw
 
 
-def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | None = None) -> ScenarioFile:
+def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | None = None) -> tuple[ScenarioFile, str]:
     """The scenario with the first number of robots, and the first seed, of which its planner finds a plan in a few seconds.
 
     On narrow maps some draws ask robots to pass each other where they cannot.
@@ -29,13 +29,19 @@ def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | N
     count, seed
         Those of the user, where he says them. Of none that is tried, the last one stays.
 
+    Returns
+    -------
+    ScenarioFile, str
+        The scenario, and why a larger number was refused, '' where none was.
+
     Raises
     ------
     MrpSumoError
         Where not even one robot can be set up, or not as many as the user wants, with what would do.
     """
     if count is not None and seed is not None:
-        return file
+        return file, ""
+    refused = ""
     with MapCache() as maps:
         counts = _counts(set_up(_drawn(file, 1, seed or 0), maps)) if count is None else [count]
         for robots, draw in product(counts, range(SEEDS) if seed is None else [seed]):
@@ -43,10 +49,11 @@ def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | N
             try:
                 if _is_solved(set_up(chosen, maps)):
                     break
-            except MrpSumoError:
+            except MrpSumoError as error:
                 if robots in (1, count):
                     raise
-    return chosen
+                refused = str(error)
+    return chosen, refused
 
 
 def _counts(setup: SetUp) -> list[int]:

@@ -42,6 +42,18 @@ def test_robots_are_as_many_as_said_and_keep_one_ways(tmp_path, robots):
     assert (code, result["metrics"]["num_robots"], result["lanes"]["against_one_way_m"]) == (0, robots, 0)
 
 
+def test_a_fleet_of_one_says_which_lane_is_too_short_for_two(tmp_path, capsys):
+    path = tmp_path / "short.building.yaml"
+    longer = TURN.replace("[0, 4, 0, d]]", "[0, 4, 0, d], [-4, 4, 0, e], [-4, 0, 0, f]]").replace(
+        "[3, 0, {", "[3, 4, {}], [4, 5, {}], [5, 0, {"
+    )
+    path.write_text(longer.replace("{}", "{graph_idx: [2, 0]}").replace("[4, 0, 0, b]", "[0.2, 0, 0, b]"))
+    code, result = run(tmp_path, path)
+    said = capsys.readouterr().err
+    assert (code, result["metrics"]["num_robots"], said.count("\n")) == (0, 1, 1)
+    assert said.startswith("mrp-sumo: 1 robot, as more are refused: 'turtlebot3' does not fit: ") and "lane 'a' - 'b'" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
