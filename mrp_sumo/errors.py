@@ -5,20 +5,32 @@ expected and, where it helps, the nearest right name. Nothing else in the packag
 """
 
 import errno
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")  # what moves a cursor, ends a line or turns text round
+
+
+def shown(text: str) -> str:
+    """A text that may be anybody's, for a line on a terminal: with what a terminal would obey written out, such as `\\x1b`."""
+    return _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
 
 
 class MrpSumoError(Exception):
     """Bad input, or a request that cannot be met. `str(error)` is the line to show."""
+
+    def __init__(self, line: object = "") -> None:
+        super().__init__(shown(str(line)))
 
 
 class ScenarioError(MrpSumoError):
     """A scenario file that cannot be used; one line per fault in `lines`."""
 
     def __init__(self, *lines: str) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = lines
+        super().__init__()
+        self.lines = tuple(shown(line) for line in lines)
+        self.args = ("\n".join(self.lines),)
 
 
 class MapError(MrpSumoError):

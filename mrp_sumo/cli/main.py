@@ -9,10 +9,14 @@ import atexit
 import errno
 import gc
 import os
+import re
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn
 
 from mrp_sumo import __version__
@@ -48,14 +52,32 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
 SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
+ENDED = "ended by SIGTERM"
+OBEYED = re.compile("\x1b(?!\\[[0-9;]*m)|[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
+
+
+COMPLAINTS = (  # of argparse, and what is said instead
+    (r"argument (.*): invalid int value: (.*)", "{0}: found {1}, expected a whole number"),
+    (r"argument (.*): invalid float value: (.*)", "{0}: found {1}, expected a number"),
+    (r"argument (.*): expected one argument", "{0}: expected a value after it"),
+    (r"argument (.*): invalid choice: (.*) \(choose from (.*)\)", "{0}: found {1}, expected one of {2}"),
+)
 
 
 class Parser(argparse.ArgumentParser):
     """argparse, whose errors are one line each."""
 
     def error(self, message: str) -> NoReturn:
-        raise MrpSumoError(f"{message}; see `{self.prog} --help`")
+        for pattern, line in COMPLAINTS:
+            if match := re.fullmatch(pattern, message):
+                raise MrpSumoError(f"{line.format(*match.groups())}; see `{self.prog} --help`")
+        if message.startswith("unrecognized arguments: -"):
+            word = message.split()[2].partition("=")[0]
+            message += nearest(
+                f"-{word}" if not word.startswith("--") else word, sorted(set(re.findall(r"--[\w-]+", self.format_help()))), limit=0
+            )
+        raise MrpSumoError(f"{message.replace('argument -', '-', 1)}; see `{self.prog} --help`")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,12 +89,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"mrp-sumo: {error}", file=sys.stderr)
         return 1
     except MrpSumoError as error:
-        for line in str(error).splitlines():
+        for line in str(error).split("\n"):
             print(f"mrp-sumo: {line}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("mrp-sumo: interrupted", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as error:
+        print(f"mrp-sumo: {error or 'interrupted'}", file=sys.stderr)
+        return 143 if str(error) == ENDED else 130
     except MemoryError:
         print("mrp-sumo: out of memory: there are too many robots, orders or cells for this machine", file=sys.stderr)
         return 1
@@ -99,8 +121,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _of_the_process() -> list[str]:
     """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
     leave_current_folder()
+    signal.signal(signal.SIGTERM, _end)
+    setattr(sys.stdout, "write", partial(_write, sys.stdout.write))  # noqa: B010  mypy knows it as a method
     atexit.register(_keep_garbage)
     return sys.argv[1:]
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End as Ctrl-C does: what is under way is kept or removed, temporary files go."""
+    raise KeyboardInterrupt(ENDED)
+
+
+def _write(write: Callable[[str], int], text: str) -> int:
+    """Write a text without what a terminal would obey, but for its colours: names in it may be anybody's."""
+    return write(OBEYED.sub(lambda match: repr(match[0])[1:-1], text))
 
 
 def _keep_garbage() -> None:

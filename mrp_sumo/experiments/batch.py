@@ -357,7 +357,7 @@ def _require_ours(batch: BatchFolder) -> None:
 def _locked(folder: Path) -> Iterator[None]:
     """One batch a folder at a time; the lock goes with the process, however it ends."""
     try:
-        made = not folder.exists()
+        made, was_locked = not folder.exists(), (folder / "batch.lock").exists()
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / "batch.lock").open("a")
     except OSError as error:
@@ -370,16 +370,17 @@ def _locked(folder: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            if made and not (folder / PLAN).exists():  # refused: leave nothing behind
+            if not was_locked and not (folder / PLAN).exists():  # refused: leave nothing behind
                 (folder / "batch.lock").unlink(missing_ok=True)
-                (folder / "batch.log").unlink(missing_ok=True)
-                folder.rmdir()
+                if made:
+                    (folder / "batch.log").unlink(missing_ok=True)
+                    folder.rmdir()
 
 
 def is_under_way(folder: Path) -> bool:
     """Whether a batch is writing to the folder now."""
     try:
-        with (folder / "batch.lock").open("a") as lock:
+        with (folder / "batch.lock").open("rb") as lock:  # not to make one
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return True

@@ -126,7 +126,7 @@ def _files_that_differ(before: Mapping[str, Any], after: Mapping[str, Any], old:
 def _without_clocks(result: dict[str, Any]) -> dict[str, Any]:
     """A result without what clocks and versions say."""
     plan = {key: value for key, value in (result.get("plan") or {}).items() if key != "clock_limited"}
-    stats = {key: value for key, value in plan.get("stats", {}).items() if not key.endswith(OF_CLOCKS)}
+    stats = {key: value for key, value in (plan.get("stats") or {}).items() if not key.endswith(OF_CLOCKS)}
     kept = {key: value for key, value in result.items() if key not in CLOCKS}
     return {**kept, "metrics": _timeless(result["metrics"]), "plan": {**plan, "stats": stats}}
 

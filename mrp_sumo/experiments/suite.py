@@ -111,6 +111,8 @@ def find_suite(name_or_path: str) -> Path:
     if (folder / f"{name_or_path}.yaml").is_file():
         return folder / f"{name_or_path}.yaml"
     known = nearest(name_or_path, (p.stem for p in sorted(folder.glob("*.yaml"))), limit=20)
+    if (folder.parent / f"{name_or_path}.yaml").is_file():
+        known = f"; it is a scenario: `mrp-sumo run {name_or_path}`"
     raise ScenarioError(f"no suite '{name_or_path}': neither a file nor a bundled suite{known}")
 
 

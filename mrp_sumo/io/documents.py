@@ -6,6 +6,7 @@ the document), and keys given twice (YAML itself keeps the last).
 
 import difflib
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,6 +20,10 @@ from mrp_sumo.files.reading import read_text, shortened
 from mrp_sumo.maps.yaml_text import Text, parse
 
 MAX_BYTES = 4_000_000
+UNITS = {  # end of a key -> its unit, and what others are of it
+    "_s": ("seconds", {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "ms": 0.001}),
+    "_m": ("metres", {"m": 1.0, "cm": 0.01, "mm": 0.001}),
+}
 Model = TypeVar("Model", bound=BaseModel)
 Place = tuple[str | int, ...]  # keys and list positions from the top of a document
 
@@ -113,12 +118,28 @@ def _fault(document: Document, model: type[BaseModel], options: Mapping[Place, s
             hint = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
             return f"{where}: unknown value {found!r} ({hint})"
         case "model_type" | "dict_type":
-            return f"{where}: found {_kind(found)}, expected keys and values"
+            number = "a number of robots, such as 4, or " if place[-1:] == ("robots",) else ""
+            return f"{where}: found {_kind(found)}, expected {number}keys and values"
+        case "string_pattern_mismatch":
+            like = re.sub(r"[^\w.+-]+", "_", str(found)).strip("_")
+            return f"{where}: found {_kind(found)}, expected letters, digits and _ . + - only{f', such as {like!r}' if like else ''}"
+        case "float_parsing" | "int_parsing" | "float_type" | "int_type":
+            return f"{where}: found {_kind(found)}, expected {_number(str(place[-1]), str(found), error['type'].startswith('int'))}"
         case "value_error":
             return f"{where}: {error['ctx']['error']}"
         case _:
             expected = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
             return f"{where}: found {_kind(found)}, expected {expected}"
+
+
+def _number(key: str, found: str, whole: bool) -> str:
+    """The number that a key takes, in words, worked out where the text has another unit."""
+    for suffix, (name, factors) in UNITS.items():
+        if key.endswith(suffix):
+            match = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*([a-z]+)", found)
+            value = f", such as {float(match[1]) * factors[match[2]]:g}" if match and match[2] in factors else ""
+            return f"a number of {name}{value}"
+    return "a whole number" if whole else "a number"
 
 
 def _model_at(model: type[BaseModel], loc: tuple[str | int, ...]) -> type[BaseModel] | None:

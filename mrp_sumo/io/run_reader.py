@@ -149,7 +149,10 @@ class RunFolder:
     @_whole
     def plan(self) -> Plan | None:
         """Visits as arrays; None when there is no plan."""
-        return read_plan(self.folder / "plan.json", self.fleet.robot_name) if self._has("plan.json") else None
+        plan = read_plan(self.folder / "plan.json", self.fleet.robot_name) if self._has("plan.json") else None
+        if plan is not None and not ((plan.vertex >= 0) & (plan.vertex < self.graph.num_vertices)).all():
+            raise MrpSumoError(f"{self.folder / 'plan.json'}: a visit of a vertex that floor.json does not have")
+        return plan
 
     @cached_property
     @_whole
@@ -161,6 +164,8 @@ class RunFolder:
         samples = read_trajectory(self.folder / "trajectory.parquet")
         if samples.robot_name != self.fleet.robot_name:
             raise MrpSumoError(f"{self.folder / 'trajectory.parquet'}: its robots are others than those of floor.json")
+        if not np.isfinite(samples.x_m).any():
+            raise MrpSumoError(f"{self.folder / 'trajectory.parquet'}: no robot is on the floor at any time")
         return samples
 
     @cached_property

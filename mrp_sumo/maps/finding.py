@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, shown
 
 Severity = Literal["refuse", "warn", "info"]
 
@@ -20,10 +20,10 @@ class Finding:
     @property
     def line(self) -> str:
         """The finding in one line."""
-        shown = "; ".join(self.details[:4])
+        details = "; ".join(self.details[:4])
         more = f"; and {len(self.details) - 4} more" if len(self.details) > 4 else ""
-        text = f"{self.kind.replace('_', ' ')}: {shown}{more}" if shown else self.kind.replace("_", " ")
-        return f"{text}: {CURE[self.kind]}" if self.kind in CURE else text
+        text = f"{self.kind.replace('_', ' ')}: {details}{more}" if details else self.kind.replace("_", " ")
+        return shown(f"{text}: {CURE[self.kind]}" if self.kind in CURE else text)
 
     def document(self) -> dict[str, Any]:
         """For JSON."""

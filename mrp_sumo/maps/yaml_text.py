@@ -256,6 +256,13 @@ def _complaint(text: str, error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
     where = f":{mark.line + 1 if mark is not None else 1}"
     problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
+    lines = text.splitlines()
+    line = lines[mark.line] if mark is not None and mark.line < len(lines) else ""
+    if "cannot start any token" in problem and line[:1].isspace() and "\t" in line[: len(line) - len(line.lstrip())]:
+        problem = "found a tab, expected spaces"
+    if "mapping values are not allowed" in problem and mark is not None:
+        joined = next((n for n in range(mark.line, max(-1, mark.line - 3), -1) if re.match(r"\s*[\w.]+:[^\s/]", lines[n])), None)
+        problem += f"; line {joined + 1} has no space after its colon" if joined is not None else ""
     return f"{where}: not YAML: {problem}"
 
 

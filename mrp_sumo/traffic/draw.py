@@ -200,4 +200,4 @@ def _enough(available: int, num_robots: int, what: str) -> None:
     if num_robots < 0:
         raise PlanError(f"cannot draw {num_robots} robots, expected 0 or more")
     if num_robots > available:
-        raise PlanError(f"cannot draw {num_robots} robots: there are {available} {what}")
+        raise PlanError(f"cannot draw {num_robots} robots: there are {available} {what}, of which each is drawn once")

@@ -17,7 +17,7 @@ from mrp_sumo.bags.streams import COLOURS
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.drive.listeners import Listener, Moment
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
@@ -69,8 +69,12 @@ class RerunView:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         if self._recording is not None:
-            self._recording.flush()
-            self._recording.disconnect()
+            try:
+                self._recording.flush()
+                self._recording.disconnect()
+            except RuntimeError as fault:  # such as a full disk
+                if error is None:
+                    raise MrpSumoError(f"{self.to}: {first_line(fault)}") from None
 
     def watch(self, setup: SetUp, solution: Solution) -> Listener:
         """The listener of a run that is about to be driven."""

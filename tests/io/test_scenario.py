@@ -40,7 +40,9 @@ def test_short_forms_and_defaults(tmp_path):
 
 def test_number_of_robots_alone_stands_for_their_count(tmp_path):
     assert read_scenario(written(tmp_path, "map: office\nrobots: 3\n")).scenario.robots.count == 3
-    assert lines_for(tmp_path, "map: office\nrobots: yes\n") == ["case.yaml:2: robots: found True, expected keys and values"]
+    assert lines_for(tmp_path, "map: office\nrobots: yes\n") == [
+        "case.yaml:2: robots: found True, expected a number of robots, such as 4, or keys and values"
+    ]
     assert lines_for(tmp_path, "map: office\nrobots: 0\n") == ["case.yaml:2: robots.count: found 0, expected greater than or equal to 1"]
 
 

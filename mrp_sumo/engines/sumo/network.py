@@ -17,6 +17,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray, NavGraph
 from mrp_sumo.errors import MapError
+from mrp_sumo.files.writing import written_whole
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building
 from mrp_sumo.maps.cache import remembered
 
@@ -130,9 +131,8 @@ def _document(root: str, lines: list[str] | Iterator[str]) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text)
-    partial.replace(path)
+    with written_whole(path) as part:
+        part.write_text(text)
 
 
 def _nodes(graph: NavGraph) -> Iterator[str]:

@@ -61,5 +61,6 @@ def find_scenario(name_or_path: str) -> Path:
     if os.path.lexists(path):
         require_regular(path, error=ScenarioError)
     beside = sorted(p.name for p in path.parent.glob("*.yaml")) if path.suffix else []
-    known = nearest(path.name, beside or sorted(p.stem for p in bundled.glob("*.yaml")), limit=10)
+    names = sorted(p.stem for p in bundled.glob("*.yaml"))
+    known = nearest(path.stem if path.stem in names else path.name, names if path.stem in names else beside or names, limit=10)
     raise ScenarioError(f"{shortened(path)}: no such file{known}")

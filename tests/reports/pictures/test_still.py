@@ -44,7 +44,7 @@ def test_a_name_is_no_formula(folder, tmp_path):
         (["--at", "1", "--out", "x.jpg"], "ends in .png or .svg"),
         (["--at", "1", "--out", "none/x.png"], "cannot be written"),
         (["--at", "1", "--out", "x.png", "--dpi", "0"], "expected 10 to 1200"),
-        (["--at", "soon", "--out", "x.png"], "invalid float"),
+        (["--at", "soon", "--out", "x.png"], "--at: found 'soon', expected a number"),
     ],
 )
 def test_still_that_cannot_be_drawn_is_told_in_one_line(folder, tmp_path, monkeypatch, capsys, options, told):

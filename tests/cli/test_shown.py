@@ -1,0 +1,134 @@
+"""Text of anybody's files on a terminal: nothing in it ends a line, moves the cursor or forges a line of ours; and how a command ends."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.errors import MapError, MrpSumoError, ScenarioError, shown
+
+CONSOLE = Path(sys.executable).with_name("mrp-sumo")
+EVIL = """\
+name: evil
+levels:
+  "L1\\e[2J\\nmrp-sumo: all is well":
+    vertices: [[0, 0, 0, a], [100, 0, 0, b]]
+    measurements: [[0, 1, {distance: [3, 10]}]]
+    lanes: [[0, 1, {graph_idx: [2, 0], orientation: [1, "x\\e[31m\\nforged"]}]]
+"""
+
+
+def test_controls_are_written_out_and_letters_of_all_scripts_kept():
+    assert shown("a\x1b[2J\r\n\x85\u2028\u202eb") == "a\\x1b[2J\\r\\n\\x85\\u2028\\u202eb"
+    assert shown("Küche 厨房 ²") == "Küche 厨房 ²"
+
+
+@pytest.mark.parametrize("kind", [MrpSumoError, MapError])
+def test_error_is_one_line(kind):
+    assert str(kind("found 'x\nmrp-sumo: fine'")) == "found 'x\\nmrp-sumo: fine'"
+
+
+def test_faults_of_a_scenario_are_a_line_each():
+    error = ScenarioError("one\nforged", "two")
+    assert error.lines == ("one\\nforged", "two") and str(error) == "one\\nforged\ntwo"
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["import evil.building.yaml --check", "import evil.building.yaml --json", "run evil.building.yaml", "convert evil.building.yaml x.map"],
+)
+def test_map_forges_no_line(tmp_path, monkeypatch, capsys, line):
+    (tmp_path / "evil.building.yaml").write_text(EVIL)
+    monkeypatch.chdir(tmp_path)
+    assert main(line.split()) == 2
+    printed = capsys.readouterr()
+    assert "\x1b" not in printed.out + printed.err and "\\x1b[2J\\nmrp-sumo: all is well" in printed.out + printed.err
+    assert len((printed.out + printed.err).splitlines()) == 1
+
+
+def test_text_of_a_file_that_is_printed_moves_no_cursor(tmp_path):
+    (tmp_path / "results.csv").write_text("")
+    code = "import sys; from mrp_sumo.cli import main as m; m._of_the_process(); print('a\\x1b[2Jb\\x1b[31mred\\x1b[0m\\x9b')"
+    assert (
+        subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True).stdout == "a\\x1b[2Jb\x1b[31mred\x1b[0m\\x9b\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("map: office\nrobots: four\n", "s.yaml:2: robots: found 'four', expected a number of robots, such as 4, or keys and values"),
+        ("map: office\nrobots:\n\tcount: 2\n", "s.yaml:3: not YAML: found a tab, expected spaces"),
+        (
+            "map:office\nrobots: 2\n",
+            "s.yaml:2: not YAML: mapping values are not allowed in this context; line 1 has no space after its colon",
+        ),
+        (
+            "map: office\nrobots: 2\nexecution: {time_limit_s: 5min}\n",
+            "s.yaml:3: execution.time_limit_s: found '5min', expected a number of seconds, such as 300",
+        ),
+        (
+            "map: office\nrobots: 2\nexecution: {time_limit_s: soon}\n",
+            "s.yaml:3: execution.time_limit_s: found 'soon', expected a number of seconds",
+        ),
+        (
+            "map: office\nrobots: 2\ndiscretisation: {cell_m: 40cm}\n",
+            "s.yaml:3: discretisation.cell_m: found '40cm', expected a number of metres, such as 0.4",
+        ),
+        ("map: office\nrobots: 2\nseed: abc\n", "s.yaml:3: seed: found 'abc', expected a whole number"),
+        (
+            "map: office\nrobots: 2\nname: put away\n",
+            "s.yaml:3: name: found 'put away', expected letters, digits and _ . + - only, such as 'put_away'",
+        ),
+    ],
+)
+def test_line_about_a_value_says_what_to_write(tmp_path, monkeypatch, capsys, text, line):
+    (tmp_path / "s.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "s.yaml"]) == 2
+    assert capsys.readouterr().err == f"mrp-sumo: {line}\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("run office_5 --robots four", "--robots: found 'four', expected a whole number"),
+        ("run office_5 --time-limit 5min", "--time-limit: found '5min', expected a number"),
+        ("run office_5 --planner", "--planner: expected a value after it"),
+        ("run office_5 -planner cbs", "unrecognized arguments: -planner cbs (did you mean '--planner'?)"),
+        ("generate wherehouse --out x", "kind: found 'wherehouse', expected one of 'warehouse', 'grid', 'ring', 'random'"),
+        ("run office_5.yml", "office_5.yml: no such file (did you mean 'office_5'?)"),
+        ("batch office_5", "no suite 'office_5': neither a file nor a bundled suite; it is a scenario: `mrp-sumo run office_5`"),
+    ],
+)
+def test_line_about_an_argument_says_what_to_write(capsys, line, told):
+    assert main(line.split()) == 2
+    assert capsys.readouterr().err.startswith(f"mrp-sumo: {told}")
+
+
+def test_refused_batch_leaves_no_lock_behind(tmp_path, capsys):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "mine.txt").write_text("x")
+    (tmp_path / "s.yaml").write_text("base: {map: nowhere, robots: 2}\ngrid_search: {seed: [0]}\n")
+    assert main(["batch", str(tmp_path / "s.yaml"), "--out", str(tmp_path / "results")]) == 2
+    assert main(["status", str(tmp_path / "results")]) == 2
+    assert [p.name for p in (tmp_path / "results").iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.slow
+def test_sigterm_ends_with_a_word_and_leaves_no_temporary_files(tmp_path):
+    process = subprocess.Popen(
+        [CONSOLE, "run", "hospital_people", "--out", str(tmp_path / "out")],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env={"TMPDIR": str(tmp_path), "HOME": str(tmp_path)}, cwd=tmp_path,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("mrp_sumo_*")) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    told = process.communicate(timeout=120)[1]
+    assert process.returncode in (130, 143) and ("SIGTERM" in told or "interrupted" in told) and "Traceback" not in told
+    assert not list(tmp_path.glob("mrp_sumo_*"))
