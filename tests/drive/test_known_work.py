@@ -1,0 +1,45 @@
+"""Driven work beside its closed formulas and tiny simulators: the small and quick ones; `tools/bench_truth.py` has all."""
+
+import numpy as np
+import pytest
+from floors import driven
+from known_work import BETWEEN_S, SERVICE_S, Variation, drawn, formula_s, served, systems
+
+SYSTEMS = {name: system for name, system in systems().items() if system.exact <= 0.02}
+QUICK = ["loop, 1 robot at A", "loop, A to B, 1 robot", "tandem A 30 s, B 5 s, 2 robots", "M/D/1", "M/M/2"]
+
+
+def off(name, tmp_path, variation):
+    """How far a system is from its truth, as a share of it."""
+    system = SYSTEMS[name]
+    result = driven(system.made(tmp_path, variation))
+    assert result.status == "completed", result.note
+    return system.off(result, variation)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_driven_work_is_what_formulas_say(tmp_path, name):
+    assert off(name, tmp_path, Variation()) <= SYSTEMS[name].exact
+
+
+@pytest.mark.parametrize("budget_s", [0.0, 5.0])
+def test_the_budget_delays_by_what_its_documentation_says(tmp_path, budget_s):
+    for name in ("loop, 1 robot at A", "loop, A to B, 1 robot"):
+        assert off(name, tmp_path, Variation(budget_s=budget_s)) <= SYSTEMS[name].exact
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(SYSTEMS))
+@pytest.mark.parametrize("variation", [Variation(engine="sumo"), Variation(planner="prioritised"), Variation(dispatcher="hungarian")])
+def test_driven_work_does_not_hang_on_engine_planner_or_dispatcher(tmp_path, name, variation):
+    assert off(name, tmp_path, variation) <= SYSTEMS[name].exact
+
+
+@pytest.mark.parametrize(("servers", "exponential"), [(1, False), (1, True), (2, True)])
+def test_the_simulator_of_queues_has_the_formulas_means(servers, exponential):
+    means = []
+    for seed in range(20):
+        arrivals, service = drawn(seed, 4000, BETWEEN_S / servers, SERVICE_S, exponential)
+        means.append(float((served(arrivals, service, servers, 0.0) - arrivals)[500:].mean()))
+    limits = 2.6 * np.std(means) / np.sqrt(len(means))  # 99 %
+    assert abs(np.mean(means) - formula_s(servers, exponential)) < limits
