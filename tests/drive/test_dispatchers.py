@@ -103,6 +103,16 @@ def test_a_robot_that_comes_free_takes_the_task_that_another_is_far_from(dispatc
     assert fleet.decides(dispatcher, 5.0) == {0: 1, 1: 0}
 
 
+@pytest.mark.parametrize("dispatcher", REASSIGN)
+@pytest.mark.parametrize(("at", "who_takes"), [(15, ()), (14, ("central", "tpts")), (13, REASSIGN)])
+def test_a_task_is_taken_from_a_robot_only_by_one_that_is_nearer(dispatcher, at, who_takes):
+    """robot_0 is on its way from 5 to 10 when robot_1 comes to `at`; two dispatchers do not take it where that saves but a step."""
+    fleet = Fleet([5, 19], (0.0, (10, 11)))
+    assert fleet.decides(dispatcher) == {0: 0}
+    fleet.around.start[1] = at
+    assert fleet.decides(dispatcher, 1.0) == {int(dispatcher in who_takes): 0}
+
+
 def test_token_passing_avoids_the_ends_of_others_and_as_in_the_paper_waits_for_them():
     tasks = [(0.0, (2, 10)), (0.0, (4, 10)), (0.0, (9, 11))]
     assert Fleet([1, 5], *tasks).decides("token_passing") == {0: 0, 1: 2}
