@@ -81,6 +81,7 @@ def test_a_robot_that_is_given_nothing_more_stays_and_is_not_at_its_goal():
     ledger, plan = ledger_of(line(3), [[0, 1, 2]])
     ledger.append(Replan({0: way(leave_s=np.inf)}, "replan"), policy_of("adg"), 1.0)
     assert ledger.all_ids(0).tolist() == [0] and not ledger.state.home.any()
+    assert ledger.column("next")[0] == -1
     assert next(plans_in_force(plan, replies_of(ledger))).vertex.tolist() == [0]
 
 
@@ -112,13 +113,14 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     ledger.state.motion.s_m[0] = 0.5  # half a metre into the lane, which it has not won the end of
     ledger.state.grants.on_lane[0] = True
     lane = int(graph.lane_between(0, 1))
-    ledger.state.grants.claims[lane] = 1
+    ledger.state.grants.claims[lane], ledger.state.grants.holder[0] = 1, -1  # and has left the vertex behind it
     ledger.append(Replan({0: way(0, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
     behind = int(ledger.all_ids(0)[1])
     assert ledger.column("lane")[behind] == graph.reverse[lane]
     assert ledger.column("at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back
     assert ledger.column("from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
+    assert ledger.state.grants.holder[0] == 0  # nobody else is to come there
     assert ledger.turn_backs[0].xy == pytest.approx([0.5, 0.0])
 
 
