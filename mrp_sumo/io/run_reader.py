@@ -277,8 +277,14 @@ class RunFolder:
     def _num_visits(self) -> IntArray:
         """[R] visits of each robot along its whole way, replans included."""
         num = np.zeros(self.fleet.num_robots, np.int64) if self.plan is None else np.diff(self.plan.first)
+        now = num.copy()
         for reply in self._replies():
-            num[reply.robot] = np.maximum(num[reply.robot], reply.since + 1 + np.diff(reply.first))
+            if (reply.since >= now[reply.robot]).any():
+                raise MrpSumoError(
+                    f"{self.folder / 'replans.parquet'}: at {reply.t_s:g} s a robot goes on from a visit that it does not have"
+                )
+            now[reply.robot] = reply.since + 1 + np.diff(reply.first)
+            num = np.maximum(num, now)
         return num
 
     def _tasks(self) -> TaskLog | None:

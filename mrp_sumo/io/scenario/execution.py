@@ -43,7 +43,7 @@ class PlanningChoice(Strict):
     period_s: Annotated[float, Field(ge=0)] = Field(
         0.0, description="The least time between two requests; else there is one when a task comes or a stop is made."
     )
-    window_s: Annotated[float, Field(ge=0)] | None = Field(
+    window_s: Annotated[float, Field(ge=0, le=1e6)] | None = Field(
         None,
         description="Plans reach so far ahead: beyond, robots need not keep clear of each other. 0: to the end. "
         "By default 20 planned steps for planners that support windows, to the end for others.",
