@@ -61,6 +61,7 @@ class Charging:
     minimum: float  # charged to it, a robot may be called off for a task, with `opportunity`
     maximum: float  # charging ends
     least_s: float  # charging takes, however little is missing
+    first_share: float = 0.0  # of the robots, evenly spread, that begin with a charge
 
 
 @dataclass(frozen=True, eq=False)

@@ -111,6 +111,8 @@ class Work:
         self.duties = Duties(num_robots)
         self._places = Places(problem, parking)
         self._batteries, self._charging = batteries, charging
+        first = (np.arange(num_robots + 1) * (charging.first_share if charging else 0.0) + 0.5).astype(np.int64)
+        self._charges_first: BoolArray = np.diff(first) > 0  # [R] robots that go to charge whatever their level
         self._ahead_steps = ahead_steps
         self.current = np.full(num_robots, NONE)  # [R] the task of each robot
         self.then = np.full(num_robots, NONE)  # [R] the one that it goes on with, whose way begins where this one's last stop is
@@ -643,7 +645,9 @@ class Work:
     def _see_who_charges(self, now_s: float, charging: Charging, booked_s: FloatArray) -> None:
         """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
         level, charges = self.level, np.array([self._is_charge(r) for r in range(len(self.current))], np.bool_)
-        for r in np.flatnonzero((level <= charging.critical) & ~charges & ~self.out).tolist():
+        due = (level <= charging.critical) | self._charges_first
+        self._charges_first = np.zeros(len(level), np.bool_)
+        for r in np.flatnonzero(due & ~charges & ~self.out).tolist():
             if self.may_pass_on(r):
                 self._take_back(r, now_s)
             if self.current[r] == NONE:

@@ -87,6 +87,7 @@ def charging_of(choice: TasksChoice, site: Site) -> Charging | None:
         minimum=chosen.minimum_desired_charging_level / 100,
         maximum=chosen.maximum_desired_charging_level / 100,
         least_s=chosen.minimum_charging_time_s,
+        first_share=chosen.start_charging / 100,
     )
 
 

@@ -79,7 +79,19 @@ class Answer:
             )
         if self.limits and self.limits.peak.estimate is None and (beyond := self._without_plans):
             return Share("planner", "", beyond.unanswered_share)
+        if (
+            self._kept_from_more
+            and self.limits
+            and self.limits.curve.best == self.question.most_robots
+            and (cycle := self.question.charging)
+        ):
+            return Share("charger", "charger", min(1.0, self.limits.curve.best * cycle.charging_share / cycle.places))
         return self.at_peak.limit if self.at_peak else None
+
+    @property
+    def _kept_from_more(self) -> bool:
+        """Whether larger fleets were not tried since the places to charge keep no more robots going."""
+        return self.question.most_robots < self.question.sizes[1]
 
     @property
     def _without_plans(self) -> Point | None:
@@ -172,6 +184,8 @@ class Answer:
         if not self.points:
             return _of_nothing(self)
         parts = [_of_peak(self.limits)]
+        if self._kept_from_more:
+            parts.append(_of_places_to_charge(self.question))
         if beyond := self._without_plans:
             parts.append(f"With {_robots(beyond.robots)} {beyond.fault}.")
         if self.served and self.question.demand_per_h:
@@ -380,10 +394,19 @@ def _span(found: Bracket) -> str:
 
 def _of_nothing(answer: Answer) -> str:
     """Without a size that counts there is no headline."""
+    if not answer.unfit and answer.question.most_robots < answer.question.sizes[0]:
+        return f"No answer: {_of_places_to_charge(answer.question).lower()}"
     if not answer.unfit:
         return "Nothing is known: the budget was over before a fleet was measured."
     first = answer.unfit[0]
     return f"No answer: with {_robots(first.robots)} {first.fault}."
+
+
+def _of_places_to_charge(question: Question) -> str:
+    cycle = question.charging
+    assert cycle is not None
+    places = "1 place" if cycle.places == 1 else f"{cycle.places} places"
+    return f"The {places} to charge keep no more than {_robots(cycle.most_robots)} going."
 
 
 def _minutes(seconds: float) -> str:

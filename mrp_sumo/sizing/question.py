@@ -4,7 +4,7 @@ A trial is a run of the study: so many robots, one seed. Trials of one seed meet
 size of the fleet: common random numbers. Refuses questions that the scenario cannot answer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
@@ -58,6 +58,11 @@ class Cycle:
         """Of the time, with places for all."""
         return self.charge_s / (self.drive_s + self.charge_s)
 
+    @property
+    def most_robots(self) -> int:
+        """That the places keep going: each is charged for its share of the time, and no place charges two."""
+        return int(self.places / self.charging_share + 1e-9) if self.charge_s else 0
+
 
 @dataclass(frozen=True)
 class Question:
@@ -74,6 +79,12 @@ class Question:
     confirm: bool = False  # drive the sizes that the answer names in SUMO, too
     command: str = ""  # that asks it again
     charging: Cycle | None = None  # of robots with batteries
+
+    @property
+    def most_robots(self) -> int:
+        """The largest fleet that is asked about, or fewer where the places to charge keep no more going."""
+        most = self.sizes[1]
+        return min(most, self.charging.most_robots) if self.charging and self.charging.places else most
 
     @property
     def has_tasks(self) -> bool:
@@ -131,6 +142,8 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
         document["streams"] = demanded(tasks.streams, document["streams"], question.demand_per_h)
     else:
         document["open"] = ceil(BACKLOG * trial.robots)
+    if question.charging and question.charging.places:
+        document["charging"] = _in_steady_state(document["charging"], question.charging, trial.robots)
     return {
         ("robots", "starts"): ("capacity", None),  # drawn: the n-th robot's is the same in every fleet
         ("robots", "goals"): ("capacity", None),
@@ -140,6 +153,13 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
         ("execution", "time_limit_s"): ("capacity", question.effort.horizon_s),
         **changed,
     }
+
+
+def _in_steady_state(charging: Mapping[str, Any], cycle: Cycle, robots: int) -> dict[str, Any]:
+    """Charging as it is once it has gone on for long: robots at all points of their cycle, some of them at chargers."""
+    share = min(cycle.charging_share, cycle.places / robots)
+    levels = [charging["critical_low_charging_level"], charging["maximum_desired_charging_level"]]
+    return {**charging, "start_level": levels, "start_charging": round(100 * share, 1)}
 
 
 def _robots(fleet: Sequence[RobotGroup] | None, count: int) -> Values:

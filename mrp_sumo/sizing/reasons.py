@@ -101,6 +101,8 @@ def in_words(share: Share) -> str:
             return f"the fleet itself, at work {percent} of the time: more robots do more"
         case "orders":
             return f"a lack of orders that these robots may do: they have one {percent} of the time"
+        case "charger":
+            return f"the places to charge, in use or waited for {percent} of the time"
         case "planner" if not share.waited_s_per_h:
             return f"the planner, which found no plan in {percent} of its requests: not a property of your floor"
     waited = f", {share.waited_s_per_h / MINUTE_S:.0f} robot-minutes waited an hour" if share.waited_s_per_h >= 90 else ""

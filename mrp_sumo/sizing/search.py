@@ -159,8 +159,10 @@ class Limits:
 
 
 def grid(question: Question) -> list[int]:
-    """Sizes of the coarse grid, geometric from the least to the most."""
-    (low, high), growth = question.sizes, question.effort.growth
+    """Sizes of the coarse grid, geometric from the least to the most that can be kept going; none where no fleet can."""
+    low, high, growth = question.sizes[0], question.most_robots, question.effort.growth
+    if high < low:
+        return []
     sizes, at = [low], float(low)
     while sizes[-1] < high:
         at = max(at * growth, sizes[-1] + 1)
@@ -342,7 +344,7 @@ def demand(desk: Desk, saturated: Curve) -> Served:
     question, curve = desk.question, Curve(desk, DEMAND, planner=saturated.planner)
     if not saturated.points:
         return Served(curve, Bracket(), question.on_time)
-    target, (least, most), wanted = question.on_time, question.sizes, question.demand_per_h or 0.0
+    target, least, most, wanted = question.on_time, question.sizes[0], question.most_robots, question.demand_per_h or 0.0
     short = [n for n in saturated.sizes if n <= saturated.best and saturated.points[n].throughput.high < target * wanted]
     least = min(max([least, *(n + 1 for n in short)]), most)  # who cannot do it with always work waiting does not do it at all
     within_s = PATIENCE * undisturbed_s(saturated.points[saturated.sizes[0]]) if saturated.points else 0.0
@@ -415,7 +417,7 @@ def _growing(effort: Effort) -> Iterator[int]:
 
 def _guess(saturated: Curve, question: Question) -> int:
     """Where a saturated fleet's throughput reaches the demand, straight between sizes."""
-    (least, most), wanted = question.sizes, question.demand_per_h or 0.0
+    least, most, wanted = question.sizes[0], question.most_robots, question.demand_per_h or 0.0
     if not saturated.points:
         return least
     before = (0, 0.0)

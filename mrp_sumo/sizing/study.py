@@ -170,7 +170,7 @@ class Study:
     @property
     def estimate(self) -> Estimate:
         """How long it is likely to take. Said before it begins."""
-        question = self.question
+        question = self._with_charging
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         slower = self.pilot.slower if question.has_tasks else 1.0
         for n in grid(question):
@@ -197,10 +197,15 @@ class Study:
         used_j = float(execution.batteries.used_j.sum()) if execution.batteries else 0.0
         return Pilot(trial.robots, max(1.0, execution.cpu_time_s / driving_cpu_s(trial.robots, execution.sim_time_s)), used_j / robot_s)
 
+    @cached_property
+    def _with_charging(self) -> Question:
+        """The question, with how long robots drive and charge where they have batteries."""
+        return replace(self.question, charging=self._cycle())
+
     def _cycle(self) -> Cycle | None:
         """Of robots with batteries, the slowest to charge of its types."""
         batteries = [battery for battery in self.setup.settings.batteries if battery.energy_j > 0]
-        if not (self.question.has_tasks and batteries and self.pilot.power_w > 0):
+        if not (self.question.has_tasks and batteries) or self.pilot.power_w <= 0:
             return None
         battery, charging = max(batteries, key=lambda battery: battery.charge_s(1.0)), self.setup.settings.charging
         share = charging.maximum - charging.critical if charging else 1.0
@@ -238,8 +243,7 @@ class Study:
         MrpSumoError
             As `run_batch` does.
         """
-        if self.question.has_tasks:
-            self.question = replace(self.question, charging=self._cycle())
+        self.question = self._with_charging
         answer: Answer | None = None
         known: Lookup | None = None
         clock = _Clock(self._began_s + self.question.effort.budget_s, stop)

@@ -3,7 +3,8 @@
 import pytest
 
 from mrp_sumo.io.scenario.read import read_scenario
-from mrp_sumo.sizing.question import QUICK, SATURATED, Question, Trial, values_of
+from mrp_sumo.sizing.question import DEMAND, QUICK, SATURATED, Cycle, Question, Trial, values_of
+from mrp_sumo.sizing.search import grid
 
 
 @pytest.mark.parametrize(("robots", "counts"), [(1, [1]), (2, [1, 1]), (5, [3, 2]), (10, [6, 4]), (33, [20, 13])])
@@ -13,3 +14,36 @@ def test_a_mixed_fleet_grows_in_the_shares_of_its_types(tmp_path, robots, counts
     question = Question(read_scenario(tmp_path / "mixed.yaml"), (1, 40), QUICK)
     (_, groups) = values_of(Trial(SATURATED, robots, 0), question, {})[("robots", "fleet")]
     assert [group["count"] for group in groups] == counts
+
+
+@pytest.mark.parametrize(("charge_s", "most"), [(100.0, 6), (101.0, 5), (99.0, 6)])
+def test_places_to_charge_keep_as_many_robots_going_as_they_charge_in_time(charge_s, most):
+    assert Cycle(100.0, charge_s, 3).most_robots == most
+
+
+CHARGING = """
+map: office
+robots: 4
+tasks:
+  streams: [{arrivals: {rate_per_h: 60}, stops: [office_1]}]
+  charging: {stations: [charger_1], critical_low_charging_level: 20, maximum_desired_charging_level: 90}
+"""
+
+
+@pytest.mark.parametrize(("robots", "share"), [(4, 25.0), (8, 12.5)])
+@pytest.mark.parametrize("kind", [SATURATED, DEMAND])
+def test_runs_begin_at_all_points_of_driving_and_charging(tmp_path, robots, share, kind):
+    """A charge takes a quarter of the cycle: a quarter of four robots begin with one; of eight, as many as there are places."""
+    (tmp_path / "charging.yaml").write_text(CHARGING)
+    file = read_scenario(tmp_path / "charging.yaml")
+    question = Question(file, (1, 40), QUICK, 60.0, charging=Cycle(3000.0, 1000.0, 1))
+    charging = values_of(Trial(kind, robots, 0), question, {})["tasks",][1]["charging"]
+    assert (charging["start_level"], charging["start_charging"]) == ([20.0, 90.0], share)
+    assert charging["stations"] == ["charger_1"]
+
+
+@pytest.mark.parametrize(("places", "sizes"), [(1, [1, 2, 4]), (None, [1, 2, 4, 8])])
+def test_fleets_that_places_to_charge_do_not_keep_going_are_not_tried(tmp_path, places, sizes):
+    (tmp_path / "charging.yaml").write_text(CHARGING)
+    cycle = Cycle(3000.0, 1000.0, places) if places else None
+    assert grid(Question(read_scenario(tmp_path / "charging.yaml"), (1, 8), QUICK, charging=cycle)) == sizes

@@ -126,6 +126,7 @@ class ChargingChoice(Strict):
     maximum_desired_charging_level: Percent = Field(100.0, description="Charging ends.")
     minimum_charging_time_s: NotNegative = Field(0.0, description="For which a robot stays at least.")
     start_level: tuple[Percent, Percent] = Field((100.0, 100.0), description="Each robot's at the start, drawn evenly between these.")
+    start_charging: Percent = Field(0.0, description="Share of the robots that go to charge first, whatever their level.")
 
     @model_validator(mode="after")
     def _ascending(self) -> "ChargingChoice":
