@@ -50,6 +50,56 @@ class Network:
         collapse = next((n for n in sizes if n > peak and of[n] < 0.95 * best), np.nan)
         return {"peak": peak, "knee": knee, "collapse": collapse, "best_per_h": best}
 
+    def held(self, answer) -> dict[str, list[bool]]:
+        """Which limits of a study's answer hold the truth. A collapse that is not there is *invented*; one not seen claims nothing."""
+        curve, truth = answer.curve, self.truth
+        sizes = {n: _holds(curve.points[n].throughput, self.throughput_per_h(n)) for n in curve.sizes}
+        there = not np.isnan(truth["collapse"])
+        return {
+            "size": list(sizes.values()),
+            "best": [sizes[curve.best]],
+            "peak": [_holds(answer.peak, truth["peak"])],
+            "knee": [_holds(answer.knee, truth["knee"])],
+            "collapse": [_holds(answer.collapse, truth["collapse"])] if there and answer.collapse.estimate is not None else [],
+            "seen": [answer.collapse.estimate is not None] if there else [],
+            "invented": [] if there else [answer.collapse.estimate is not None],
+        }
+
+
+# One state is stable in each: where robots jam the floor, stations take them all at once. (A floor that a crowd jams and a station that a
+# queue empties have two, and which of them a run of an hour is in hangs on how it began.)
+NETWORKS = (
+    Network("one station", 120.0, ((30.0, 1),), (1, 24)),
+    Network("two stations", 200.0, ((20.0, 1), (35.0, 2)), (2, 30)),
+    Network("crowded floor", 120.0, ((5.0, 20),), (2, 50), jam=60.0),
+    Network("narrow floor", 60.0, ((4.0, 10),), (2, 26), jam=30.0),
+    Network("long ways", 600.0, ((12.0, 1),), (4, 100)),
+    Network("still rising", 900.0, ((15.0, 2),), (4, 40)),
+)
+
+
+def agree(one, other) -> bool:
+    """Whether the limits of two answers have something in common, in each of peak, knee and most throughput."""
+    return all(
+        _low(a) <= _high(b) and _low(b) <= _high(a) for a, b in ((one.peak, other.peak), (one.knee, other.knee), (_most(one), _most(other)))
+    )
+
+
+def _most(answer):
+    return answer.curve.points[answer.curve.best].throughput
+
+
+def _low(limits) -> float:
+    return -np.inf if limits.low is None else limits.low
+
+
+def _high(limits) -> float:
+    return np.inf if limits.high is None else limits.high
+
+
+def _holds(limits, truth: float) -> bool:
+    return bool(_low(limits) <= truth <= _high(limits))
+
 
 class Studied:
     """Records of trials of one study of a network."""

@@ -3,7 +3,8 @@
 Who stands behind a robot that stands waits for what that one waits for. So at every look a robot that stands is followed to the one that
 is where it goes next, from there to the one where *that* one goes, and so on to the first that does not wait: one that is served (the
 station binds), charged (the charger), or drives through (the place). A robot that stands before a free place waits for its station where
-that is taken, for the planner where it has not set out since its last stop, and else for its turn at the place.
+that is taken, for the planner where it has not set out since its last stop, for the aisle behind the place where somebody is in it who
+is to come out there, and else for its turn at the place.
 
 Where a robot goes next is read from where it went. Nothing is taken from plans, so that waiting which was planned counts as any other.
 """
@@ -23,6 +24,7 @@ STOOD_M, STOOD_RAD = 0.02, 0.02  # moved and turned by less from a look to a sec
 IN_USE = 0.5  # share of the time for which the planner is at work, from which on robots at their last stops wait for it
 NONE = -1
 PLANNER = ("planner", "")
+AISLES = ("aisle", "door")
 Cause = tuple[str, str]  # kind and name
 
 
@@ -45,6 +47,7 @@ class Doing:
     last: IntArray  # [K, R] the vertex of the stop before
     stands: BoolArray  # [K, R]
     busy: BoolArray  # [K, R] has a task
+    onward: IntArray  # [K, R, 2] the next two places that they went to, NONE: no other
 
 
 def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float) -> dict[Cause, Pressed]:
@@ -69,17 +72,18 @@ def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: floa
     of_place = dict(zip(stops.vertex.tolist(), name))
     room = Counter(of_place.values())
     t_s, look = _looks(execution, since_s)
-    doing = _doing(execution, graph, t_s, look)
+    doing = _doing(execution, graph, places, t_s, look)
+    floor = _floor(graph, places)
     waited, pressed = defaultdict[Cause, int](int), defaultdict[Cause, set[int]](set)
     for k in range(len(t_s)):
-        row = _Look(doing, k)
+        row = _Look(doing, k, places)
         served = Counter(name[s] for s in row.served if s != NONE)
         for cause, num_served in served.items():
             if num_served >= room[cause]:
                 pressed[cause].add(k)
         for r in range(len(row.vertex)):
             if row.served[r] == NONE and row.stands[r] and row.busy[r]:
-                cause = _cause(r, row, name, of_place, places, planning_share)
+                cause = _cause(r, row, name, of_place, floor, planning_share)
                 waited[cause] += 1
                 pressed[cause].add(k)
     each_s = (execution.sim_time_s - since_s) / len(t_s)
@@ -93,14 +97,51 @@ def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: floa
 class _Look:
     """A row of `Doing`, as lists."""
 
-    def __init__(self, doing: Doing, k: int) -> None:
+    def __init__(self, doing: Doing, k: int, places: Places) -> None:
         self.vertex, self.towards, self.aim = doing.vertex[k].tolist(), doing.towards[k].tolist(), doing.aim[k].tolist()
         self.served, self.last = doing.served[k].tolist(), doing.last[k].tolist()
         self.stands, self.busy = doing.stands[k].tolist(), doing.busy[k].tolist()
         self.at = {v: r for r, v in enumerate(self.vertex)}
+        self.place: list[int] = places.of_vertex[doing.vertex[k]].tolist()
+        self.onward: list[list[int]] = doing.onward[k].tolist()
 
 
-def _cause(r: int, look: _Look, name: list[Cause], of_place: dict[int, Cause], places: Places, planning_share: float) -> Cause:
+@dataclass(frozen=True)
+class _Floor:
+    """Places, and which of them border on which."""
+
+    places: Places
+    beside: dict[int, set[int]]
+
+    def cause(self, place: int) -> Cause:
+        return self.places.kind[place], self.places.name[place]
+
+
+def _floor(graph: PlanGraph, places: Places) -> _Floor:
+    a, b = places.of_vertex[graph.tail], places.of_vertex[graph.head]
+    beside = defaultdict[int, set[int]](set)
+    for one, other in {*zip(a.tolist(), b.tolist())}:
+        if one != other:
+            beside[one].add(other)
+            beside[other].add(one)
+    return _Floor(places, dict(beside))
+
+
+def _comes_out(r: int, look: _Look, floor: _Floor, ahead: int) -> int:
+    """The aisle that a robot before a free place is to enter, where somebody is in it who comes out towards that place; else NONE."""
+    mouth = int(floor.places.of_vertex[ahead])
+    aisle = next((p for p in look.onward[r] if p not in (NONE, mouth, look.place[r]) and floor.places.kind[p] in AISLES), NONE)
+    ends = {p for p in floor.beside.get(aisle, ()) if floor.beside[p] == {aisle}}  # dead: who is there comes back
+    near = {mouth, *floor.beside.get(mouth, ())} - {aisle}
+    for other, place in enumerate(look.place):
+        if other != r and place in {aisle, *ends}:
+            out = next((p for p in look.onward[other] if p not in (aisle, NONE)), NONE)
+            if out in near or out in ends or place in ends:
+                return aisle
+    return NONE
+
+
+def _cause(r: int, look: _Look, name: list[Cause], of_place: dict[int, Cause], floor: _Floor, planning_share: float) -> Cause:
     """What a robot that stands waits for in the end."""
     seen = {r}
     while True:
@@ -114,15 +155,15 @@ def _cause(r: int, look: _Look, name: list[Cause], of_place: dict[int, Cause], p
                 return of_place[ahead]  # free for the moment: they change
             if look.vertex[r] == look.last[r] and planning_share >= IN_USE:
                 return PLANNER
-            place = int(places.of_vertex[look.vertex[r] if ahead == NONE else ahead])
-            return places.kind[place], places.name[place]
+            if ahead != NONE and (aisle := _comes_out(r, look, floor, ahead)) != NONE:
+                return floor.cause(aisle)
+            return floor.cause(int(floor.places.of_vertex[look.vertex[r] if ahead == NONE else ahead]))
         if look.served[other] != NONE:
             return name[look.served[other]]
         if other in seen or not (look.stands[other] and look.busy[other]):
             if ahead in of_place:
                 return of_place[ahead]
-            place = int(places.of_vertex[ahead])
-            return places.kind[place], places.name[place]
+            return floor.cause(int(floor.places.of_vertex[ahead]))
         seen.add(other)
         r = other
 
@@ -136,7 +177,7 @@ def _looks(execution: Execution, since_s: float) -> tuple[FloatArray, IntArray]:
     return t[look], look
 
 
-def _doing(execution: Execution, graph: PlanGraph, t_s: FloatArray, look: IntArray) -> Doing:
+def _doing(execution: Execution, graph: PlanGraph, places: Places, t_s: FloatArray, look: IntArray) -> Doing:
     from scipy.spatial import cKDTree
 
     stops, tasks = execution.stops, execution.tasks
@@ -152,6 +193,11 @@ def _doing(execution: Execution, graph: PlanGraph, t_s: FloatArray, look: IntArr
     for k in range(len(vertex) - 2, -1, -1):
         towards[k] = np.where(vertex[k + 1] != vertex[k], vertex[k + 1], towards[k + 1])
     towards = _one_lane_on(graph, vertex, towards)
+    place = places.of_vertex[vertex]
+    onward = np.full((*vertex.shape, 2), NONE)
+    for k in range(len(vertex) - 2, -1, -1):
+        moves = place[k + 1] != place[k]
+        onward[k] = np.where(moves[:, None], np.stack([place[k + 1], onward[k + 1, :, 0]], 1), onward[k + 1])
     aim, served, last = (np.full(vertex.shape, NONE) for _ in range(3))
     busy = np.zeros(vertex.shape, np.bool_)
     for robot, since_s, begin_s, end_s, place, s in zip(
@@ -163,7 +209,7 @@ def _doing(execution: Execution, graph: PlanGraph, t_s: FloatArray, look: IntArr
         if robot >= 0 and np.isfinite(assigned_s):
             a, b = np.searchsorted(t_s, [assigned_s, done_s if np.isfinite(done_s) else np.inf])
             busy[a:b, robot] = True
-    return Doing(vertex, towards, aim, served, last, stands, busy)
+    return Doing(vertex, towards, aim, served, last, stands, busy, onward)
 
 
 def _one_lane_on(graph: PlanGraph, vertex: IntArray, towards: IntArray) -> IntArray:

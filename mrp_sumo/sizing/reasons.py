@@ -44,8 +44,8 @@ class Reasons:
 
     @property
     def worst(self) -> tuple[Share, ...]:
-        """The three that cost most."""
-        return self.places[:3]
+        """The three that cost most, of those that cost a minute an hour or are in use nearly all the time."""
+        return tuple(p for p in self.places if p.waited_s_per_h >= MINUTE_S or p.utilisation >= FULL)[:3]
 
 
 def reasons(point: Point) -> Reasons:

@@ -52,4 +52,4 @@ def test_long_batches_are_independent_and_short_ones_are_not():
 
 
 def test_limits_cover_the_truth_as_often_as_they_say():
-    assert 0.90 <= coverage(3, 200, 4, 4800) <= 0.99  # normal quantiles: 0.85; 1,000 long studies: tools/bench_capacity.py
+    assert 0.90 <= coverage(3, 200, 4, 4800) <= 0.99  # normal quantiles: 0.85

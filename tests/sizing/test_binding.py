@@ -26,8 +26,21 @@ BATTERY = {
 }
 HORIZON_S = 1200.0
 # one way round, 40 m, with spurs to charge at
-RING = "A c1 c2 B c3 c4 A"
-AT = {"A": (5, 0), "c1": (10, 0), "c2": (10, 10), "B": (5, 10), "c3": (0, 10), "c4": (0, 0), "p1": (13, 0), "p2": (13, 10), "p3": (-3, 10)}
+RING = "A c1 w c2 B c3 c4 A"
+AT = {
+    "A": (5, 0),
+    "c1": (10, 0),
+    "c2": (10, 10),
+    "B": (5, 10),
+    "c3": (0, 10),
+    "c4": (0, 0),
+    "p1": (13, 0),
+    "p2": (13, 10),
+    "p3": (-3, 10),
+    "P": (10, 24),
+    "q": (0, 24),
+    "w": (10, 8),
+}
 
 
 def lanes(*ways, at=AT, both=False):
@@ -83,6 +96,19 @@ def test_a_lack_of_orders_binds_robots_that_stand_idle(tmp_path, at_once, kind):
 @pytest.mark.parametrize(("budget_s", "kind"), [(20.0, "planner"), (0.0, "fleet")])
 def test_the_planner_binds_robots_that_stand_after_each_stop_until_it_answers(tmp_path, budget_s, kind):
     assert bound(tmp_path, lanes(RING), 2, round_trips([5, 5]), planning={"budget_s": budget_s}).limit.kind == kind
+
+
+DEAD_END = lanes(RING) + lanes("c2 P", both=True).split("\n", 1)[1]
+THROUGH = lanes("A c1 w c2 P q c3 c4 A")
+
+
+@pytest.mark.parametrize(("text", "kind", "name"), [(DEAD_END, "aisle", "c2 \N{EN DASH} P"), (THROUGH, "fleet", "")])
+def test_an_aisle_binds_robots_that_wait_for_who_comes_out_of_it(tmp_path, text, kind, name):
+    """Goods lie at the end of an aisle, which holds one robot at a time, or which goes on."""
+    stations = {"end": {"places": ["P"], "queue": ["w"]}}
+    tasks = {"stations": stations, "streams": [{"name": "o", "stops": ["A", "end"], "service": [2, 2], "arrivals": {"open": 8}}]}
+    limit = bound(tmp_path, text, 4, tasks).limit
+    assert (limit.kind, limit.name) == (kind, name)
 
 
 @pytest.mark.parametrize(("robots", "kind"), [(8, "crossing"), (1, "fleet")])

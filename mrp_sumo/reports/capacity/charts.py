@@ -151,7 +151,8 @@ def flow(points: Sequence[Point]) -> Chart:
         for i, point in enumerate(few):
             k, q = diagram(point)
             ax.plot(
-                100 * k, 60 * q, ls="", marker=MARKERS[i], ms=3.2, mew=0, alpha=0.55, color=COLOURS[i], label=f"{point.robots} robots",
+                100 * k, 60 * q, ls="", marker=MARKERS[i], ms=3.2, mew=0, alpha=0.55, color=COLOURS[i],
+                label=f"{point.robots} robot{'s' * (point.robots > 1)}",
                 rasterized=len(k) > 400,
             )  # fmt: skip
         ax.set(xlabel="robots in traffic on 100 m of lanes", ylabel="robots a minute past a point", xlim=(0, None), ylim=(0, None))

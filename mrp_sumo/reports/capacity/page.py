@@ -65,7 +65,7 @@ def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]])
         lines += ["<h2>What binds</h2>", f"<p>{_text(_sentence(in_words(limit)))}</p>"]
     if found:
         if found.worst:
-            lines.append(f"<p>With {found.robots} robots most time is lost to:</p>")
+            lines.append(f"<p>With {found.robots} robot{'s' * (found.robots > 1)} most time is lost to:</p>")
             lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in found.worst) + "</ol>")
         lines += _charts([parts(answer.points), floor(study.setup, found)])
     if replays:
@@ -137,9 +137,9 @@ def _bracketed(found: Bracket) -> str:
         return "not found" if found.low is None else f"above {found.low - 1}" if found.high is None else "not found"
     low, high = found.low, found.high
     if low is None and high is None:
-        return f"{found.estimate} robots"
+        return f"{found.estimate} robot{'s' * (found.estimate > 1)}"
     span = f"{low} or more" if high is None else f"up to {high}" if low is None else f"{low} to {high}" if low < high else f"{low}"
-    return f"{span} robots"
+    return f"{span} robot{'s' * (span != '1')}"
 
 
 def _gaps(notes: Sequence[str]) -> list[str]:
