@@ -17,7 +17,7 @@ from mrp_sumo.search._motion import stop_speed
 SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
 
-@kernel(apart=True)
+@kernel
 def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditions, routed, log, news):
     """All between two steps of the engine: observe, run lifts and doors, grant, command.
 
@@ -54,7 +54,7 @@ def advance(look, now, dt, s_m, kinematics, rules, visits, needs, state, conditi
     return num_logged, num_changed, num_due
 
 
-@kernel(apart=True)
+@kernel
 def grant(now, kinematics, rules, visits, needs, state, closed, shut):
     """Let robots claim their next visits, as many as they can and may."""
     # arrays are taken out of their tuples once: numba counts references each time
@@ -185,7 +185,7 @@ def who_is_before(robot, begin, end, ordered, resource, turn, passage, passing, 
     return missing
 
 
-@kernel(apart=True)
+@kernel
 def command(now, dt, kinematics, rules, visits, state, conditions, changed):
     """The robots' speeds for the next step. Returns how many changed; `changed` tells which."""
     s_m, decel, top = state.motion.s_m, kinematics.decel_mps2, kinematics.speed_mps

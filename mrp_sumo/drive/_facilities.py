@@ -19,7 +19,7 @@ SHUT, OPENING, STANDS_OPEN, CLOSING = range(4)  # doors
 IN_TIME_S = 1e-9
 
 
-@kernel(apart=True)
+@kernel
 def run_facilities(now, dt, kinematics, visits, needs, state, facilities):
     """Bring lifts and doors up to the step that begins now."""
     note_requests(dt, kinematics, visits, needs, state, facilities)
@@ -27,7 +27,7 @@ def run_facilities(now, dt, kinematics, visits, needs, state, facilities):
     run_doors(now, facilities)
 
 
-@kernel(apart=True)
+@kernel
 def note_requests(dt, kinematics, visits, needs, state, facilities):
     """Who calls which lift, and which doors are asked for: robots that may pass already, and those that come near."""
     following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank
@@ -76,7 +76,7 @@ def is_next(robot, visit, lift, needs, grants, facilities):
     return found
 
 
-@kernel(apart=True)
+@kernel
 def run_lifts(now, visits, state, facilities):
     """Where cabins are, and whether robots may enter them."""
     mode, car, target, until_s, session = facilities.mode, facilities.car, facilities.target, facilities.until_s, facilities.session

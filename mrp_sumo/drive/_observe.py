@@ -33,7 +33,7 @@ from mrp_sumo.search._kernel import kernel
 AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 
 
-@kernel(apart=True)
+@kernel
 def observe(now, dt, s_m, kinematics, rules, visits, needs, state, halted, log):
     """Book the step that ended at `now`; robots have driven `s_m` [R] in all, and those `halted` did not turn. Returns the number of
     entries in the log.
@@ -143,7 +143,7 @@ def watch_waits(now, dt, rules, grants, waits, log, count):
     return count
 
 
-@kernel(apart=True)
+@kernel
 def arrive(now, dt, s_m, visits, state, log, count):
     """Departures, arrivals, and who has come to stand where its tasks end, as it is to stay there."""
     was, moved, turned_back, claims = state.motion.s_m, state.motion.moved_m, state.grants.turned_back, state.grants.claims

@@ -21,7 +21,7 @@ def book_lost(dt, people):
         people.lost_s[r] += dt * people.lost_share[r]
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def heed(r, wanted, now, dt, kinematics, visits, motion, people):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
     halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share

@@ -23,7 +23,7 @@ CLASH_AT_TARGET = 5  # ONE stays at AT, its goal, when OTHER makes a move that c
 UNKNOWN = -1  # a priority not yet looked at
 
 
-@kernel(apart=True)
+@kernel
 def conflicts_of(instance, store, occupancy, robot, record, old):
     """The conflicts of a robot on a new record with all installed others, after those of `old` that are not its own.
 
@@ -53,7 +53,7 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
     return found[:count]
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def _find(instance, store, occupancy, robot, record, found, count):
     """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
     path0, cost, following, near = store.meta[record, PATH0], store.meta[record, COST], instance.following, instance.clashes.any

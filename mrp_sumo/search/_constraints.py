@@ -51,7 +51,7 @@ class Scratch(NamedTuple):
     limit: np.ndarray  # [4] int64
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def load(instance, store, scratch, record):
     """Lay out the constraints of a record's chain.
 

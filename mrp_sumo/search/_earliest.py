@@ -103,7 +103,7 @@ def _banned(u, v, ban_u, ban_v):
     return ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u))
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
     """The least cost under the constraints laid out.
 

@@ -2,40 +2,40 @@
 
 A compiled kernel contains the kernels that it calls, so it is good as long as none of their sources change. The kernels
 of a room are therefore stored in a folder named by the hash of all kernel sources that they may import, those of the room
-and of `search`, and of Python and the compiler; the processor is part of each kernel's own key. The folder is in
-`NUMBA_CACHE_DIR` where that is set, else in the user's cache folder, so that all copies of the same sources share it. It
-may be deleted at any time.
+and of `search`, and of Python and the compiler; numba itself tells processors apart. The folder is in `NUMBA_CACHE_DIR`
+where that is set, else in the user's cache folder, so that all copies of the same sources share it. It may be deleted at any time.
 
-Numba takes longer to load than most plans to find. It is loaded when there is something to compile (`_compiler`); what is stored is
-called without it (`_stored`).
+Stored kernels are programs: only folders that nobody else can write to are used. Numba would run a damaged file, so the
+checksums of a kernel's files are beside them, and files without one are dropped and compiled again.
+
+Numba takes half a second to load, so it is loaded when the first kernel is called. All that is used of it is documented.
 """
 
+import atexit
 import hashlib
 import os
 import sys
-import tempfile
-from collections.abc import Callable, Hashable, Iterable, Iterator
-from contextlib import contextmanager
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache, cached_property, partial, update_wrapper
+from importlib.metadata import version
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from mrp_sumo.search import _stored
-
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ("mrp_sumo/core", "mrp_sumo/search")  # kernels of all rooms may import from here
 COMPILER = ("numba", "llvmlite")
-MACHINERY = ("_kernel", "_compiler", "_stored")  # sources that decide what is stored
 MOST_FOLDERS = 8  # of different sources that are kept for a room; the least recently used go first
+CHECKSUMS = "checksums"  # the file that holds a line for each of the others in its folder: checksum, name
 
-_defined: list[Path] = []  # index files of the kernels that this process has defined
+_defined: list[Path] = []  # folders of the kernels that this process has defined
 _shown: list[Callable[[], None]] = []  # to be called before a kernel is compiled
+_unsealed: set[Path] = set()  # folders into which kernels were stored since their checksums were written
 
 
-def kernel(
-    function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, apart: bool = False, nogil: bool = False
-) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, nogil: bool = False) -> Any:
     """Compile a function when it is called, and store it.
 
     It is compiled once for each set of argument types; numba alone would also do so for each constant argument, and for each width of
@@ -51,17 +51,14 @@ def kernel(
     allocates
         Whether it makes arrays, or calls a kernel that does. References of arrays are counted only where it does: without,
         to hand tuples of arrays from stage to stage costs nothing.
-    apart
-        Whether kernels that call it share its machine code. Otherwise each has a copy of its own, fitted in and compiled with
-        it: right for what is short and called often, slow to compile for what is long. Only at the top level of a module.
     nogil
         Whether other threads may run while Python waits for it. Two threads may then write the same array at once: give each its own.
     """
     if function is None:
-        return partial(kernel, inline=inline, allocates=allocates, apart=apart, nogil=nogil)
+        return partial(kernel, inline=inline, allocates=allocates, nogil=nogil)
     if not is_compiled():
         return function
-    return Kernel(function, {"inline": inline, "_nrt": allocates, "nogil": nogil}, apart)
+    return Kernel(function, {"inline": inline, "_nrt": allocates, "nogil": nogil})
 
 
 def is_compiled() -> bool:
@@ -70,53 +67,148 @@ def is_compiled() -> bool:
 
 
 class Kernel:
-    """A kernel as Python calls it. Numba sees what it knows of its own: `py_func`, `targetoptions` and the type."""
+    """A kernel as Python calls it."""
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any], apart: bool) -> None:
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
-        self.py_func = function
-        self.targetoptions = options
-        self.apart = apart
+        self.__wrapped__ = function
+        self.options = options
         self.is_inner = function.__name__.startswith("_")
-        self.folder = folder(room_of(function.__module__))  # None where nothing can be stored
-        self.entries: dict[Hashable, Callable[..., Any]] = {}  # machine code by the types of arguments
-        name = function.__qualname__.replace("<", "").replace(">", "")
-        self.file_name = f"{function.__module__}-{name}-{function.__code__.co_firstlineno}"  # what its files' names begin with
+        self.folder = kernel_folder(function)  # None where nothing can be stored
         if self.folder:
-            _defined.append(self.folder / f"{self.file_name}.nbi")
+            _defined.append(self.folder)
 
     def __call__(self, *arguments: Any) -> Any:
-        entry = self.entries.get(_stored.key_of(arguments))
-        return (entry or self.entry(*arguments))(*arguments)
+        if self.is_inner:
+            raise TypeError(f"{self.__wrapped__.__name__} is called by kernels only: its name begins with '_'")
+        try:
+            return self.dispatcher(*arguments)
+        finally:
+            if _unsealed:
+                seal()
 
     def entry(self, *arguments: Any) -> Callable[..., Any]:
         """The machine code for arguments of the types of these: loaded, or compiled. Arguments of other types are undefined behaviour."""
-        if self.is_inner:
-            raise TypeError(f"{self.py_func.__name__} is called by kernels only: its name begins with '_'")
-        types = _stored.names(arguments)
-        stored = None if types is None else self.stored(types)
-        entry = stored.entry if stored else None
-        if entry is None:
-            entry = self.dispatcher.compile(tuple(map(self.dispatcher.typeof_pyval, arguments)))
-        self.entries[_stored.key_of(arguments)] = entry
-        return entry
+        from numba import typeof
 
-    def stored(self, types: str) -> "_stored.Loaded | None":
-        """The stored machine code for arguments of these types; None where there is none that can be loaded."""
-        if self.folder is None:
-            return None
-        return _stored.load(self.folder / _stored.file_name(self.file_name, types), self.py_func)
+        code: Callable[..., Any] = self.dispatcher.compile(tuple(map(typeof, arguments)))
+        seal()
+        return code
 
     @cached_property
     def dispatcher(self) -> Any:
         """The kernel as numba compiles it."""
-        from mrp_sumo.search._compiler import dispatcher_of
-
-        return dispatcher_of(self, _compiles)  # type: ignore[no-untyped-call]
+        if self.folder:
+            _drop_unsound(self.folder)
+        return _compiler()(self.__wrapped__, self.options, self.is_inner, self.folder is not None)
 
     @property
-    def _numba_type_(self) -> Any:
-        return self.dispatcher._numba_type_
+    def num_types(self) -> int:
+        """For how many sets of argument types there is machine code in this process."""
+        return len(self.dispatcher.signatures) if "dispatcher" in vars(self) else 0
+
+
+@cache
+def _compiler() -> Callable[[Callable[..., Any], dict[str, Any], bool, bool], Any]:
+    """The function that makes numba's dispatchers; numba is loaded for it, and told of kernels."""
+    import numba
+    from numba import types
+    from numba.core import event
+    from numba.extending import models, register_model, typeof_impl
+
+    config: Any = numba.config
+    njit: Any = numba.njit
+    dispatcher_type: Any = types.Dispatcher
+
+    class Show(event.Listener):
+        """Shows those who wait that a kernel is about to be compiled."""
+
+        def on_start(self, event: object) -> None:
+            seal()  # what was compiled before
+            for show in _shown:
+                show()
+
+        def on_end(self, event: object) -> None:
+            """It is not stored yet."""
+
+    def widened(argument: Any) -> Any:
+        argument = getattr(argument, "literal_type", argument)
+        return types.int64 if argument == types.int32 else argument
+
+    class KernelType(dispatcher_type):  # type: ignore[misc]
+        """The type of a kernel that a kernel calls: constants and narrow integers among its arguments make no further copies of it."""
+
+        def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+            return super().get_call_type(context, tuple(map(widened, args)), {key: widened(each) for key, each in kws.items()})
+
+    register_model(KernelType)(models.OpaqueModel)
+    typeof_impl.register(Kernel)(lambda kernel, _: KernelType(kernel.dispatcher))
+    event.register("numba:compile", Show())  # type: ignore[no-untyped-call]
+    atexit.register(seal)
+
+    def dispatcher(function: Callable[..., Any], options: dict[str, Any], is_inner: bool, is_stored: bool) -> Any:
+        locators, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, f"{__name__}.Locator"
+        try:
+            return njit(**options, cache=is_stored, no_cpython_wrapper=is_inner, no_cfunc_wrapper=True)(function)
+        finally:
+            config.CACHE_LOCATOR_CLASSES = locators
+
+    return dispatcher
+
+
+class Locator:
+    """A kernel's folder, as numba asks for it; see NUMBA_CACHE_LOCATOR_CLASSES in its documentation."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "Locator | None":
+        folder = kernel_folder(py_func)
+        return cls(folder) if folder else None
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        """Numba is about to store machine code."""
+        self._folder.mkdir(mode=0o700, exist_ok=True)
+        _unsealed.add(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return ""  # the room's folder is named by the hash of the sources
+
+    def get_disambiguator(self) -> str:
+        return ""  # it has the folder to itself
+
+
+def seal() -> None:
+    """Write the checksums of what was stored: from now on it is loaded."""
+    while _unsealed:
+        folder = _unsealed.pop()
+        with suppress(OSError):  # the folder was deleted, or the disk is full: they are compiled again
+            lines = "".join(f"{_checksum(file)} {file.name}\n" for file in sorted(_stored_in(folder)))
+            draft = folder / f"{CHECKSUMS}.{os.getpid()}"
+            draft.write_text(lines, encoding="utf-8")
+            draft.replace(folder / CHECKSUMS)
+
+
+def _drop_unsound(folder: Path) -> None:
+    """Delete all files that are not what was stored."""
+    with suppress(OSError):  # nothing is stored
+        lines = (folder / CHECKSUMS).read_text(encoding="utf-8", errors="replace").split("\n") if (folder / CHECKSUMS).exists() else []
+        sound = {name: checksum for checksum, _, name in (line.partition(" ") for line in lines)}
+        for file in _stored_in(folder):
+            if sound.get(file.name) != _checksum(file):
+                file.unlink()
+
+
+def _stored_in(folder: Path) -> list[Path]:
+    return [file for file in folder.iterdir() if file.suffix in (".nbi", ".nbc")]
+
+
+def _checksum(file: Path) -> str:
+    return f"{zlib.crc32(file.read_bytes()):08x}"
 
 
 class Missing:
@@ -124,18 +216,18 @@ class Missing:
 
     def __init__(self) -> None:
         self._seen = 0
-        self._file: list[Path] = []
+        self._folders: list[Path] = []
 
     @property
     def num_kernels(self) -> int:
-        self._file += [file for file in _defined[self._seen :] if not file.exists()]
+        self._folders += [folder for folder in _defined[self._seen :] if not folder.exists()]
         self._seen = len(_defined)
-        return len(self._file)
+        return len(self._folders)
 
     @property
     def num_stored(self) -> int:
         """How many of them are stored by now, by whichever process."""
-        return sum(file.exists() for file in self._file)
+        return sum(folder.exists() for folder in self._folders)
 
 
 @contextmanager
@@ -148,22 +240,15 @@ def each_compiled(show: Callable[[], None]) -> Iterator[None]:
         _shown.remove(show)
 
 
-def _compiles() -> None:
-    """A kernel is about to be compiled: show it to those who wait."""
-    for show in _shown:
-        show()
-
-
 def is_empty(room: str) -> bool:
     """Whether the kernels of a room could be stored, and none is."""
-    found = folder(room)
-    return is_compiled() and found is not None and num_stored(room) == 0
+    return is_compiled() and room_folder(room) is not None and num_stored(room) == 0
 
 
 def num_stored(room: str) -> int:
     """How many kernels of a room are stored."""
-    found = folder(room)
-    return sum(1 for _ in found.glob("*.nbi")) if found else 0
+    folder = room_folder(room)
+    return sum(1 for _ in folder.iterdir()) if folder else 0
 
 
 def num_defined(room: str) -> int:
@@ -177,46 +262,51 @@ def room_of(module: str) -> str:
     return "/".join(parts[:2]) if parts[0] == "mrp_sumo" else parts[0]
 
 
+def kernel_folder(function: Callable[..., Any]) -> Path | None:
+    """The folder of a kernel's machine code, which need not exist; None where nothing can be stored."""
+    room = room_folder(room_of(function.__module__))
+    name = function.__qualname__.replace("<", "").replace(">", "")
+    return room / f"{function.__module__}-{name}-{function.__code__.co_firstlineno}" if room else None
+
+
 @cache
-def folder(room: str) -> Path | None:
-    """Where kernels of a room are stored; None where there is no folder to write to."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    cache_home = os.environ.get("XDG_CACHE_HOME")
-    homes = [Path(cache_home) if cache_home else Path.home() / ".cache", Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"]
-    for home in [Path(chosen)] if chosen else homes:
-        found = home / "mrp-sumo" / "kernels" / f"{room.replace('/', '.')}-{state_of_sources(ROOT, room)}"
-        try:
-            found.mkdir(parents=True, exist_ok=True, mode=0o700)
-            if found.stat().st_uid != os.getuid():  # a stored kernel of somebody else's is a program of somebody else's
-                continue
-            os.utime(found)
-            tempfile.TemporaryFile(dir=found).close()
-            _drop_least_used(found.parent.glob(found.name.rpartition("-")[0] + "-*"))
-        except OSError:
-            continue
-        return found
-    return None
+def room_folder(room: str) -> Path | None:
+    """The folder of the machine code of a room's kernels; None where there is no folder that this user alone can write to."""
+    homes = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    ours = Path(homes) / "mrp-sumo"
+    folder = ours / "kernels" / f"{room.replace('/', '.')}-{state_of_sources(ROOT, room)}"
+    try:
+        for each in (ours, ours / "kernels", folder):
+            each.mkdir(parents=True, exist_ok=True, mode=0o700)
+            status = each.stat()
+            if status.st_uid != os.getuid() or status.st_mode & 0o022:
+                return None
+        os.utime(folder)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            return None
+        _drop_least_used(folder.parent.glob(folder.name.rpartition("-")[0] + "-*"))
+    except OSError:
+        return None
+    return folder
 
 
 def state_of_sources(root: Path, room: str) -> str:
     """A hash of all that decides what the compiled kernels of a room do: their sources' text, Python and the compiler.
 
     Their sources are the files whose name begins with `_` and that define kernels, or constants only, those that define
-    NamedTuples: a kernel finds their fields by number, and this file and those beside it that store and load.
+    NamedTuples: a kernel finds their fields by number, and this file.
 
     Parameters
     ----------
     root, room
         The folder that the packages are in; the room in it.
     """
-    state = hashlib.sha256(sys.version.encode())
-    for package in COMPILER:  # which is not loaded to ask for its version
-        state.update(_stored.place_of(package).joinpath("_version.py").read_bytes())
+    state = hashlib.sha256(" ".join((sys.version, *map(version, COMPILER))).encode())
     for folder in sorted({room, *SHARED}):
         for file in sorted((root / folder).rglob("*.py")):
             text = file.read_bytes()
             is_kernel = file.match("_[!_]*.py") and (b"@kernel" in text or b"def " not in text)
-            if is_kernel or b"(NamedTuple)" in text or file.stem in MACHINERY:
+            if is_kernel or b"(NamedTuple)" in text or file.name == Path(__file__).name:
                 state.update(file.relative_to(root).as_posix().encode() + b"\0" + text + b"\0")
     return state.hexdigest()[:20]
 

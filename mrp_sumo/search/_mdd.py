@@ -29,7 +29,7 @@ TOO_LARGE = -2  # in MDD0: more members than are worth building
 MOST_MEMBERS = 20_000
 
 
-@kernel(apart=True)
+@kernel
 def _levels(instance, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
@@ -100,7 +100,7 @@ def _levels(instance, scratch, start, goal, distance, cost):
     return total
 
 
-@kernel(apart=True)
+@kernel
 def mdd_of(instance, store, scratch, record):
     """See that a record has its MDD: `MDD0` is where its levels begin, or TOO_LARGE.
 
@@ -166,7 +166,7 @@ def only(store, record, step):
     return np.int64(-1)
 
 
-@kernel(apart=True)
+@kernel
 def raises_cost(instance, store, scratch, record, row0, row1):
     """Whether these constraints cut through all paths of the record's MDD. False also when it is too large."""
     mdd = store.meta[record, MDD0]

@@ -126,7 +126,7 @@ def uninstall(store, occupancy, robot):
     occupancy.record[robot] = -1
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def install_all(store, occupancy, records, but):
     """Make the occupancy that of these records [R] without robot `but`; only what differs is touched."""
     for robot in range(len(records)):

@@ -86,7 +86,7 @@ def _is_no_better(state, e, num_states, vertex, step, disturbs):
     return known
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
 
@@ -184,7 +184,7 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
     return code, end
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def replan(instance, store, occupancy, scratch, record, w, lower, patience, budget):
     """Find the path of a record under its constraints, and write it to the store.
 

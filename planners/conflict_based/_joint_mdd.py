@@ -183,7 +183,7 @@ def _note_lost(store, lost, count, kept, kept_after, moves_first, moves_to, begi
     return count
 
 
-@kernel(apart=True)
+@kernel
 def joint_paths(instance, store, scratch, one, other, splits):
     """Whether two robots have shortest paths without a conflict, and otherwise what to split on.
 

@@ -49,7 +49,7 @@ def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, bud
     return code, weight
 
 
-@kernel(apart=True)
+@kernel
 def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget):
     num_robots = len(instance.start)
     i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]

@@ -61,7 +61,7 @@ MOST_CORNERS = 5  # levels of one member looked at for each corner of a rectangl
 CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
 
 
-@kernel(apart=True)
+@kernel
 def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     """Fill in the priorities and splits that are unknown, and choose.
 
@@ -109,7 +109,7 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     return OK, chosen
 
 
-@kernel(apart=True)
+@kernel
 def _split_joint(instance, store, scratch, one, other, row, joint, num_joint):
     """Where all shortest paths of the two are in conflict, write the split that raises the cost of both.
 
@@ -137,7 +137,7 @@ def _split_joint(instance, store, scratch, one, other, row, joint, num_joint):
     return OK, num_joint
 
 
-@kernel(apart=True)
+@kernel
 def _split(instance, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
     kind, at, step = row[KIND], row[AT], row[STEP]
@@ -193,7 +193,7 @@ def _split(instance, store, scratch, one, other, row, symmetries):
     return OK
 
 
-@kernel(apart=True)
+@kernel
 def _split_clash(instance, store, one, other, row):
     """Rows that keep two robots from making moves that clash; the row at which those of OTHER begin, -1 where there is no room.
 
@@ -247,7 +247,7 @@ def _bar(instance, store, move, begin, end, arrive, until):
     return fits
 
 
-@kernel(apart=True)
+@kernel
 def _rank(instance, store, scratch, one, other, row):
     """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
     rank = 0
@@ -268,7 +268,7 @@ def _between(instance, v, ends):
     return instance.head[a] == instance.tail_in[b] and instance.head[a + 1] == instance.tail_in[b + 1]
 
 
-@kernel(apart=True)
+@kernel
 def _corridor_of(instance, store, one, other, row, corridor):
     """Find the corridor around a conflict of robots that go through it in opposite directions.
 
@@ -350,7 +350,7 @@ def _steps_without(instance, scratch, end, ban_u, ban_v):
                 count += 1
 
 
-@kernel(apart=True)
+@kernel
 def _arrival(instance, scratch, start, end, ban_u, ban_v):
     """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(instance, scratch, end, ban_u, ban_v)
@@ -358,7 +358,7 @@ def _arrival(instance, scratch, start, end, ban_u, ban_v):
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
-@kernel(apart=True)
+@kernel
 def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length = corridor[0], corridor[1], corridor[2]
@@ -426,7 +426,7 @@ def _ways(instance, store, record, at, direction, step, ways):
     ways[1] = direction * np.sign(instance.line[v] - instance.line[at])
 
 
-@kernel(apart=True)
+@kernel
 def _split_rectangle(instance, store, one, other, row):
     """Barrier constraints of a rectangle around a meeting; NO_PATH when there is none."""
     at, step = row[AT], row[STEP]
@@ -466,7 +466,7 @@ def _split_rectangle(instance, store, one, other, row):
     return NO_PATH
 
 
-@kernel(apart=True)
+@kernel
 def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to_other, ways):
     """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
     at, step = row[AT], row[STEP]

@@ -91,7 +91,7 @@ def _first_crossing(traffic, held, along, barred, near, rings, lane, back, v, u,
     return t
 
 
-@kernel(allocates=False, apart=True)
+@kernel(allocates=False)
 def plan_one(first, head, reverse, traffic, labels, robot, start, goal, least, steps, code, limit, crossing, most):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 

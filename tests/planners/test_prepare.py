@@ -22,7 +22,7 @@ def compiled():
     for name, module in list(sys.modules.items()):
         if module is not None and name.split(".")[0] in ("planners", "mrp_sumo"):
             kernels = [k for k in vars(module).values() if isinstance(k, Kernel)]
-            found |= {f"{k.__module__}.{k.__name__}": len({id(entry) for entry in k.entries.values()}) for k in kernels}
+            found |= {f"{k.__module__}.{k.__name__}": k.num_types for k in kernels}
     return found
 
 

@@ -2,6 +2,7 @@
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
 
@@ -12,8 +13,7 @@ from mrp_sumo.search import _kernel
 
 CALLEE = "from mrp_sumo.search._kernel import kernel\nfrom planners._constants import THREE\n\n@kernel\ndef steps():\n    return THREE\n"
 CALLER = "from mrp_sumo.search._kernel import kernel\nfrom planners._callee import steps\n\n@kernel\ndef twice():\n    return 2 * steps()\n"
-LOADED = "int(not hasattr(__import__('sys').modules.get('numba'), 'njit'))"  # whether numba, which compiles, was not
-CALL = f"from planners._caller import twice; print(twice(), {LOADED})"
+CALL = "from planners._caller import twice; print(twice(), len(twice.dispatcher.stats.cache_hits))"
 
 
 @pytest.fixture
@@ -26,9 +26,7 @@ def copied(tmp_path):
             (root / folder).mkdir(parents=True)
         for package in ("mrp_sumo", "mrp_sumo/search", "planners"):
             (root / package / "__init__.py").touch()
-        for file in ("search/_kernel.py", "search/_compiler.py", "search/_stored.py", "core/imports.py"):
-            (root / "mrp_sumo" / file).parent.mkdir(exist_ok=True)
-            (root / "mrp_sumo" / file).write_bytes((_kernel.ROOT / "mrp_sumo" / file).read_bytes())
+        shutil.copy(_kernel.__file__, root / "mrp_sumo/search/_kernel.py")
         (root / "planners/_constants.py").write_text("THREE = 3\n")
         (root / "planners/_callee.py").write_text(CALLEE)
         (root / "planners/_caller.py").write_text(CALLER)
@@ -40,7 +38,12 @@ def copied(tmp_path):
 def printed(root, cache, program):
     """What a program prints."""
     # bytecode is looked up by time and size, which are to be equal here
-    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, (str(root), os.environ.get("PYTHONPATH")))),
+        "NUMBA_CACHE_DIR": str(cache),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
     done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=root, capture_output=True, text=True, check=True)
     return done.stdout
 
@@ -81,27 +84,87 @@ def test_copies_of_the_same_sources_share_their_kernels(copied, tmp_path):
 @pytest.mark.slow
 def test_caller_is_compiled_from_a_loaded_callee_and_loaded_without_it(copied, tmp_path):
     root = copied("one")
-    callee = f"from planners._callee import steps; print(steps(), {LOADED}); "
+    callee = "from planners._callee import steps; print(steps(), len(steps.dispatcher.stats.cache_hits)); "
     assert printed(root, tmp_path / "cache", callee) == "3 0\n"
     assert printed(root, tmp_path / "cache", callee + CALL) == "3 1\n6 0\n"
     assert answer(root, tmp_path / "cache") == (6, 1)
 
 
+DAMAGES = {
+    "empty": lambda data: b"",
+    "half": lambda data: data[: len(data) // 2],
+    "zeros": lambda data: bytes(len(data)),
+    "one bit": lambda data: data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1 :],
+    "longer": lambda data: data + b"x",
+    "text": lambda data: b"cos\nsystem\n(S'false'\ntR.",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize("name", ["a.py311.nbi", "a.py311.1.nbc"])
+def test_damaged_file_is_dropped_and_the_others_stay(tmp_path, name, damage):
+    names = {"a.py311.nbi", "a.py311.1.nbc", "a.py311.2.nbc"}
+    for each in names:
+        (tmp_path / each).write_bytes(each.encode())
+    _kernel._unsealed.add(tmp_path)
+    _kernel.seal()
+    _kernel._drop_unsound(tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {*names, "checksums"}
+    (tmp_path / name).write_bytes(damage(name.encode()))
+    _kernel._drop_unsound(tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {*names, "checksums"} - {name}
+
+
 @pytest.mark.slow
-def test_caller_of_a_kernel_kept_apart_is_loaded_with_it_and_compiles_it_where_it_is_gone(copied, tmp_path):
+@pytest.mark.parametrize("kind", ["_caller.*.nbc", "_caller.*.nbi", "checksums"])
+def test_damaged_kernel_is_compiled_again_without_a_word(copied, tmp_path, kind):
+    root, cache = copied("one"), tmp_path / "cache"
+    assert answer(root, cache) == (6, 0)
+    (file,) = cache.glob(f"mrp-sumo/kernels/*/planners._caller-*/{kind}")
+    file.write_bytes(DAMAGES["one bit"](file.read_bytes()))
+    assert [answer(root, cache) for _ in range(2)] == [(6, 0), (6, 1)]
+
+
+@pytest.mark.slow
+def test_kernel_that_was_stored_without_its_checksum_is_compiled_again(copied, tmp_path):
+    root, cache = copied("one"), tmp_path / "cache"
+    assert answer(root, cache) == (6, 0)
+    for file in cache.rglob("checksums"):
+        file.unlink()  # as if the process had been killed before
+    assert answer(root, cache) == (6, 0)
+    assert answer(root, cache) == (6, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["", "kernels"])
+def test_nothing_is_loaded_from_where_others_can_write(copied, tmp_path, level):
+    root, cache = copied("one"), tmp_path / "cache"
+    assert answer(root, cache) == (6, 0)
+    (cache / "mrp-sumo" / level).chmod(0o777)
+    assert [answer(root, cache) for _ in range(2)] == [(6, 0), (6, 0)]
+    (cache / "mrp-sumo" / level).chmod(0o700)
+    assert answer(root, cache) == (6, 1)
+
+
+OTHERS = """
+import numba
+
+@numba.njit(cache=True)
+def mine(a):
+    return a * 2
+
+print(mine(21.0), len(mine.stats.cache_hits))
+"""
+
+
+@pytest.mark.slow
+def test_functions_of_other_programs_are_stored_as_numba_stores_them(copied, tmp_path):
     root = copied("one")
-    callee = root / "planners/_callee.py"
-    callee.write_text(callee.read_text().replace("@kernel", "@kernel(apart=True)"))
-    other = "from planners._callee import steps; steps(); "  # compiled first here: its name must be the same all the same
-    assert printed(root, tmp_path / "cache", CALL) == "6 0\n"
-    assert printed(root, tmp_path / "cache", CALL) == "6 1\n"
-    for file in (tmp_path / "cache").rglob("*_callee*"):
-        file.unlink()
-    assert printed(root, tmp_path / "cache", CALL) == "6 0\n"  # whose callee is compiled for it
-    for file in (tmp_path / "cache").rglob("*_callee*"):
-        file.unlink()
-    assert printed(root, tmp_path / "cache", other + CALL) == "6 0\n"
-    assert printed(root, tmp_path / "cache", CALL) == "6 1\n"
+    (root / "others.py").write_text(OTHERS)
+    assert printed(root, tmp_path / "cache", f"{CALL}; import others") == "6 0\n42.0 0\n"
+    assert printed(root, tmp_path / "cache", "import others") == "42.0 1\n"
+    assert not [file for file in (tmp_path / "cache/mrp-sumo").rglob("*") if "others" in file.name]
+    assert printed(root, tmp_path / "cache", f"import others; {CALL}") == "42.0 1\n6 1\n"
 
 
 @pytest.mark.slow
@@ -112,7 +175,7 @@ def test_loaded_kernel_makes_arrays_and_raises_errors(copied, tmp_path):
         "    if n < 0:\n        raise ValueError('less than none', n)\n    return np.zeros(n)\n"
     )
     call = (
-        f"from planners._callee import zeros\nprint(zeros(2), {LOADED})\n"
+        "from planners._callee import zeros\nprint(zeros(2), len(zeros.dispatcher.stats.cache_hits))\n"
         "try:\n    zeros(-1)\nexcept ValueError as error:\n    print(error.args)"
     )
     for loaded in range(2):

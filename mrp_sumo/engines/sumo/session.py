@@ -21,7 +21,6 @@ import numpy as np
 
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray
-from mrp_sumo.core.imports import without
 from mrp_sumo.engines.sumo.network import backdrop_of
 from mrp_sumo.errors import ExecutionError
 
@@ -272,8 +271,7 @@ def _check_whole(network: Path) -> None:
 
 def _api(gui: bool) -> tuple[Any, str]:
     if not gui:
-        with without("pyproj"):  # for projections
-            import libsumo
+        import libsumo
 
         return libsumo, "sumo"
     import sumo
