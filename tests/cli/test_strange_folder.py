@@ -48,6 +48,7 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "warmup": "warmup astar",
     "report": "report {run}",
     "demo": "demo --no-open --out /dev/null",
+    "init": "init office --out site",
     "completion": "completion bash",
     "schema": "schema",
 }
