@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from floors import driven
-from known_work import BETWEEN_S, SERVICE_S, Variation, drawn, formula_s, served, systems
+from known_work import BETWEEN_S, SERVICE_S, Variation, drawn, formula_s, served, served_shortest_first, systems
 
 SYSTEMS = {name: system for name, system in systems().items() if system.exact <= 0.02}
 QUICK = ["loop, 1 robot at A", "loop, A to B, 1 robot", "tandem A 30 s, B 5 s, 2 robots", "M/D/1", "M/M/2"]
@@ -43,3 +43,13 @@ def test_the_simulator_of_queues_has_the_formulas_means(servers, exponential):
         means.append(float((served(arrivals, service, servers, 0.0) - arrivals)[500:].mean()))
     limits = 2.6 * np.std(means) / np.sqrt(len(means))  # 99 %
     assert abs(np.mean(means) - formula_s(servers, exponential)) < limits
+
+
+def test_the_shortest_first_is_who_came_first_among_equals_and_shorter_on_the_mean_elsewhere():
+    assert served_shortest_first(np.array([0.0, 1.0, 2.0]), np.array([5.0, 3.0, 1.0]), 1, 0.0).tolist() == [5.0, 9.0, 6.0]
+    assert served_shortest_first(np.array([0.0, 1.0, 2.0]), np.array([5.0, 3.0, 1.0]), 1, 0.0, 1).tolist() == [5.0, 8.0, 9.0]
+    for servers in (1, 2):
+        arrivals, service = drawn(1, 500, BETWEEN_S / servers, SERVICE_S, False)
+        assert served_shortest_first(arrivals, service, servers, 1.0).tolist() == served(arrivals, service, servers, 1.0).tolist()
+        arrivals, service = drawn(1, 500, BETWEEN_S / servers, SERVICE_S, True)
+        assert served_shortest_first(arrivals, service, servers, 1.0).mean() < served(arrivals, service, servers, 1.0).mean()
