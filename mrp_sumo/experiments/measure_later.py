@@ -8,11 +8,11 @@ import numpy as np
 
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import BatchError, MrpSumoError, first_line
+from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.experiments.batch import is_under_way
 from mrp_sumo.io.results import drop_tables, read_plan, read_record, record_path, write_record, write_tables
 from mrp_sumo.io.run_folder import plain
-from mrp_sumo.io.run_reader import DAMAGE, RunFolder, load_run
+from mrp_sumo.io.run_reader import RunFolder, damage_in, load_run
 from mrp_sumo.io.trace import read_trace, trace_path
 from mrp_sumo.metrics.evaluate import Metrics, evaluate
 from mrp_sumo.metrics.metric import Metric
@@ -28,10 +28,8 @@ def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
     MrpSumoError
         When a file is missing or damaged.
     """
-    try:
+    with damage_in(run.folder):  # metrics that anybody wrote are guarded: it is the folder that contradicts itself
         return _measured(run, metrics)
-    except DAMAGE as error:  # metrics that anybody wrote are guarded: it is the folder that contradicts itself
-        raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {first_line(error)}") from None
 
 
 def _measured(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:

@@ -3,6 +3,7 @@
 Files are read on first use. Refuses folders without a complete run.
 """
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, wraps
 from pathlib import Path
@@ -28,7 +29,7 @@ from mrp_sumo.io.record import RunRecord, constants_of
 from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     import pandas
 
@@ -41,7 +42,7 @@ RESULT = "result.json"
 SCHEMA_VERSION = 1  # of it
 
 
-# what readers stumble over in a file that was changed
+# what readers raise for a file that was changed
 DAMAGE = (ArithmeticError, AttributeError, LookupError, NotImplementedError, OSError, TypeError, ValueError)
 
 
@@ -73,15 +74,22 @@ def load_run(folder: str | Path) -> "RunFolder":
     return RunFolder(folder, result)
 
 
+@contextmanager
+def damage_in(source: str | Path) -> "Iterator[None]":
+    """Faults of a source's files, as one line: while they are read, whatever is raised is damage."""
+    try:
+        yield
+    except DAMAGE as error:
+        raise MrpSumoError(f"{source}: damaged, or of another version: {type(error).__name__}: {first_line(error)}") from None
+
+
 def _whole(read: "Callable[[RunFolder], T]") -> "Callable[[RunFolder], T]":
-    """A reader of a run folder for which what it stumbles over is damage, which is said in a line."""
+    """A reader of a run folder that says in a line what is damaged."""
 
     @wraps(read)
     def checked(run: "RunFolder") -> T:
-        try:
+        with damage_in(run.folder):
             return read(run)
-        except DAMAGE as error:
-            raise MrpSumoError(f"{run.folder}: damaged, or of another version: {type(error).__name__}: {first_line(error)}") from None
 
     return checked
 

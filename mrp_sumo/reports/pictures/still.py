@@ -17,6 +17,7 @@ from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
+from mrp_sumo.io.run_reader import damage_in
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor, name_places, write_name
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix
 from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, level_corners, state_names, view_record, view_states
@@ -69,10 +70,8 @@ def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
     MrpSumoError
         For a time outside the run, and a run with nothing to show.
     """
-    try:
+    with damage_in(run.source):
         record, outline = view_record(run), run.outline
-    except (KeyError, TypeError, ValueError, IndexError, OSError) as error:
-        raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     execution = record.execution
     if not execution.x_m.size:
         raise MrpSumoError(f"{run.source}: nothing to draw: {execution.num_robots} robots, {len(execution.t_s)} samples")

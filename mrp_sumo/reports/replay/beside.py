@@ -3,11 +3,9 @@
 import html
 from pathlib import Path
 
-from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.run_reader import DAMAGE
-from mrp_sumo.reports.pictures.view import AnyRun, view_record
+from mrp_sumo.reports.pictures.view import AnyRun
 from mrp_sumo.reports.replay.constants import css_variables
-from mrp_sumo.reports.replay.page import About, about_run, filled, replay_page
+from mrp_sumo.reports.replay.page import About, filled, replay_page, shown
 
 
 def page_of_two(first: AnyRun, second: AnyRun) -> str:
@@ -18,15 +16,8 @@ def page_of_two(first: AnyRun, second: AnyRun) -> str:
     MrpSumoError
         Where the folder of one is damaged or there is nothing to replay.
     """
-    abouts, pages = [], []
-    for run in (first, second):
-        try:
-            record = view_record(run)
-            about = about_run(run, record)
-        except DAMAGE as error:
-            raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
-        abouts.append(about)
-        pages.append(replay_page(record, about))
+    both = [shown(run) for run in (first, second)]
+    abouts, pages = [about for _, about in both], [replay_page(*each) for each in both]
     titles = [about.name for about in abouts]
     if titles[0] == titles[1]:
         titles = [Path(run.source).name for run in (first, second)]

@@ -29,7 +29,7 @@ from mrp_sumo.files.writing import written_whole
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.remedy import remedy
-from mrp_sumo.io.run_reader import DAMAGE, load_run
+from mrp_sumo.io.run_reader import damage_in, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.plugins.source import short_name
 from mrp_sumo.reports.pictures.view import (
@@ -170,12 +170,14 @@ def drawn_lanes(nav: NavGraph) -> IntArray:
 
 def page_of(run: AnyRun) -> str:
     """The page of a run. Raises MrpSumoError where its folder is damaged or there is nothing to replay."""
-    try:
+    return replay_page(*shown(run))
+
+
+def shown(run: AnyRun) -> tuple[RunRecord, About]:
+    """The log of a run and the words beside it. Raises MrpSumoError where its folder is damaged."""
+    with damage_in(run.source):
         record = view_record(run)
-        about = about_run(run, record)
-    except DAMAGE as error:
-        raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
-    return replay_page(record, about)
+        return record, about_run(run, record)
 
 
 @dataclass(frozen=True)

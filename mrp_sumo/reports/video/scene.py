@@ -13,7 +13,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import BLOCKED, WAITING, RunRecord
-from mrp_sumo.io.run_reader import DAMAGE
+from mrp_sumo.io.run_reader import damage_in
 from mrp_sumo.reports.pictures.view import ABSENT, MARGIN_M, AnyRun, extent, level_boxes, subtitle_of, view_record, view_states
 
 AHEAD_S = 10.0  # of the plan
@@ -117,10 +117,8 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
     MrpSumoError
         For a run with nothing to show, damaged files, and names of robots or levels that there are not.
     """
-    try:
+    with damage_in(run.source):
         record, outline, plan = view_record(run), run.outline, run.plan
-    except DAMAGE as error:
-        raise MrpSumoError(f"{run.source}: damaged, or of another version: {type(error).__name__}: {error}") from None
     execution, names = record.execution, record.fleet.robot_name
     if not execution.x_m.size:
         raise MrpSumoError(f"{run.source}: nothing to show: {execution.num_robots} robots, {len(execution.t_s)} samples")
