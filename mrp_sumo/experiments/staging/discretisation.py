@@ -10,17 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of_types
-from mrp_sumo.core.graph import BoolArray, FloatArray, NavGraph, PlanGraph, with_lanes
+from mrp_sumo.core.graph import NavGraph, PlanGraph, with_lanes
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.map import Discretisation
-from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.beside_lanes import beside_lanes
 from mrp_sumo.maps.chains import chains_of
-from mrp_sumo.maps.clearance import point_distances
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.roadmap import cell_that_fits
 
 ON_LANE_CELLS = 1.1  # from a lane within which cells belong to it: lanes of a grid are two cells wide
-AGAINST = -0.3  # cosine of the angle between a step and a lane from which the step goes against it
 CENTIMETRES = 100
 
 
@@ -71,7 +69,9 @@ def with_drawn_one_ways(nav: NavGraph, graph: PlanGraph) -> tuple[PlanGraph, tup
     one_way = (nav.reverse < 0) & ~nav.is_ride
     if graph.kind != "grid" or isinstance(nav, PlanGraph) or not one_way.any():
         return graph, ()
-    against = _against(nav, graph, one_way)
+    reach_m = ON_LANE_CELLS * graph.cell_m
+    lanes = beside_lanes(nav, graph.xy[graph.tail], graph.xy[graph.head], reach_m, graph.level[graph.tail])
+    against = (lanes.against_m < reach_m) & (lanes.against_m < lanes.along_m - 1e-9) & ~graph.is_ride
     num_lanes = int((~nav.is_ride).sum())
     share = np.count_nonzero(one_way) / num_lanes
     note = (
@@ -79,29 +79,3 @@ def with_drawn_one_ways(nav: NavGraph, graph: PlanGraph) -> tuple[PlanGraph, tup
         f"{np.count_nonzero(against)} steps against them are left out; discretisation.kind: roadmap keeps to lanes"
     )
     return (with_lanes(graph, ~against) if against.any() else graph), (note,)
-
-
-def _against(nav: NavGraph, graph: PlanGraph, one_way: BoolArray) -> BoolArray:
-    """[L of graph] steps that are nearer to a one-way lane which they go against than to a lane that leads their way."""
-    within_m = ON_LANE_CELLS * graph.cell_m
-    lanes = np.flatnonzero(~nav.is_ride)
-    a, b = nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]]
-    middle = (graph.xy[graph.tail] + graph.xy[graph.head]) / 2
-    boxes = np.concatenate([np.minimum(a, b) - within_m, np.maximum(a, b) + within_m], axis=1)
-    near, step = overlapping(boxes, np.tile(middle, 2))
-    near, step = near[~graph.is_ride[step]], step[~graph.is_ride[step]]
-    away_m = point_distances(middle[step], a[near], b[near])
-    cosine = (_unit(b - a)[near] * _unit(graph.xy[graph.head] - graph.xy[graph.tail])[step]).sum(axis=1)
-    same_level = nav.level[nav.tail[lanes]][near] == graph.level[graph.tail][step]
-    with_m, against_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_lanes, np.inf)
-    for least_m, counts in ((with_m, cosine > -AGAINST), (against_m, (cosine < AGAINST) & one_way[lanes][near])):
-        counts = counts & same_level & (away_m < within_m)
-        np.minimum.at(least_m, step[counts], away_m[counts])
-    closed: BoolArray = np.isfinite(against_m) & (against_m < with_m - 1e-9)
-    return closed
-
-
-def _unit(step: FloatArray) -> FloatArray:
-    """[N, 2] directions; 0 of what has no length."""
-    long: FloatArray = np.hypot(*step.T)[:, None]
-    return step / np.where(long > 0, long, 1.0)
