@@ -36,8 +36,7 @@ def laid_out(nav: NavGraph, building: Building | None) -> dict[str, tuple[float,
     size = high - low + LEVEL_GAP_M + 1  # a metre for what is rounded
     num_columns = min(range(1, len(driven) + 1), key=lambda columns: _side_m(size, columns))
     row, column = np.divmod(np.arange(len(driven)), num_columns)
-    right = np.concatenate([[0.0], np.cumsum([size[column == c, 0].max() for c in range(num_columns)])])[column]
-    down = np.concatenate([[0.0], np.cumsum([size[row == r, 1].max() for r in range(row[-1] + 1)])])[row]
+    right, down = (edges[k] for edges, k in zip(_edges(size, num_columns), (column, row)))
     by = np.stack([np.ceil(low[0, 0] + right - low[:, 0]), np.floor(high[0, 1] - down - high[:, 1])], 1)
     by = by + 0.0  # never -0
     by[0] = 0.0
@@ -54,10 +53,16 @@ def _extent(nav: NavGraph, level: int, building: Building | None) -> tuple[Float
 
 def _side_m(size: FloatArray, num_columns: int) -> float:
     """Height of the screen of the form `SCREEN` that holds levels of these sizes [K, 2] in so many columns."""
-    column = np.arange(len(size)) % num_columns
-    row = np.arange(len(size)) // num_columns
-    width = sum(size[column == c, 0].max() for c in range(num_columns))
-    return float(max(width / SCREEN, sum(size[row == r, 1].max() for r in range(row[-1] + 1))))
+    right, down = _edges(size, num_columns)
+    return float(max(right[-1] / SCREEN, down[-1]))
+
+
+def _edges(size: FloatArray, num_columns: int) -> tuple[FloatArray, FloatArray]:
+    """[C + 1] and [R + 1] where columns, and rows, of levels of these sizes [K, 2] begin, and the last ends."""
+    row, column = np.divmod(np.arange(len(size)), num_columns)
+    widths = [size[column == c, 0].max() for c in range(num_columns)]
+    heights = [size[row == r, 1].max() for r in range(row[-1] + 1)]
+    return np.cumsum([0.0, *widths]), np.cumsum([0.0, *heights])
 
 
 def shifts_of(level_names: Sequence[str], shift: Shift) -> FloatArray:
