@@ -7,6 +7,7 @@ come, so that rows cannot multiply them. Rows are counted from 0 in messages.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -152,6 +153,7 @@ class Table:
         values[null] = -1 if missing is None else missing
         return frozen(values)
 
+    @cached_property
     def about(self) -> Any:
         """The document in the table's metadata; None where there is none."""
         try:
@@ -161,7 +163,7 @@ class Table:
 
     def about_numbers(self, name: str, length: int | None = None) -> FloatArray:
         """[length] numbers that the metadata list under a key; any number of them by default."""
-        about = self.about()
+        about = self.about
         listed = about.get(name) if isinstance(about, dict) else None
         kinds = {type(value) for value in listed} if isinstance(listed, list) else {None}
         if not kinds <= {int, float, bool} or (length is not None and len(listed or ()) != length):
@@ -174,7 +176,7 @@ class Table:
 
     def about_number(self, name: str, missing: float | None = None) -> float:
         """A number that the metadata have under a key; `missing` where it is null, if that may be."""
-        about = self.about()
+        about = self.about
         value = about.get(name) if isinstance(about, dict) else None
         if value is None and missing is not None:
             return missing
@@ -184,7 +186,7 @@ class Table:
 
     def about_texts(self, name: str | None = None) -> tuple[str, ...]:
         """Different texts that the metadata list, or list under a key."""
-        about = self.about()
+        about = self.about
         listed = about.get(name) if isinstance(about, dict) and name else about
         if not (isinstance(listed, list) and all(isinstance(text, str) for text in listed) and len({*listed}) == len(listed)):
             raise self.fault(f"its metadata have no '{name or KEY.decode()}', expected a list of different names")

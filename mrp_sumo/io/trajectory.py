@@ -161,7 +161,7 @@ def read_trajectory(path: Path) -> Trajectory:
         For a file that is missing, damaged, or of another schema.
     """
     table = read_table(path)
-    about = table.about()
+    about = table.about
     if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:
         found = about.get("schema_version") if isinstance(about, dict) else "no trajectory"
         raise table.fault(f"schema version {found}, expected {SCHEMA_VERSION}")
