@@ -63,12 +63,13 @@ def drawn_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> Float
     run, period_s = logs.execution, logs.period_s
     at, so_far = np.zeros((len(t_s), logs.fleet.num_robots)), np.zeros(logs.fleet.num_robots)
     kinds = {battery: np.flatnonzero([mine == battery for mine in of_robot]) for battery in dict.fromkeys(of_robot)}
+    at_chargers = charges(logs)
     for first in range(0, len(run.t_s) - 1, TOGETHER):
         block = slice(first, first + TOGETHER + 1)
         power_w = np.zeros((len(run.t_s[block]) - 1, len(so_far)))
         for battery, mine in kinds.items():
             power_w[:, mine] = _power_w(battery, run.speed_mps[block], run.yaw_rad[block], mine, period_s)
-        for robot, begin_s, end_s in charges(logs):
+        for robot, begin_s, end_s in at_chargers:
             power_w[(run.t_s[block][1:] > begin_s) & (run.t_s[block][1:] <= end_s), robot] = 0.0
         until = so_far + np.cumsum(np.nan_to_num(power_w) * period_s, axis=0)
         some = np.flatnonzero((t_s > run.t_s[first] + 1e-9) & (t_s <= run.t_s[block][-1] + period_s / 2))
@@ -88,10 +89,10 @@ def _power_w(battery: Battery, speed_mps: FloatArray, yaw_rad: FloatArray, mine:
 
 def charged_s(logs: Logs, t_s: FloatArray) -> FloatArray:
     """[K, R] for how long each robot was at a charger until times [K]."""
-    found = np.zeros((len(t_s), logs.fleet.num_robots))
+    so_far_s = np.zeros((len(t_s), logs.fleet.num_robots))
     for robot, begin_s, end_s in charges(logs):
-        found[:, robot] += np.clip(t_s - begin_s, 0.0, max(end_s - begin_s, 0.0))
-    return found
+        so_far_s[:, robot] += np.clip(t_s - begin_s, 0.0, max(end_s - begin_s, 0.0))
+    return so_far_s
 
 
 def charges(logs: Logs) -> list[tuple[int, float, float]]:

@@ -13,11 +13,13 @@ from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.robot_states import BROKEN, EMPTY
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import NOBODY, StopLog, Task, TaskLog
 from mrp_sumo.metrics.metric import TOGETHER
 
 EPS_S = 1e-6  # of times that are one in the logs
+LOST = (BROKEN, EMPTY)  # states of robots that others have to stand in for
 STANDS_MPS = 1e-3  # slower is standing
 
 
@@ -94,6 +96,14 @@ class Logs:
     def robot(self, number: int) -> str | None:
         """A robot's name; None for nobody."""
         return None if number == NOBODY else self.fleet.robot_name[number]
+
+    def was_in(self, states: Sequence[int], robot: int, begin_s: float, end_s: float) -> bool | None:
+        """True for a robot that was in one of some states within a time; None where states are not known."""
+        log = self.execution.robot_states
+        if log is None:
+            return None
+        mine = (log.robot == robot) & np.isin(log.state, states)
+        return bool((mine & (log.begin_s <= end_s + EPS_S) & (log.end_s >= begin_s - EPS_S)).any())
 
     def place(self, stop: int) -> str:
         """The name of a stop's station, or of its vertex."""

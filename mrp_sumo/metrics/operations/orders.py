@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.execution import Outcome
-from mrp_sumo.core.robot_states import BROKEN, EMPTY
+from mrp_sumo.core.robot_states import BROKEN
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import (
     ASSIGNED,
@@ -21,7 +21,7 @@ from mrp_sumo.core.task import (
     TASK_TIMES,
     Task,
 )
-from mrp_sumo.metrics.operations.evidence import EPS_S, Finding, Logs
+from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 
 REVEALED_S = 2.0  # at most until the next order of a closed loop is known
 TIMES = {  # of a state: those of `TASK_TIMES` that an order in it has; the others it has not, or may have
@@ -124,7 +124,7 @@ def stops_in_order(logs: Logs) -> Iterator[Finding]:
         first = rows[0]
         for row in rows:
             if before is not None and stops.robot[row] != stops.robot[before]:
-                if not _was_lost(logs, int(stops.robot[before]), float(stops.end_s[before]), float(stops.begin_s[row])):
+                if logs.was_in(LOST, int(stops.robot[before]), float(stops.end_s[before]), float(stops.begin_s[row])) is False:
                     yield logs.of_stop("stops in order", row, f"goes on with what {logs.robot(int(stops.robot[before]))} began")
                 if stops.station[row] == f"beside {logs.robot(int(stops.robot[before]))}":  # there it fetches the load
                     before = row
@@ -156,7 +156,7 @@ def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
         yield logs.of_stop("stops in order", row, f"stop {nth + 1} at {logs.graph.label(int(stops.vertex[row]))}, expected {wanted}")
     if takes_s < stop.service_s - EPS_S:
         yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {stop.service_s:.2f} s")
-    elif takes_s > stop.service_s + EPS_S and not _was(logs, int(stops.robot[row]), BROKEN, stops.begin_s[row], stops.end_s[row]):
+    elif takes_s > stop.service_s + EPS_S and logs.was_in((BROKEN,), int(stops.robot[row]), stops.begin_s[row], stops.end_s[row]) is False:
         yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {stop.service_s:.2f} s only")
     due_s = order.due_s - order.release_s + float(logs.tasks.released_s[stops.task[row]])
     if not (due_s == stops.due_s[row] or abs(due_s - stops.due_s[row]) <= EPS_S):
@@ -216,16 +216,3 @@ def _all_open_end(logs: Logs) -> bool:
     if not (np.isnan(tasks.ended_s) & tasks.is_order).any() or not logs.terms.sources:
         return True
     return any(_goes_on(source, len(known)) for source, known in zip(logs.terms.sources, logs.known))
-
-
-def _was(logs: Logs, robot: int, state: int, begin_s: float, end_s: float) -> bool:
-    """Whether a robot was in a state at some time."""
-    log = logs.execution.robot_states
-    if log is None:
-        return True
-    return bool(((log.robot == robot) & (log.state == state) & (log.begin_s <= end_s + EPS_S) & (log.end_s >= begin_s - EPS_S)).any())
-
-
-def _was_lost(logs: Logs, robot: int, begin_s: float, end_s: float) -> bool:
-    """Whether a robot broke down or ran empty within a time."""
-    return any(_was(logs, robot, state, begin_s, end_s) for state in (BROKEN, EMPTY))

@@ -7,8 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.core.robot_states import BROKEN, EMPTY
-from mrp_sumo.metrics.operations.evidence import EPS_S, Finding, Logs
+from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 
 BESIDE_M = 0.05  # of a place, where a robot stands at it: bodies stop within millimetres, SUMO rounds lengths
 CORNER = 0.5  # of the way between two samples that a straight line may cut off at a corner
@@ -85,7 +84,7 @@ def waits(logs: Logs) -> Iterator[Finding]:
         ]
         later = [each for each in before if each.since_s > near_s + LATER_S]
         first = later if len(later) >= LATER_ONES else before if stood > STOOD else []
-        if len(first) >= LATER_ONES and not _lost(logs, wish.robot, wish.since_s, until_s):
+        if len(first) >= LATER_ONES and not logs.was_in(LOST, wish.robot, wish.since_s, until_s):
             who, order, since_s = logs.robot(wish.robot), logs.tasks.name[wish.task], near_s if first is later else wish.since_s
             served = f"{len(first)} that set out later are served, at first order '{logs.tasks.name[first[0].task]}'"
             text = f"{who}, order '{order}' at {wish.place}: waits from {since_s:.2f} s to {until_s:.2f} s while {served}"
@@ -124,14 +123,6 @@ def _stood(logs: Logs, wish: Wish, until_s: float) -> tuple[float, float]:
     away_m = np.hypot(*(at[:, None] - wish.xy[None]).transpose(2, 0, 1)).min(1)
     near = (away_m < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
     return float(lasts_s.sum() / (until_s - wish.since_s)), float(since_s[near][0]) if near.any() else np.inf
-
-
-def _lost(logs: Logs, robot: int, begin_s: float, end_s: float) -> bool:
-    """Whether a robot was out of order within a time."""
-    log = logs.execution.robot_states
-    if log is None:
-        return False
-    return bool((np.isin(log.state, (BROKEN, EMPTY)) & (log.robot == robot) & (log.begin_s < end_s) & (log.end_s > begin_s)).any())
 
 
 def lifts(logs: Logs) -> Iterator[Finding]:
