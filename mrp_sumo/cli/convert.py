@@ -43,8 +43,9 @@ def _convert_plan(source: Path, destination: Path, chosen: str | None, map_path:
     """Cells are copied as they are; between cells and this program's vertices the map is needed."""
     from dataclasses import replace
 
-    from mrp_sumo.cli.plan_choice import kind_of, step_of, write, write_text
+    from mrp_sumo.cli.plan_choice import kind_of, step_of, write
     from mrp_sumo.errors import PlanError
+    from mrp_sumo.files.writing import write_text
     from mrp_sumo.formats.instances import problem_of_places, read_instance
     from mrp_sumo.formats.peers import print_places, read_places
     from mrp_sumo.formats.plan_files import is_json, read_plan_file, require_on_graph, text_of

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.scenario_choice import folder_name, map_alone, scale_argument
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.writing import write_text
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.proposal import Proposal, Wishes
@@ -24,12 +25,12 @@ BOUNDS = {
     "service_s": ("seconds at a stop", 0, 1e5),
     "hours": ("hours of a run", 0.01, 1e4),
 }
-QUESTIONS = (  # wish, question, unit: what matters most for an answer
-    ("robot_type", "type of robots (turtlebot3, amr_600, tugger, forklift, or a YAML file)", ""),
-    ("num_robots", "number of robots to begin with", ""),
-    ("rate_per_h", "orders an hour", ""),
-    ("service_s", "seconds that a robot is served at a stop", ""),
-    ("hours", "hours of a run", ""),
+QUESTIONS = (  # wish, question: what matters most for an answer
+    ("robot_type", "type of robots (turtlebot3, amr_600, tugger, forklift, or a YAML file)"),
+    ("num_robots", "number of robots to begin with"),
+    ("rate_per_h", "orders an hour"),
+    ("service_s", "seconds that a robot is served at a stop"),
+    ("hours", "hours of a run"),
 )
 
 
@@ -67,9 +68,9 @@ def run(options: argparse.Namespace) -> int:
     except MrpSumoError:
         _remove_empty(out)
         raise
-    (out / SCENARIO).write_text(text_of(proposal, path.name), encoding="utf-8")
+    write_text(out / SCENARIO, text_of(proposal, path.name))
     if options.orders is not None:
-        (out / ORDERS).write_text(_orders(proposal, options.orders), encoding="utf-8")
+        write_text(out / ORDERS, _orders(proposal, options.orders))
     _print(proposal, out, name, options.orders)
     return 0
 
@@ -102,7 +103,7 @@ def _wishes(values: dict[str, Any]) -> "Wishes":
 def _asked(options: argparse.Namespace) -> "Wishes":
     """The answers of the user; an empty one leaves the guess to the program."""
     values: dict[str, Any] = {key: getattr(options, key) for key in WISHED}
-    for key, question, _ in QUESTIONS:
+    for key, question in QUESTIONS:
         if values.get(key):
             continue
         try:

@@ -1,12 +1,11 @@
 """Plan files on the command line: which format one is in, reading and writing it."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.errors import MrpSumoError, PlanError, nearest, sentence
-from mrp_sumo.files.reading import require_regular, shortened
-from mrp_sumo.files.writing import written_whole
+from mrp_sumo.errors import MrpSumoError, PlanError, nearest
+from mrp_sumo.files.reading import require_regular
+from mrp_sumo.files.writing import write_text, written_for_user
 
 if TYPE_CHECKING:
     from mrp_sumo.core.plan import Plan
@@ -70,19 +69,7 @@ def write(path: Path, kind: str, problem: "Problem", plan: "Plan", cells: "Cells
     from mrp_sumo.formats.plan_json import write_plan
 
     if kind == "json":
-        _replacing(path, lambda partial: write_plan(partial, problem, plan))
+        with written_for_user(path) as part:
+            write_plan(part, problem, plan)
     else:
         write_text(path, print_paths(problem, plan, cells, kind))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text, whole or not at all."""
-    _replacing(path, lambda partial: partial.write_text(text, encoding="utf-8"))
-
-
-def _replacing(path: Path, fill: Callable[[Path], object]) -> None:
-    try:
-        with written_whole(path) as part:
-            fill(part)
-    except OSError as error:
-        raise PlanError(f"{shortened(path)}: {sentence(error)}") from None

@@ -28,7 +28,7 @@ def is_problem(name: str | None) -> bool:
 
 def plan(options: argparse.Namespace) -> int:
     """Plan step by step, judge, print, write; exit code 0 for a valid solution."""
-    from mrp_sumo.cli.plan_choice import write_text
+    from mrp_sumo.files.writing import write_text
     from mrp_sumo.formats.lorr import print_solution, read_problem
     from mrp_sumo.planning.step_wise import run_step_wise
     from mrp_sumo.traffic.step_wise_referee import judge_step_wise

@@ -11,7 +11,7 @@ from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.traffic.draw import most_drawn
 
-STATIONS_A_ROBOT = 4  # of those that robots may stand on at once
+STATIONS_A_ROBOT = 4  # places where robots may stand at once, for each of a first fleet
 MOST = 10
 SEEDS = 2  # draws that are tried with one number of robots
 TRIAL_S = 1.5  # CPU time of the planner for one draw

@@ -13,21 +13,22 @@ import numpy as np
 
 from mrp_sumo.core.graph import STATIONS, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError, MrpSumoError
+from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
+from mrp_sumo.experiments.staging.choices import robot_types
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.search.distance import UNREACHABLE, distances
 from mrp_sumo.traffic.draw import main_piece, most_drawn
 
-STATIONS_A_ROBOT = 4
 MOST_ROBOTS = 8
 MOST_STATIONS = 60  # of a group
 SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
 BUSY = 0.5  # share of their time that robots are to work
 TRIAL_S = 10.0  # simulated
-ROUTES = 200  # whose mean length is taken
+ENDS = 20  # of each of two groups, whose ways to each other are measured
 LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
 KEPT = 0.8  # share of the small robot's stations that a larger one has to reach
 
@@ -49,7 +50,7 @@ class Stations:
 
     @property
     def groups(self) -> dict[str, list[str]]:
-        """Those that are there, by the name of the group; at least two of them, or one of two, are stops."""
+        """The first names of each group that has any, by the group's name."""
         named = {"pick": self.pick, "drop": self.drop, "place": self.place, "charger": self.charger, "parking": self.parking}
         return {name: list(members[:MOST_STATIONS]) for name, members in named.items() if members}
 
@@ -235,7 +236,7 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
         else "as you say",
         "service": "guessed: least, usual and most" if wishes.service_s is None else "as you say",
     }
-    if "charger" in groups and _has_battery(setup):
+    if "charger" in groups and all(model.battery is not None for model in robot_types(setup.file)):
         tasks["charging"] = {"stations": ["charger"], "policy": "opportunity"}
         why["charging"] = "robots charge when they have nothing else to do; they begin with full batteries"
     if "parking" in groups:
@@ -252,19 +253,12 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
     return Proposal(values, why)
 
 
-def _has_battery(setup: SetUp) -> bool:
-    """Whether the robots of a set-up have one."""
-    from mrp_sumo.experiments.staging.choices import robot_types
-
-    return all(model.battery is not None for model in robot_types(setup.file))
-
-
 def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
     """The mean time of a way between stops, in planned steps."""
     graph, nav = setup.problem.graph, setup.map.nav
     starts, ends = ([int(graph.vertex_of_station[nav.vertex_of_name[name]]) for name in group] for group in groups)
     steps = distances(graph)
-    known = [int(steps.to(end)[start]) for end in ends[:ROUTES // 10] for start in starts[:ROUTES // 10] if start != end]  # fmt: skip
+    known = [int(steps.to(end)[start]) for end in ends[:ENDS] for start in starts[:ENDS] if start != end]
     reached = [count for count in known if count < UNREACHABLE]
     return float(np.mean(reached)) * setup.problem.step_s if reached else setup.problem.step_s
 

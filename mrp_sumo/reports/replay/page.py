@@ -23,9 +23,8 @@ from mrp_sumo.core.execution import RECORDED, Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.task import StopLog, TaskLog
-from mrp_sumo.errors import MrpSumoError, sentence
-from mrp_sumo.files.reading import shortened
-from mrp_sumo.files.writing import written_whole
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.writing import write_text
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.remedy import remedy
@@ -155,11 +154,7 @@ def write_page(page: str, out: Path) -> Path:
     """Write a page, whole or not at all. Raises MrpSumoError where it cannot be written."""
     if out.is_dir():
         raise MrpSumoError(f"{out}: is a folder, expected a file such as {out / 'replay.html'}")
-    try:
-        with written_whole(out) as part:
-            part.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
+    write_text(out, page)
     return out
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
-from mrp_sumo.files.writing import written_whole
+from mrp_sumo.files.writing import written_for_user
 from mrp_sumo.reports.pictures.floor import LIGHT
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Pixels
@@ -63,12 +63,9 @@ def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str,
     if kind == "":
         return _write_frames(frames, path)
     write = {".mp4": _write_mp4, ".gif": _write_gif, ".webp": _write_webp}[kind]
-    try:
-        with written_whole(path) as part:
-            part.touch()  # says plainly why a place cannot be written
-            write(frames, poster, part, fps)
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
+    with written_for_user(path) as part:
+        part.touch()  # says plainly why a place cannot be written
+        write(frames, poster, part, fps)
     return None
 
 
