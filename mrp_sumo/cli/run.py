@@ -229,12 +229,14 @@ def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
 
 def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> None:
     """The three commands that are most likely wanted now."""
+    from mrp_sumo.io.remedy import other_planner
+
     folder = shlex.quote(str(out))
     if result.plan is None:
         asked = result.result["scenario"]["planner"]
         lines = [_again(options, "--time-limit", f"{max(300.0, 10 * asked['time_limit_s']):g}"), "mrp-sumo list planners"]
-        if asked["name"] != "auto":
-            lines.insert(0, _again(options, "--planner", "auto" if asked["name"] == "lacam" else "lacam"))
+        if other := other_planner(asked["name"]):
+            lines.insert(0, _again(options, "--planner", other))
     else:
         lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.mp4", f"mrp-sumo report {folder}"]
         if result.status == "deadlock":

@@ -6,9 +6,9 @@ from typing import Any
 BY_STATUS = {
     "deadlock": "execution.on_deadlock: resolve lets robots give way and replan",
     "stalled": "fewer robots, or lanes and stations where they can pass each other",
-    "planner_stalled": "another planner, such as lacam, or fewer robots",
-    "planning_timed_out": "a larger planner.time_limit_s, planner lacam, or fewer robots",
-    "planning_gave_up": "planner lacam, or fewer robots",
+    "planner_stalled": "{another_planner}fewer robots",
+    "planning_timed_out": "a larger planner.time_limit_s, {another_planner}or fewer robots",
+    "planning_gave_up": "{another_planner}fewer robots",
     "planning_infeasible": "other goals, fewer robots, or lanes where two can pass (discretisation.lanes: two_way)",
 }
 CONFLICTS = "a planner that coordinates robots, such as lacam: this plan has conflicts"
@@ -35,7 +35,18 @@ def remedy(result: Mapping[str, Any]) -> str:
     if status == "time_limit" and metrics.get("tasks_done") is None:
         blocked = metrics.get("num_deadlocks") or (metrics.get("blocked_s") or 0) > 0
         return "fewer robots, or another planner or policy: robots blocked each other" if blocked else "a larger execution.time_limit_s"
-    return BY_STATUS.get(status, "")
+    return BY_STATUS.get(status, "").format(another_planner=_another_planner(status, result))
+
+
+def other_planner(name: str) -> str:
+    """The planner to try where one has no plan; '' where it has tried all."""
+    return {"auto": "", "lacam": "auto"}.get(name, "lacam")
+
+
+def _another_planner(status: str, result: Mapping[str, Any]) -> str:
+    """Words that go before the last of what could be changed."""
+    name = other_planner(str(result["scenario"]["planner"]["name"]))
+    return "" if not name else f"planner {name}, " if status == "planning_timed_out" else f"planner {name}, or "
 
 
 def _audit(result: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:

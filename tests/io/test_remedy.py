@@ -7,6 +7,10 @@ from mrp_sumo.io.remedy import remedy
 GOOD = {"plan_success": True, "plan_valid": True}
 
 
+def planned_by(planner):
+    return {"scenario": {"planner": {"name": planner}}}
+
+
 @pytest.mark.parametrize(
     ("status", "metrics", "words"),
     [
@@ -23,11 +27,23 @@ GOOD = {"plan_success": True, "plan_valid": True}
     ],
 )
 def test_remedy_names_what_to_change(status, metrics, words):
-    line = remedy({"status": status, "metrics": metrics})
+    line = remedy({"status": status, "metrics": metrics} | planned_by("cbs"))
     assert words in line
     assert bool(line) == bool(words)
 
 
 def test_log_of_work_that_does_not_add_up_is_named():
     findings = {"operations_audit": {"passed": False, "findings": ["two robots at one place"]}}
-    assert "--audit" in remedy({"status": "audit_failed", "metrics": GOOD} | findings)
+    assert "--audit" in remedy({"status": "audit_failed", "metrics": GOOD} | findings | planned_by("cbs"))
+
+
+@pytest.mark.parametrize(
+    ("planner", "line"),
+    [
+        ("cbs", "a larger planner.time_limit_s, planner lacam, or fewer robots"),
+        ("lacam", "a larger planner.time_limit_s, planner auto, or fewer robots"),
+        ("auto", "a larger planner.time_limit_s, or fewer robots"),
+    ],
+)
+def test_planner_that_had_no_plan_is_not_advised(planner, line):
+    assert remedy({"status": "planning_timed_out", "metrics": {"plan_success": False}} | planned_by(planner)) == line
