@@ -18,14 +18,14 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
 SUFFIXES = (".building.yaml", ".lif.json", ".xml", ".site.json", ".geojson", ".nav.yaml", ".dxf")
-TOGETHER: list[bool] = []  # not empty: as the option says
 COMMAND = (sys.executable, "-P", "-m", "mrp_sumo")
+Call = Callable[[list[str], Path, int], tuple[int, str, float]]  # of a command in a folder: exit code, stderr, CPU time
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,10 @@ def main() -> int:
     parser.add_argument("--out", type=Path, metavar="FILE", help="where the table goes (default: printed)")
     parser.add_argument("--together", action="store_true", help="all commands in this process: sooner, and CPU times are without start")
     options = parser.parse_args()
-    TOGETHER.extend([True] * options.together)
+    call = _called_here if options.together else _called
     lines: list[Line] = []
     for path in maps_in(options.folders):
-        for each in _chain(path, options.cpu_s) if options.init else _types(path, options.types, options.cpu_s):
+        for each in _chain(path, call, options.cpu_s) if options.init else _types(path, call, options.types, options.cpu_s):
             lines.append(each)
             print(each.cells, flush=True)
             if options.out:
@@ -81,28 +81,28 @@ def maps_in(folders: Sequence[Path]) -> Iterator[Path]:
         )
 
 
-def _types(path: Path, types: Sequence[str], cpu_s: int) -> Iterator[Line]:
+def _types(path: Path, call: Call, types: Sequence[str], cpu_s: int) -> Iterator[Line]:
     for name in types:
         with tempfile.TemporaryDirectory() as folder:
-            yield _run(path, [str(path), *(["--type", name] if name else [])], Path(folder), cpu_s)
+            yield _run(path, call, [str(path), *(["--type", name] if name else [])], Path(folder), cpu_s)
 
 
-def _chain(path: Path, cpu_s: int) -> Iterator[Line]:
+def _chain(path: Path, call: Call, cpu_s: int) -> Iterator[Line]:
     """Init, and the commands that it leads to, as long as they succeed."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
-        code, said, spent_s = _called(["init", str(path), "--out", str(work / "site")], work, cpu_s)
+        code, said, spent_s = call(["init", str(path), "--out", str(work / "site")], work, cpu_s)
         yield Line(path.name, "init", _word(code, said), spent_s, note=_last(said) if code else "")
         if code:
             return
         scenario = str(work / "site" / "scenario.yaml")
-        yield _run(path, [scenario, "--set", "execution.time_limit_s=600"], work, cpu_s)
-        code, said, spent_s = _called(["capacity", scenario, "--quick", "--out", str(work / "answer")], work, 4 * cpu_s)
+        yield _run(path, call, [scenario, "--set", "execution.time_limit_s=600"], work, cpu_s)
+        code, said, spent_s = call(["capacity", scenario, "--quick", "--out", str(work / "answer")], work, 4 * cpu_s)
         yield Line(path.name, "capacity", _word(code, said), spent_s, note=_last(said))
 
 
-def _run(path: Path, arguments: list[str], folder: Path, cpu_s: int) -> Line:
-    code, said, spent_s = _called(["run", *arguments, "--out", str(folder / "run")], folder, cpu_s)
+def _run(path: Path, call: Call, arguments: list[str], folder: Path, cpu_s: int) -> Line:
+    code, said, spent_s = call(["run", *arguments, "--out", str(folder / "run")], folder, cpu_s)
     command, result = "run" + "".join(f" {a}" for a in arguments[1:]), folder / "run" / "result.json"
     if not result.is_file():
         return Line(path.name, command, _word(code, said), spent_s, note=_last(said))
@@ -122,8 +122,6 @@ def _run(path: Path, arguments: list[str], folder: Path, cpu_s: int) -> Line:
 
 def _called(arguments: list[str], folder: Path, cpu_s: int) -> tuple[int, str, float]:
     """Exit code, what was said on stderr, and CPU time of a command."""
-    if TOGETHER:
-        return _called_here(arguments, cpu_s)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 5))  # noqa: E731
     done = subprocess.run(
@@ -133,7 +131,7 @@ def _called(arguments: list[str], folder: Path, cpu_s: int) -> tuple[int, str, f
     return done.returncode, done.stderr, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def _called_here(arguments: list[str], cpu_s: int) -> tuple[int, str, float]:
+def _called_here(arguments: list[str], _: Path, cpu_s: int) -> tuple[int, str, float]:
     """The same in this process."""
     from mrp_sumo.cli.main import main as command
 

@@ -116,8 +116,9 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
         "planner": {"time_limit_s": FIRST_PLAN_S},
     }
     name = folder_name(map_name(path if path.is_file() else bundled_maps()[options.scenario]))
-    chosen = with_set(options, changed(scenario_of(values, Path.cwd(), name), _named(options)))
-    changes, robots = {**_named(options), **_set(options, chosen)}, chosen.scenario.robots
+    named = _named(options)
+    chosen = with_set(options, changed(scenario_of(values, Path.cwd(), name), named))
+    changes, robots = {**named, **_set(options, chosen)}, chosen.scenario.robots
     if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
         return chosen
     count = robots.count if ("robots", "count") in changes else None

@@ -272,8 +272,8 @@ def kernel_folder(function: Callable[..., Any]) -> Path | None:
 @cache
 def room_folder(room: str) -> Path | None:
     """The folder of the machine code of a room's kernels; None where there is no folder that this user alone can write to."""
-    homes = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    ours = Path(homes) / "mrp-sumo"
+    cache_home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    ours = Path(cache_home) / "mrp-sumo"
     folder = ours / "kernels" / f"{room.replace('/', '.')}-{state_of_sources(ROOT, room)}"
     try:
         for each in (ours, ours / "kernels", folder):
