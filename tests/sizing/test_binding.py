@@ -1,5 +1,6 @@
 """What binds, on floors that are made to be bound by one thing, driven; and beside each the same floor without that."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -62,10 +63,10 @@ def bound(folder, text, robots, tasks, **options):
     return reasons(Point(robots, HORIZON_S, (record_of({**record, "observed": observation(result)}),)))
 
 
-def driven(folder, text, robots, tasks, robot=CART, planner="prioritised", horizon_s=HORIZON_S, **execution):
-    (folder / "floor.csv").write_text(text)
+def driven(folder, text, robots, tasks, *, robot=CART, planner="prioritised", horizon_s=HORIZON_S, name="floor.csv", **execution):
+    (folder / name).write_text(text)
     values = {
-        "map": "floor.csv",
+        "map": name,
         "discretisation": {"kind": "roadmap", "cell_m": 1.0},
         "robots": {"count": robots, "type": robot, "draw": "anywhere"},
         "planner": planner,
@@ -123,6 +124,20 @@ def test_a_crossing_binds_robots_that_wait_to_cross(tmp_path, robots, kind):
     }
     slow = {**CART, "turn_rate_rad_s": 0.5}
     assert bound(tmp_path, text, robots, tasks, robot=slow).limit.kind == kind
+
+
+@pytest.mark.parametrize(("robots", "stops", "kind"), [(6, ["A", "B"], "lift"), (6, ["A", "C"], "fleet"), (1, ["A", "B"], "fleet")])
+def test_a_lift_binds_robots_whose_orders_are_on_two_levels(tmp_path, robots, stops, kind):
+    """A one-way loop on each level, past a lift with a way in and a way out; B is on the upper one, A and C on the lower one."""
+    levels = {}
+    for level, names in (("L1", "in C out a A b"), ("L2", "in2 c2 out2 a2 B b2")):
+        at = zip(names.split(), ((0, 0), (6, 0), (12, 0), (12, 12), (6, 12), (0, 12)))
+        vertices = [[x, y, {"name": name}] for name, (x, y) in at] + [[6, -3, {"name": f"lift_{level}", "lift": "goods"}]]
+        lanes = [[k, (k + 1) % 6, {}] for k in range(6)] + [[0, 6, {}], [6, 2, {}]]
+        levels[level] = {"vertices": vertices, "lanes": lanes}
+    text = json.dumps({"building_name": "two levels", "levels": levels})
+    tasks = {"streams": [{"name": "o", "stops": stops, "service": [2, 2], "arrivals": {"open": 2 * robots}}]}
+    assert bound(tmp_path, text, robots, tasks, name="0.yaml").limit.kind == kind
 
 
 @pytest.mark.parametrize(("places", "kind"), [(["p1"], "charger"), (["p1", "p2"], "fleet")])
