@@ -260,8 +260,8 @@ def test_who_waits_first_is_served_first(queue):
     assert finding.order not in [f.order for f in places.waits(urgent)]
 
 
-def test_who_is_never_served_waits_to_the_end(queue):
-    """The rows of one robot's stops are gone, as if it had stood all the time where it waits at first."""
+def starved(queue, since_s=0.0, away_m=0.0):
+    """The rows of robot_1's stops are gone, as if it had driven, and stood from then on where it waits at first, or farther away."""
     stops, run = queue.stops, queue.execution
     kept = stops.robot == 0
     columns = {key: getattr(stops, key)[kept] for key in StopLog.__dataclass_fields__ if key != "station"}
@@ -269,9 +269,21 @@ def test_who_is_never_served_waits_to_the_end(queue):
     mine = int(np.flatnonzero(queue.tasks.robot == 1)[0])
     ended_s = queue.tasks.ended_s.copy()
     ended_s[mine] = np.nan
-    stands = np.zeros(run.x_m.shape)
-    starved = replace(run, stops=some, tasks=replace(queue.tasks, ended_s=ended_s), speed_mps=stands)
-    assert [f.robot for f in places.waits(replace(queue, execution=starved)) if f.order == queue.tasks.name[mine]] == ["robot_1"]
+    speed_mps = np.where(run.t_s[:, None] < since_s, 0.5, 0.0) + np.zeros(run.x_m.shape)
+    tasks = replace(queue.tasks, ended_s=ended_s)
+    logs = replace(queue, execution=replace(run, stops=some, tasks=tasks, speed_mps=speed_mps, x_m=run.x_m + away_m))
+    return [f.robot for f in places.waits(logs) if f.order == queue.tasks.name[mine]]
+
+
+def test_who_is_never_served_waits_to_the_end(queue):
+    assert starved(queue) == ["robot_1"]
+
+
+@pytest.mark.parametrize(("served_after", "findings"), [(3, ["robot_1"]), (2, [])])
+def test_who_sets_out_first_and_comes_later_is_served_later(queue, served_after, findings):
+    """Three that set out after it has come are too many, from wherever it stands."""
+    since_s = np.sort(queue.stops.since_s[queue.stops.robot == 0])[-served_after] - 2.0
+    assert starved(queue, since_s, away_m=100.0) == findings
 
 
 def test_nobody_is_idle_beside_work_for_long_unsaid(logs):

@@ -75,17 +75,15 @@ def waits(logs: Logs) -> Iterator[Finding]:
         until_s = min(wish.begin_s, logs.end_s)
         if until_s - wish.since_s < LATER_S + 2 * logs.terms.waits_s or len(at_place[wish.place]) < 2:
             continue
-        stood, near_s = _stood(logs, wish, until_s)
-        before = [
+        since_s = _waits_since_s(logs, wish, until_s)
+        first = [
             each
             for each in at_place[wish.place]
-            if wish.since_s + LATER_S < each.since_s and each.begin_s < until_s - EPS_S and each.robot != wish.robot
+            if since_s + LATER_S < each.since_s and each.begin_s < until_s - EPS_S and each.robot != wish.robot
             if urgent.get(each.task, 0) <= urgent.get(wish.task, 0)
         ]
-        later = [each for each in before if each.since_s > near_s + LATER_S]
-        first = later if len(later) >= LATER_ONES else before if stood > STOOD else []
         if len(first) >= LATER_ONES and not logs.was_in(LOST, wish.robot, wish.since_s, until_s):
-            who, order, since_s = logs.robot(wish.robot), logs.tasks.name[wish.task], near_s if first is later else wish.since_s
+            who, order = logs.robot(wish.robot), logs.tasks.name[wish.task]
             served = f"{len(first)} that set out later are served, at first order '{logs.tasks.name[first[0].task]}'"
             text = f"{who}, order '{order}' at {wish.place}: waits from {since_s:.2f} s to {until_s:.2f} s while {served}"
             yield Finding("first come, first served", since_s, text, who, wish.place, order)
@@ -111,18 +109,23 @@ def _left(logs: Logs) -> Iterator[Wish]:
         yield Wish(task, int(tasks.robot[task]), place, logs.graph.xy[list(stop.places)], since_s, np.inf)
 
 
-def _stood(logs: Logs, wish: Wish, until_s: float) -> tuple[float, float]:
-    """The share of its way for which a robot stood, and from when on it stood near where it wanted to, inf: never."""
+def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
+    """When a robot began to stand near where it wanted to, or to stand longest of one that stood for most of its time; inf: never.
+
+    Who set out first need not have come first: robots come from near and far.
+    """
     stands = logs.standing[wish.robot]
     some = stands[(stands[:, 1] > wish.since_s) & (stands[:, 0] < until_s)]
     if not len(some):
-        return 0.0, np.inf
+        return np.inf
     since_s = np.maximum(some[:, 0], wish.since_s)
     lasts_s = np.minimum(some[:, 1], until_s) - since_s
     at = logs.xy_at(np.full(len(some), wish.robot), since_s)
     away_m = np.hypot(*(at[:, None] - wish.xy[None]).transpose(2, 0, 1)).min(1)
     near = (away_m < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
-    return float(lasts_s.sum() / (until_s - wish.since_s)), float(since_s[near][0]) if near.any() else np.inf
+    near_s = float(since_s[near][0]) if near.any() else np.inf
+    stood = float(lasts_s.sum() / (until_s - wish.since_s)) > STOOD
+    return min(near_s, float(since_s[lasts_s.argmax()])) if stood else near_s
 
 
 def lifts(logs: Logs) -> Iterator[Finding]:
