@@ -47,6 +47,12 @@ class Places:
         reach = self._reach(robot, at, blocked - {at})
         return any(reach[v] < UNREACHABLE for v in stop.places)
 
+    def can_let_pass(self, robot: int, at: int, way: Sequence[int], blocked: set[int]) -> bool:
+        """Whether a robot that stands on another's way can get off it, but for the way's end, without passing some others."""
+        reach = self._reach(robot, at, blocked | {way[-1]})
+        reach[list({*way, *blocked})] = UNREACHABLE
+        return bool((reach < UNREACHABLE).any())
+
     def choose(self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int]) -> tuple[IntArray, BoolArray]:
         """[R] vertices where robots are to go, and whether they can make their stops there.
 

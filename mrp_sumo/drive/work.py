@@ -123,7 +123,7 @@ class Work:
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
         self._legs: list[list[Leg]] = [[] for _ in range(num_robots)]  # stops that each robot's way leads to, in their order
         self._wait_at = np.full(num_robots, NONE)  # [R] vertex where its way ends and it is to wait for a place
-        self._came_s = np.full(num_robots, np.inf)  # [R] since when it has waited there, or before there
+        self._came_s = np.full(num_robots, np.inf)  # [R] since when it has waited as near as there
         self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over that it is at
         self._over_s = np.full(num_robots, -np.inf)  # [R] when its last one was
         self._since_s = np.zeros(num_robots)  # [R] when it was given the task, or was done with the stop before
@@ -260,7 +260,7 @@ class Work:
                 nth += len(legs[r])
                 stop[r] = self.tasks[task].stops[nth]
                 legs[r].append(Leg(task, nth, NONE))
-        turn = self._turn(start, stop, {r: legs[r][-1].task for r in stop})
+        turn = self._turn(start, stop, {r: legs[r][-1].task for r in stop}, ~goes)
         vertex, makes = self._places.choose(start, ~goes, stop, turn)
         via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
         for r in stop:
@@ -364,6 +364,10 @@ class Work:
         return bool(self.tasks[task].robot_type) or self.problem.barred is not None
 
     def may_pass_on(self, robot: int) -> bool:
+        """Whether a robot has a task and has not come to its first stop, nor is about to, nor waits in line for it."""
+        return self._has_yet_to_begin(robot) and bool(np.isinf(self._came_s[robot]))
+
+    def _has_yet_to_begin(self, robot: int) -> bool:
         """Whether a robot has a task and has not come to its first stop, nor is about to."""
         if self.current[robot] == NONE or self._is_charge(robot) or self.duties.of[robot] == LEAVING:
             return False
@@ -502,11 +506,13 @@ class Work:
             self.orders.take_back(int(self.then[robot]))
             self.then[robot] = NONE
 
-    def _turn(self, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int]) -> list[int]:
+    def _turn(self, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray) -> list[int]:
         """Robots in the order in which they choose where to make their stops.
 
-        The most urgent first; then who came first and waits; then who is nearest. Nobody comes before one that stands on its way there.
+        The most urgent first; then who came first and waits; then who is nearest. Nobody comes before one that stands on its way there,
+        unless it waits and the other can let it pass.
         """
+        stands = set(start[stays].tolist())
         away = {r: self._places.away(r, int(start[r]), stop) for r, stop in stops.items()}
         wished = sorted(stops, key=lambda r: (-self.tasks[task[r]].priority, self._came_s[r], away[r], task[r]))
         order: list[int] = []
@@ -515,8 +521,10 @@ class Work:
                 continue
             nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
             if nearer:
-                way = self._places.way(r, int(start[r]), stops[r])[:-1]
-                order += sorted((s for s in nearer if int(start[s]) in way), key=lambda s: away[s])
+                way, waits = self._places.way(r, int(start[r]), stops[r]), np.isfinite(self._came_s[r])
+                ahead = [s for s in nearer if int(start[s]) in way[:-1]]
+                stuck = [s for s in ahead if not (waits and self._places.can_let_pass(s, int(start[s]), way, stands))]
+                order += sorted(stuck, key=lambda s: away[s])
             order.append(r)
         return order
 
@@ -648,7 +656,7 @@ class Work:
         due = (level <= charging.critical) | self._charges_first
         self._charges_first = np.zeros(len(level), np.bool_)
         for r in np.flatnonzero(due & ~charges & ~self.out).tolist():
-            if self.may_pass_on(r):
+            if self._has_yet_to_begin(r):
                 self._take_back(r, now_s)
             if self.current[r] == NONE:
                 self._charge(r, now_s, charging, booked_s)
@@ -703,7 +711,7 @@ class Work:
             if down_until_s[r] == np.inf:
                 self.lose(r, now_s, BROKEN, visits)
                 continue
-            if self.may_pass_on(r):
+            if self._has_yet_to_begin(r):
                 self._take_back(r, now_s)
             self._give_up_next(r)
             charge, task = self._is_charge(r), int(self.current[r])
@@ -720,11 +728,12 @@ class Work:
             self._moved_s[r], self.news = now_s, True
 
     def _see_who_waits(self, visits: Visits) -> None:
-        """Note since when robots have waited where they were sent to."""
+        """Note since when robots have been as near to a place as where they were sent to wait, though they make room for others there."""
         for r in np.flatnonzero((self._wait_at != NONE) & np.isinf(self._came_s)).tolist():
-            last = int(visits.last[r])
-            if visits.reached[r] == last and visits.vertex[last] == self._wait_at[r]:
-                self._came_s[r] = max(float(visits.arrived_s[last]), float(self._since_s[r]))
+            reached, stop = int(visits.reached[r]), self.tasks[int(self.current[r])].stops[int(self.stop[r])]
+            away, at_most = (self._places.away(r, int(v), stop) for v in (visits.vertex[reached], self._wait_at[r]))
+            if away <= at_most:
+                self._came_s[r] = max(float(visits.arrived_s[reached]), float(self._since_s[r]))
 
     def _see_who_leaves(self, now_s: float, visits: Visits, state: State) -> None:
         """Robots whose ways on can be asked for: they will be done with what they are at when what is asked for now takes effect."""

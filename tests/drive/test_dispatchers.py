@@ -29,11 +29,11 @@ class Fleet:
         stations = [[Station(f"at {v}", (v,)) for v in stops] for _, stops, *_ in tasks]
         listed = [
             Task(
-                *(k, tuple(Stop(s.places[0], service_s, "", s) for s in of), task[0]),
+                *(k, tuple(Stop(s.places[0], float(each_s), "", s) for s in of), task[0]),
                 priority=task[2] if len(task) > 2 else 0,
                 robot_type=task[3] if len(task) > 3 else "",
             )
-            for k, (task, of) in enumerate(zip(tasks, stations))
+            for k, (task, of, each_s) in enumerate(zip(tasks, stations, np.broadcast_to(service_s, len(tasks))))
         ]
         self.state, number = state_at_rest(len(at), 1, 1, np.arange(len(at))), np.arange(len(at))
         columns = dict.fromkeys(("reached", "last", "granted"), number)
@@ -104,13 +104,30 @@ def test_a_robot_that_comes_free_takes_the_task_that_another_is_far_from(dispatc
 
 
 @pytest.mark.parametrize("dispatcher", REASSIGN)
-@pytest.mark.parametrize(("at", "who_takes"), [(15, ()), (14, ("central", "tpts")), (13, REASSIGN)])
+@pytest.mark.parametrize(("at", "who_takes"), [(15, ()), (14, ()), (13, REASSIGN)])
 def test_a_task_is_taken_from_a_robot_only_by_one_that_is_nearer(dispatcher, at, who_takes):
-    """robot_0 is on its way from 5 to 10 when robot_1 comes to `at`; two dispatchers do not take it where that saves but a step."""
+    """robot_0 is on its way from 5 to 10 when robot_1 comes to `at`; nobody takes it where that saves but a step."""
     fleet = Fleet([5, 19], (0.0, (10, 11)))
     assert fleet.decides(dispatcher) == {0: 0}
     fleet.around.start[1] = at
     assert fleet.decides(dispatcher, 1.0) == {int(dispatcher in who_takes): 0}
+
+
+@pytest.mark.parametrize("dispatcher", REASSIGN)
+@pytest.mark.parametrize(("came_s", "who_takes"), [(np.inf, 1), (0.5, 0)])
+def test_a_task_is_not_taken_from_a_robot_that_waits_in_line_for_its_place(dispatcher, came_s, who_takes):
+    fleet = Fleet([5, 19], (0.0, (10, 11)))
+    fleet.decides(dispatcher)
+    fleet.around.start[1], fleet.work._came_s[0] = 12, came_s
+    assert fleet.decides(dispatcher, 1.0) == {who_takes: 0}
+
+
+@pytest.mark.parametrize("dispatcher", ALL)
+@pytest.mark.parametrize(("service_s", "shortest_goes"), [((3.0, 3.0, 3.0), 0), ((3.0, 9.0, 3.0), 0), ((9.0, 3.0, 3.0), 1)])
+def test_of_tasks_that_are_alike_the_oldest_goes_first_unless_it_takes_longer(dispatcher, service_s, shortest_goes):
+    shortest_first = dispatcher in ("hungarian", "min_cost_flow", "regret")
+    fleet = Fleet([5], *[(0.0, (4, 6))] * 3, service_s=service_s)
+    assert fleet.decides(dispatcher) == {0: shortest_goes if shortest_first else 0}
 
 
 def test_token_passing_avoids_the_ends_of_others_and_as_in_the_paper_waits_for_them():

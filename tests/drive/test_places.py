@@ -64,3 +64,10 @@ def test_nobody_waits_where_the_robot_that_is_served_could_not_get_past():
 def test_of_two_robots_for_one_place_the_one_whose_turn_it_is_makes_its_stop():
     assert chosen(row(9), [0, 8], {0: 4, 1: 4})[1] == [True, False]
     assert chosen(row(9), [0, 8], {1: 4, 0: 4})[1] == [False, True]
+
+
+@pytest.mark.parametrize(("waits", "served", "lets_pass"), [(1, 8, True), (0, 8, False), (1, 0, False)])
+def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(waits, served, lets_pass):
+    """It stands at 3, the place is at 4: there is room behind who waits at 1, but not behind one at 0, nor where another is served."""
+    where, way = Places(problem_on(row(9), [waits, 3], [waits, 3])), list(range(waits, 5))
+    assert where.can_let_pass(1, 3, way, {served}) == lets_pass

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 
 from mrp_sumo.core.request import Request
+from mrp_sumo.drive.dispatchers.estimates import oldest_first
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
 
@@ -16,7 +17,7 @@ class ByTask(ABC):
 
     @abstractmethod
     def given(self, now_s: float, around: Surroundings) -> Mapping[int, int]:
-        """Tasks, by the robots that are to have them from now on; what robots have already need not be said again."""
+        """Tasks, by the robots that are to have them from now on; also what they have already."""
 
     def finished(self, now_s: float, around: Surroundings) -> bool:
         """See Dispatcher."""
@@ -25,7 +26,8 @@ class ByTask(ABC):
     def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""
         if around.work.news:
-            yield around.work.request(now_s, around.ledger.committed, around.closed, self.given(now_s, around))
+            given = oldest_first(self.given(now_s, around), around)
+            yield around.work.request(now_s, around.ledger.committed, around.closed, given)
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

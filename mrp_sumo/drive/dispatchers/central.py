@@ -8,7 +8,7 @@ places to park, and tasks with one end are not kept apart.
 from dataclasses import dataclass
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, held
 from mrp_sumo.drive.surroundings import Surroundings
 
 
@@ -21,7 +21,8 @@ class Central(ByTask):
         from scipy.optimize import linear_sum_assignment
 
         found = choice(now_s, around, len(around.work.current), reassign=True)
+        held(found.pick_up_s, found, around)
         pick_up_s = found.pick_up_s[found.able]
         robots, columns = linear_sum_assignment(pick_up_s + found.later_s)
         matched = [(int(found.able[i]), found.task[c]) for i, c in zip(robots, columns) if pick_up_s[i, c] < FAR_S]
-        return kept(dict(matched), around)
+        return dict(matched)

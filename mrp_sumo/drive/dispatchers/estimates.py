@@ -3,7 +3,7 @@
 Times are steps along shortest ways, each the planned time of a step, and service times: others on the way cost nothing.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,9 +92,37 @@ def task_s(around: Surroundings, task: Task) -> float:
     return task.stops[0].service_s + _onward(around, place, task, 1)[0]
 
 
-def kept(given: Mapping[int, int], around: Surroundings) -> dict[int, int]:
-    """What is given without what robots have already."""
-    return {r: k for r, k in given.items() if int(around.work.current[r]) != k}
+def held(cost_s: FloatArray, found: Choice, around: Surroundings) -> None:
+    """Of equals the robot that is on its way: tasks cost their holders a step less, in place [R, ..., K]."""
+    for column, task in enumerate(found.task):
+        if task in found.holder:
+            cost_s[found.holder[task], ..., column] -= around.ledger.problem.step_s
+
+
+def oldest_first(given: Mapping[int, int], around: Surroundings) -> dict[int, int]:
+    """What is given, less what robots have already, with the oldest of tasks that are alike.
+
+    Those are of the same stops, priority and type of robot, and of no longer service.
+    """
+    work, waiting = around.work, dict[Hashable, list[int]]()
+    passed_on = [int(work.current[r]) for r in given if work.may_pass_on(r)]
+    for k in sorted({*work.unassigned, *given.values(), *passed_on}) if given else ():
+        waiting.setdefault(_kind(work.tasks[k]), []).append(k)
+    oldest = {}
+    for r, task in sorted(given.items(), key=lambda pair: pair[1]):
+        alike, lasts_s = waiting[_kind(work.tasks[task])], _service_s(work.tasks[task])
+        oldest[r] = next(k for k in alike if _service_s(work.tasks[k]) <= lasts_s)
+        alike.remove(oldest[r])
+    return {r: k for r, k in oldest.items() if int(work.current[r]) != k}
+
+
+def _kind(task: Task) -> Hashable:
+    """The same for tasks that cost robots the same ways."""
+    return task.priority, task.robot_type, tuple(stop.places for stop in task.stops)
+
+
+def _service_s(task: Task) -> float:
+    return sum(stop.service_s for stop in task.stops)
 
 
 def _remaining(now_s: float, around: Surroundings, robot: int) -> tuple[float, int]:

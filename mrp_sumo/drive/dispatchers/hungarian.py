@@ -6,7 +6,7 @@ The assignment problem of Kuhn, "The Hungarian method for the assignment problem
 from dataclasses import dataclass
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, held
 from mrp_sumo.drive.surroundings import Surroundings
 
 
@@ -23,10 +23,7 @@ class Hungarian(ByTask):
 
         found = choice(now_s, around, len(around.work.current), reassign=self.reassign, busy=self.busy)
         cost_s = found.pick_up_s + found.rest_s + found.later_s
-        for column, k in enumerate(found.task):
-            if k in found.holder:  # of equals the robot that is on its way
-                cost_s[found.holder[k], column] -= around.ledger.problem.step_s
+        held(cost_s, found, around)
         matched = zip(*(side.tolist() for side in linear_sum_assignment(cost_s))) if found.task else ()
         able = set(found.able.tolist())
-        given = {r: found.task[c] for r, c in matched if r in able and found.pick_up_s[r, c] < FAR_S}
-        return kept(given, around)
+        return {r: found.task[c] for r, c in matched if r in able and found.pick_up_s[r, c] < FAR_S}

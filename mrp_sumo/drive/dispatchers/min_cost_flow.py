@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, kept
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, held
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.plugins import registry
@@ -38,9 +38,7 @@ class MinCostFlow(ByTask):
         way_s = np.stack([first_s if k == depth else after_s for k in range(depth, 0, -1)], 1)
         last = np.arange(depth, 0, -1)[None, :, None]  # a slot's number from the last
         cost_s = found.ready_s[:, None, None] + last * (way_s + found.rest_s)  # [R, slot, K]
-        for column, task in enumerate(found.task):
-            if task in found.holder:  # of equals the robot that is on its way
-                cost_s[found.holder[task], :, column] -= around.ledger.problem.step_s
+        held(cost_s, found, around)
         cost_s[np.broadcast_to((found.pick_up_s >= FAR_S)[:, None], cost_s.shape)] = FAR_S  # not later in the row, either
         slots = (np.minimum(cost_s, FAR_S) + found.later_s).reshape(num_robots * depth, len(found.task))
         column_of = registry.make("assigners", "min_cost_flow", {}).assign(slots, np.inf).reshape(num_robots, depth)
@@ -49,4 +47,4 @@ class MinCostFlow(ByTask):
             row = [c for c in column_of[r].tolist() if c >= 0 and found.pick_up_s[r, c] < FAR_S]
             if row:
                 given[r] = found.task[min(row, key=lambda c: found.later_s[c])]  # the first in the row of the most urgent
-        return kept(given, around)
+        return given

@@ -7,13 +7,15 @@ the run's planner for ways, and without the rule on ends (see `token_passing`).
 from dataclasses import dataclass
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, kept, steps_of
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of
 from mrp_sumo.drive.surroundings import Surroundings
+
+WORTH_STEPS = 1  # by more than which a robot is nearer to a task that it takes from another
 
 
 @dataclass(frozen=True)
 class Tpts(ByTask):
-    """Free robots in turn take the nearest task, also from a robot that would be at its first stop later; that one is next."""
+    """Free robots in turn take the nearest task, also from one that would be at its first stop more than a step later; that one is next."""
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""
@@ -28,11 +30,10 @@ class Tpts(ByTask):
             for task in sorted(tasks, key=lambda k: (-work.tasks[k].priority, away[k][r], k)):
                 if away[task][r] >= FAR_S:
                     continue
-                if task in holder and away[task][holder[task]] <= away[task][r]:
+                if task in holder and away[task][holder[task]] <= away[task][r] + WORTH_STEPS:
                     continue
                 if task in holder:
                     turn.insert(0, holder[task])  # it has the token next
                 holder[task] = r
                 break
-        given = {r: k for k, r in holder.items()}
-        return kept(given, around)
+        return {r: k for k, r in holder.items()}

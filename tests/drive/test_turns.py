@@ -1,0 +1,38 @@
+"""Who comes first is served first, at stations and at chargers and under every dispatcher: on a dead end, known by hand."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from floors import BATTERY, driven, lanes, scenario, tee
+
+from mrp_sumo.drive.dispatchers import OURS
+
+DISPATCHERS = [name for name in OURS if name != "one_shot"]
+
+
+@pytest.mark.parametrize("dispatcher", DISPATCHERS)
+def test_two_robots_take_turns_at_a_dead_end(tmp_path, dispatcher):
+    """Who is being served has the way in behind it, where the other stands first in line."""
+    tasks = {"streams": [{"name": "o", "stops": ["X"], "service": [30], "arrivals": {"open": 4}}]}
+    run = driven(scenario(tee(tmp_path), tasks, starts=["west", "east"], execution={"dispatcher": dispatcher})).execution
+    first = np.argsort(run.stops.begin_s)
+    robots = run.stops.robot[first].tolist()
+    assert len(robots) > 5 and all(one != other for one, other in pairwise(robots))
+    assert [run.tasks.name[k] for k in run.stops.task[first].tolist()] == [f"o_{k}" for k in range(len(robots))]
+
+
+def test_three_robots_take_turns_at_one_charger(tmp_path):
+    """A charge takes 5 minutes. They come from 4, 10 and 14 m away, and again in the order in which they left."""
+    xy = {"west": (0.0, 0.0), "mid": (6.0, 0.0), "east": (16.0, 0.0), "X": (6.0, 4.0)}
+    floor = lanes(tmp_path / "floor.csv", xy, [("west", "mid"), ("mid", "east"), ("mid", "X")], True)
+    charging = {"stations": ["X"], "critical_low_charging_level": 50, "maximum_desired_charging_level": 90, "start_level": [40, 40]}
+    tasks = {"streams": [{"name": "o", "stops": ["west", "east"], "arrivals": {"open": 4}}], "charging": charging}
+    battery = {**BATTERY, "charging_a": 3.0, "device_w": 1.0, "inertia_kgm2": 0.01}
+    shape, limit = {"battery": battery}, {"time_limit_s": 2400.0}
+    result = driven(scenario(floor, tasks, starts=["west", "mid", "east"], shape=shape, execution=limit))
+    run = result.execution
+    charges = np.flatnonzero(~run.tasks.is_order[run.stops.task])
+    in_turn = charges[np.argsort(run.stops.begin_s[charges])]
+    assert run.stops.robot[in_turn].tolist()[:6] == [1, 0, 2, 1, 0, 2]
+    assert result.operations_audit["passed"], result.operations_audit
