@@ -134,13 +134,14 @@ class NavGraph:
         along[self.is_backward] *= -1.0
         heading: FloatArray = np.arctan2(along[:, 1], along[:, 0])
         for lane in np.flatnonzero(self.is_ride).tolist():
-            at, behind = int(self.head[lane]), int(self.tail[lane])
-            while True:  # to the stop at which the ride ends
+            at, behind, passed = int(self.head[lane]), int(self.tail[lane]), set[int]()
+            while True:  # to the stop at which the ride ends; rides whose stops have lost their lanes may go round for ever
                 onward = range(int(self.first[at]), int(self.first[at + 1]))
                 out = [k for k in onward if not self.is_ride[k]]
                 ahead = [int(self.head[k]) for k in onward if self.head[k] != behind]
-                if out or len(ahead) != 1:
+                if out or len(ahead) != 1 or at in passed:
                     break
+                passed.add(at)
                 at, behind = ahead[0], at
             heading[lane] = heading[out[0]] if out else 0.0
         return frozen(heading)

@@ -81,6 +81,15 @@ def test_robots_face_away_from_where_they_go_on_lanes_that_they_drive_backwards(
     assert graph.is_backward.tolist() == [False, True] and np.cos(graph.heading_rad) == pytest.approx([1.0, 1.0])
 
 
+def test_robots_face_the_lane_at_the_end_of_a_ride_and_anywhere_where_rides_go_round():
+    ring, ride = [(0, 1), (1, 2), (2, 0)], {"lift": "north"}
+    xy = [(0, 0), (1, 0), (0, 1), (0, 5)]
+    closed = nav_graph(name="x", xy=xy, lanes=ring, lane_options=[ride] * 3)
+    assert closed.heading_rad.tolist() == [0.0] * 3
+    left = nav_graph(name="x", xy=xy, lanes=[*ring, (2, 3)], lane_options=[ride] * 3 + [{}])
+    assert left.heading_rad == pytest.approx([np.pi / 2] * 4)
+
+
 def test_people_know_a_vertex_by_the_first_station_that_is_found_there():
     """Two points serve `Storage 01`: it is found at the first, so the second goes by its own name."""
     options = [{"station": "Storage 01; Storage 02"}, {"station": "Storage 01"}, {"station": "P4"}, {}, {}]
