@@ -1,19 +1,20 @@
 """The first fleet of a map that is run by its name alone: as many robots as it has room for, on a draw that the planner solves."""
 
+from collections.abc import Iterable
 from dataclasses import replace
-from itertools import product
 
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import solve
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.traffic.draw import most_drawn
+from mrp_sumo.traffic.draw import drawn_among, most_drawn
 
 STATIONS_A_ROBOT = 4  # places where robots may stand at once, for each of a first fleet
 MOST = 10
 SEEDS = 2  # draws that are tried with one number of robots
+DRAWS = 20  # among which those are that have somebody drive
 TRIAL_S = 1.5  # CPU time of the planner for one draw
 
 
@@ -43,17 +44,46 @@ def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | N
         return file, ""
     refused = ""
     with MapCache() as maps:
-        counts = _counts(set_up(_drawn(file, 1, seed or 0), maps)) if count is None else [count]
-        for robots, draw in product(counts, range(SEEDS) if seed is None else [seed]):
-            chosen = _drawn(file, robots, draw)
+        one = set_up(_drawn(file, 1, seed or 0), maps)
+        _require_stations(one)
+        counts, draws = _counts(one) if count is None else [count], range(DRAWS) if seed is None else [seed]
+        for robots in counts:
             try:
-                if _is_solved(set_up(chosen, maps)):
-                    break
+                chosen, is_solved = _first_solved(file, robots, draws, maps)
             except MrpSumoError as error:
                 if robots in (1, count):
                     raise
                 refused = str(error)
+                continue
+            if is_solved:
+                break
     return chosen, refused
+
+
+def _require_stations(setup: SetUp) -> None:
+    """Refuse a map on which a robot could only stay where it is."""
+    robots = setup.scenario.robots
+    if len(drawn_among(setup.problem.graph, anywhere=robots.draw == "anywhere")) > 1:
+        return
+    reason = "; ".join(setup.notes) or "from no lane is there a way back (mrp-sumo import --check lists them)"
+    smaller = f"; a smaller type than '{setup.problem.fleet.type_name[0]}' may fit: --type" if setup.notes else ""
+    raise MapError(f"no two stations of '{setup.map.name}' reach each other: {reason}{smaller}")
+
+
+def _first_solved(file: ScenarioFile, robots: int, draws: Iterable[int], maps: MapCache) -> tuple[ScenarioFile, bool]:
+    """The first draw that the planner solves, or the last that was tried; draws by which nobody drives are passed over."""
+    tried = 0
+    for draw in draws:
+        chosen = _drawn(file, robots, draw)
+        setup = set_up(chosen, maps)
+        if setup.scenario.tasks is None and set(setup.problem.start.tolist()) == set(setup.problem.goal.tolist()):
+            continue
+        if _is_solved(setup):
+            return chosen, True
+        tried += 1
+        if tried == SEEDS:
+            break
+    return chosen, False
 
 
 def _counts(setup: SetUp) -> list[int]:

@@ -119,7 +119,7 @@ def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
     """
     kept = ~without.is_barred
     if not kept.any():
-        raise MapError(f"no lane of '{graph.name}' leaves '{without.robot.name}' room beside the walls")
+        raise MapError(f"no lane of '{graph.name}' leaves '{without.robot.name}' room beside the walls: {', '.join(without.notes)}")
     return graph if kept.all() else with_lanes(graph, kept)
 
 

@@ -96,6 +96,7 @@ SEVERITY: dict[str, Severity] = {
 CURE = {  # what the user can do about it
     "reference_level_without_measurement": "state the scale with --meters-per-pixel",
     "level_without_fiducials": "choose --level or add fiducials",
+    "no_lanes": "draw lanes in Open-RMF's traffic editor",
 }
 
 

@@ -78,7 +78,7 @@ def uniform_draw(
     PlanError
         When the component has fewer stations than robots, or fewer that robots may stand on at once.
     """
-    station = _stations(graph, anywhere=anywhere)
+    station = drawn_among(graph, anywhere=anywhere)
     what = "vertices" if anywhere else "stations"
     _enough(len(station), num_robots, f"{what} that reach each other")
     orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
@@ -89,10 +89,19 @@ def uniform_draw(
 
 def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhere: bool = False) -> int:
     """The largest number of robots that `uniform_draw` can draw; the parameters are its own."""
-    station = _stations(graph, anywhere=anywhere)
+    station = drawn_among(graph, anywhere=anywhere)
     shared = _shared(graph, station, separation_m)
     orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
     return min(len(_first_apart(order, shared, len(station))) for order in orders)
+
+
+def drawn_among(graph: PlanGraph, *, anywhere: bool = False) -> IntArray:
+    """The stations, or all vertices, of the strongly connected component with most of them; none in a lift, or only to pass through."""
+    station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
+    if graph.is_ride.any():  # who stands at a lift keeps others from it
+        station = station[~graph.having("cabin")[station]]
+    station = station[~graph.having("is_passthrough_point")[station]]
+    return main_piece(graph, station)
 
 
 def draw_by_type(
@@ -119,7 +128,7 @@ def draw_by_type(
         When a type has fewer stations than robots, or fewer that robots may stand on at once.
     """
     what = "vertices" if anywhere else "stations"
-    stations = [_stations(graph, anywhere=anywhere) for graph in graphs]
+    stations = [drawn_among(graph, anywhere=anywhere) for graph in graphs]
     some = np.unique(np.concatenate([*stations, start[start >= 0], goal[goal >= 0]]))
     shared, found = _shared(graphs[0], some, separation_m), []
     for purpose, given in ((STARTS, start), (GOALS, goal)):
@@ -137,15 +146,6 @@ def draw_by_type(
             _enough(count - len(robots), count, f"{what} on which robots of that type may stand at once, beside all others")
         found.append(chosen)
     return found[0], found[1]
-
-
-def _stations(graph: PlanGraph, *, anywhere: bool) -> IntArray:
-    """The stations, or all vertices, of the strongly connected component with most of them; none in a lift, or only to pass through."""
-    station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
-    if graph.is_ride.any():  # who stands at a lift keeps others from it
-        station = station[~graph.having("cabin")[station]]
-    station = station[~graph.having("is_passthrough_point")[station]]
-    return main_piece(graph, station)
 
 
 def main_piece(graph: PlanGraph, among: IntArray | None = None) -> IntArray:

@@ -54,6 +54,22 @@ def test_a_fleet_of_one_says_which_lane_is_too_short_for_two(tmp_path, capsys):
     assert said.startswith("mrp-sumo: 1 robot, as more are refused: 'turtlebot3' does not fit: ") and "lane 'a' - 'b'" in said
 
 
+WALLED = TURN.replace("[0, 4, 0, d]]", "[0, 4, 0, d], [-2, 0.6, 0, ''], [6, 0.6, 0, '']]") + "    walls: [[4, 5, {}]]\n"
+
+
+@pytest.mark.parametrize(("has_way_back", "code"), [(False, 2), (True, 0)])  # from c to d, and from d to c
+def test_robots_that_could_only_stay_where_they_are_are_refused(tmp_path, capsys, has_way_back, code):
+    path = tmp_path / "walled.building.yaml"
+    path.write_text(WALLED.replace("[2, 3, {", "[2, 3, {bidirectional: [4, true], ") if has_way_back else WALLED)
+    done, result = run(tmp_path, path, "--type", "forklift")
+    said = capsys.readouterr().err
+    assert (done, said.count("\n"), bool(result)) == (code, has_way_back ^ 1, has_way_back), said
+    if has_way_back:
+        assert result["lanes"]["driven_m"] > 3
+    else:
+        assert "no two stations of 'walled' reach each other: 3 of 4 pieces of lanes left out: 2 lanes lead through a wall" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
