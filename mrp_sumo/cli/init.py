@@ -58,12 +58,12 @@ def run(options: argparse.Namespace) -> int:
     _require_free(out)
     if options.orders is not None and not 1 <= options.orders <= 100_000:
         raise MrpSumoError(f"--orders: found {options.orders}, expected 1 to 100000")
-    file = os.path.relpath(path, out) if Path(options.map).is_file() else options.map
+    file = os.path.relpath(path.resolve(), out.resolve()) if Path(options.map).is_file() else options.map
     scale = {} if options.meters_per_pixel is None else {"meters_per_pixel": options.meters_per_pixel}
     wishes = _asked(options) if options.interactive else _wishes({key: getattr(options, key) for key in WISHED})
     out.mkdir(parents=True, exist_ok=True)
     try:
-        with map_alone():
+        with map_alone(out.resolve() / file, options.map):
             proposal = propose({"file": file, **scale}, out.resolve(), name, wishes)
     except MrpSumoError:
         _remove_empty(out)

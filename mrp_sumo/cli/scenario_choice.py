@@ -122,7 +122,7 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
         return chosen
     count = robots.count if ("robots", "count") in changes else None
-    with map_alone():
+    with map_alone(Path(file), options.scenario):
         first, refused = with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
     if refused:
         print(
@@ -137,15 +137,15 @@ def _robots(count: int) -> str:
 
 
 @contextmanager
-def map_alone() -> Iterator[None]:
-    """Refusals within the block name the map's file, and no place in a scenario that the user has not written."""
+def map_alone(path: Path, typed: str) -> Iterator[None]:
+    """Refusals within the block name the map's file as it was typed, and no place in a scenario that the user has not written."""
     try:
         yield
     except PlugInError:
         raise
     except MrpSumoError as error:
         lines = (line.removeprefix("scenario: map: ").removeprefix("scenario: ") for line in str(error).splitlines())
-        raise type(error)(*lines) from None
+        raise type(error)(*(line.replace(str(path), typed) for line in lines)) from None
 
 
 def folder_name(name: str) -> str:

@@ -21,7 +21,7 @@ from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.search.distance import UNREACHABLE, distances
-from mrp_sumo.traffic.draw import main_piece, most_drawn
+from mrp_sumo.traffic.draw import drawn_among, most_drawn
 
 MOST_ROBOTS = 8
 MOST_STATIONS = 60  # of a group
@@ -121,7 +121,7 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
 
 def stations_of(nav: NavGraph, graph: PlanGraph) -> Stations:
     """What the places of a map are for, of those that robots can reach from each other: by what the map says, else by their names."""
-    reached = set(main_piece(graph).tolist())
+    reached = set(drawn_among(graph).tolist())  # where robots are drawn, too
     usable = [v for v in range(nav.num_vertices) if int(graph.vertex_of_station[v]) in reached and not _is_passed(nav, graph, v)]
     named = [v for v in usable if nav.vertex_name[v] or "station" in nav.vertex_options[v]]
     if sum("station" in nav.vertex_options[v] for v in named) > 1:  # of maps that tell stations from mere points
@@ -201,8 +201,7 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
 
 def _num_reached(setup: SetUp) -> int:
     """How many stations robots reach from each other."""
-    graph = setup.problem.graph
-    return int(np.isin(np.unique(graph.vertex_of_station), main_piece(graph)).sum())
+    return len(drawn_among(setup.problem.graph))
 
 
 def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:

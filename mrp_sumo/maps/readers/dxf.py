@@ -5,6 +5,7 @@ inserted; layers that are off or frozen count when they are named. Curves are fl
 layers that do not exist or hold no stroke, damaged files, and drawings of more than half a million strokes.
 """
 
+import logging
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -89,8 +90,8 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
     if known is None:
         width, height = np.ptp(drawn.reshape(-1, 2), axis=0)
         raise MapError(
-            f"{shortened(path)}: says no unit ($INSUNITS is {document.header.get('$INSUNITS', 0)}): state it with --unit, one of "
-            f"{', '.join(UNIT_M)}; in m the drawing is {width:.4g} x {height:.4g} m, in mm {width / 1e3:.4g} x {height / 1e3:.4g} m"
+            f"{shortened(path)}: says no unit ($INSUNITS is {document.header.get('$INSUNITS', 0)}): state it with mrp-sumo import --unit, "
+            f"one of {', '.join(UNIT_M)}; in m the drawing is {width:.4g} x {height:.4g} m, in mm {width / 1e3:.4g} x {height / 1e3:.4g} m"
         )
     return Drawing(
         strokes=drawn * UNIT_M[known],
@@ -104,6 +105,8 @@ def _document(path: Path) -> Any:
     import ezdxf
     from ezdxf import recover
 
+    if not (log := logging.getLogger("ezdxf")).handlers:
+        log.addHandler(logging.NullHandler())  # what it skips of a drawing would be lines on stderr
     data = read_bytes(path, MAX_BYTES, MapError)
     if not END.search(data[-40:]):
         raise _damaged(path, "it does not end with EOF")

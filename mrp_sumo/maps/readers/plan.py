@@ -50,8 +50,8 @@ class DxfPlan:
         resolution_m = max(RESOLUTION_M, math.sqrt(width * height / MAX_PIXELS) * 1.01)
         if resolution_m > COARSEST_M or max(width, height) < SMALLEST_M:
             raise file.source.fault(
-                f"the drawing is {width:.4g} x {height:.4g} m in {drawing.unit}: state another --unit, or choose --layers"
-                f" ({', '.join(list(drawing.layers)[:8])})"
+                f"the drawing is {width:.4g} x {height:.4g} m in {drawing.unit}: state another with mrp-sumo import --unit, "
+                f"or choose --layers ({', '.join(list(drawing.layers)[:8])})"
             )
         clear = _rasterised(drawing.strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1)
         notes = Notes()

@@ -84,7 +84,8 @@ def test_what_the_walls_do_not_enclose_is_left_out(tmp_path):
         (
             {"unit": NONE},
             {},
-            "hall.dxf: says no unit ($INSUNITS is 0): state it with --unit, one of mm, cm, dm, m, in, ft; in m the drawing is 12 x 8 m",
+            "hall.dxf: says no unit ($INSUNITS is 0): state it with mrp-sumo import --unit, one of mm, cm, dm, m, in, ft; "
+            "in m the drawing is 12 x 8 m",
         ),
         ({}, {"layers": ("WALS",)}, "hall.dxf: no layer 'WALS' (did you mean 'WALLS'?); strokes are on DOORS, RACKS, WALLS"),
         ({}, {"layers": ("WORDS",)}, "hall.dxf: layer 'WORDS' holds no line, polyline, arc or block (1 TEXT)"),
@@ -93,9 +94,10 @@ def test_what_the_walls_do_not_enclose_is_left_out(tmp_path):
         (
             {"scale": 1000.0},
             {},
-            "hall.dxf: the drawing is 1.2e+04 x 8000 m in m: state another --unit, or choose --layers (WALLS, RACKS, DOORS)",
+            "hall.dxf: the drawing is 1.2e+04 x 8000 m in m: state another with mrp-sumo import --unit, "
+            "or choose --layers (WALLS, RACKS, DOORS)",
         ),
-        ({}, {"unit": "mm"}, "hall.dxf: the drawing is 0.012 x 0.008 m in mm: state another --unit"),
+        ({}, {"unit": "mm"}, "hall.dxf: the drawing is 0.012 x 0.008 m in mm: state another with mrp-sumo import --unit"),
         ({}, {"meters_per_pixel": 0.1}, "hall.dxf: this kind of map has no scale in metres per pixel to choose"),
     ],
 )
