@@ -7,12 +7,15 @@ from dataclasses import fields
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import get_args
 
 import pytest
-from campaigns.keys import keys as scenario_keys
+import yaml
+from pydantic import BaseModel
 from test_architecture import FLOORS
 
 from mrp_sumo.cli.main import COMMANDS
+from mrp_sumo.io.scenario.model import Scenario
 from planners import PLUGINS
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -97,36 +100,118 @@ def test_the_page_on_architecture_draws_the_floors_of_the_test():
     assert tuple(drawn) == FLOORS
 
 
-def test_every_planner_is_documented_with_its_parameters_and_defaults():
-    text = (PROJECT / "docs" / "planners.md").read_text(encoding="utf-8")
-    parameters, meanings = text.split("| name | parameters |")[1].split("| parameter | meaning |")
-    rows = dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", parameters, re.M))
-    assert rows.keys() == PLUGINS["planners"].keys()
-    explained = set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.+?) \|", meanings, re.M))))
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_tables_of_the_pages_are_what_the_code_makes(path):
+    text = path.read_text(encoding="utf-8")
+    assert text == tool("doc_tables").with_tables(text)
+
+
+def test_every_parameter_of_planners_is_explained():
+    text = (PROJECT / "docs" / "planners.md").read_text(encoding="utf-8").split("| parameter | meaning |")[1]
+    explained = set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.+?) \|", text, re.M))))
     for name, where in PLUGINS["planners"].items():
-        module, _, found = where.partition(":")
-        defaults = {field.name: field.default for field in fields(getattr(import_module(module), found))}
-        written = {key: "" if value == "empty" else value for key, value in re.findall(r"`(\w+)` \((.+?)\)", rows[name])}
-        assert written == {key: "" if value == () else str(value).lower() for key, value in defaults.items()}, name
-        assert written.keys() <= explained, name
+        module, _, kind = where.partition(":")
+        assert {field.name for field in fields(getattr(import_module(module), kind))} <= explained, name
 
 
-def undocumented(keys, text):
-    """Keys of scenarios whose name no code of a document holds, in a block or inline."""
-    code = re.findall(r"^```\w*.*?\n(.*?)^```$|`([^`\n]+)`", text, re.M | re.S)
-    words = set(re.findall(r"\w+", " ".join(block or inline for block, inline in code)))
-    return [key for key in keys if key.split(".")[-1] not in words]
+def documented(text):
+    """Keys of a page's YAML by dotted path, those included that the comment of a key beside or above names."""
+    paths = set()
+    for block in re.findall(r"^```yaml.*?\n(.*?)^```$", text, re.M | re.S):
+        lines = block.splitlines()
+        for path, line in keys_of(yaml.compose(block)):
+            paths.add(path)
+            comment = lines[line].partition("# ")[2]
+            while line + 1 < len(lines) and lines[line + 1].strip().startswith("#"):  # goes on
+                line += 1
+                comment += " " + lines[line].partition("# ")[2]
+            for name in re.findall(r"\w+(?=:)", comment):
+                paths |= {f"{path}.{name}", ".".join([*path.split(".")[:-1], name])}
+    return paths
 
 
-KEYS_ELSEWHERE = {"robots": "robots.md", "people": "people.md", "planner": "execution.md", "execution": "execution.md", "record": "logs.md"}
+def keys_of(node, above=()):
+    """Dotted paths of a YAML document and their lines; items of lists stand below the list's own key."""
+    if isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            yield from keys_of(item, above)
+    elif isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            path = (*above, key.value)
+            yield ".".join(path), key.start_mark.line
+            yield from keys_of(value, path)
+
+
+def undocumented(keys, pages):
+    """Keys of scenarios that no page shows in its place."""
+    shown = set().union(*(documented(text) for text in pages))
+    return [key for key in keys if key not in shown]
+
+
+def keys_of_model(model, above=""):
+    """Dotted keys of a model of scenarios, those of models inside it too."""
+    for name, field in model.model_fields.items():
+        inner = list(models_in(field.annotation))
+        if not inner:
+            yield above + name
+        for part in inner:
+            yield from keys_of_model(part, f"{above}{name}.")
+
+
+def models_in(kind):
+    """The models that an annotation names."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+    for part in get_args(kind):
+        yield from models_in(part)
+
+
+PAGES_OF_KEYS = [(PROJECT / "docs" / name).read_text(encoding="utf-8") for name in ("scenario.md", "people.md", "robots.md")]
+UNDER_ANOTHER_KEY = {  # where a page shows the keys of a model that several keys have
+    "robots.type.": "",
+    "robots.fleet.type.": "",
+    "tasks.stations.": "tasks.stations.packing.",
+}
+
+
+def place_of(key):
+    """Where the pages show a key: robot types have files of their own."""
+    above = next((above for above in UNDER_ANOTHER_KEY if key.startswith(above)), None)
+    return key if above is None else UNDER_ANOTHER_KEY[above] + key.removeprefix(above)
 
 
 def test_every_key_of_scenarios_is_documented():
-    pages = {name: (PROJECT / "docs" / name).read_text(encoding="utf-8") for name in ("scenario.md", *KEYS_ELSEWHERE.values())}
-    keys = [*scenario_keys(), "execution.recovery.flux_capacity"]
-    missing = undocumented(keys, pages["scenario.md"])
-    missing = [key for key in missing if undocumented([key], pages.get(KEYS_ELSEWHERE.get(key.split(".")[0], ""), ""))]
-    assert missing == ["execution.recovery.flux_capacity"]  # which there is not: a new key without words would stand here, too
+    assert undocumented([place_of(key) for key in keys_of_model(Scenario)], PAGES_OF_KEYS) == []
+
+
+@pytest.mark.parametrize(
+    "key", ["execution.recovery.count", "record.seed", "tasks.charging.name", "execution.flux_capacity", "people.fields.count"]
+)
+def test_key_without_words_is_noticed_though_another_section_has_its_name(key):
+    assert undocumented([key], PAGES_OF_KEYS) == [key]
+
+
+EXAMPLES = ("name", "map.file", "robots.count", "robots.starts", "robots.goals", "execution.policy")
+
+
+def test_documented_defaults_are_those_of_the_code():
+    block = re.search(r"^```yaml\n(name:.*?)^```$", PAGES_OF_KEYS[0], re.M | re.S)[1]
+    shown = yaml.safe_load(block)
+    code = Scenario.model_validate({"map": "office", "robots": 9}).model_dump(mode="json")
+    assert list(differing(shown, code)) == []
+    shown["execution"]["goal_tolerance_m"] = 0.5
+    assert list(differing(shown, code)) == ["execution.goal_tolerance_m"]
+
+
+def differing(shown, code, above=""):
+    """Dotted keys whose value on the page is not the code's."""
+    for name, value in shown.items():
+        if above + name in EXAMPLES or name == "dispatcher":
+            continue
+        if isinstance(value, dict) and isinstance(code[name], dict) and value:
+            yield from differing(value, code[name], f"{above}{name}.")
+        elif value != code[name]:
+            yield above + name
 
 
 def pages_of_the_index():
@@ -142,18 +227,18 @@ def test_page_of_the_index_begins_with_three_commands_and_is_followed(page):
         line for block in re.findall(r"^```bash\n(.*?)^```$", text, re.M | re.S) for line in block.splitlines() if "mrp-sumo" in line
     ]
     assert len(commands) >= 3
-    assert page in follower().TUTORIALS
+    assert page in tool("docs").TUTORIALS
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", ["README.md", *pages_of_the_index()])
 def test_every_line_that_a_page_shows_ends_with_exit_code_0(page):
-    assert follower().followed(page) == []
+    assert tool("docs").followed(page) == []
 
 
-def follower():
-    """`tools/docs.py`, which does what pages show."""
-    spec = spec_from_file_location("docs_followed", PROJECT / "tools" / "docs.py")
+def tool(name):
+    """A program of `tools/`, as a module."""
+    spec = spec_from_file_location(f"tool_{name}", PROJECT / "tools" / f"{name}.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

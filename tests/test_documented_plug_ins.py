@@ -12,12 +12,13 @@ import pytest
 from mrp_sumo.cli.main import main
 from mrp_sumo.io.run_reader import load_run
 
-PAGE = (Path(__file__).resolve().parents[1] / "docs" / "planners.md").read_text()
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = "\n".join((DOCS / name).read_text(encoding="utf-8") for name in ("own_planner.md", "own_plugins.md"))
 
 
 def sample(file):
-    """A file of the page, by the name that its first line has."""
-    return next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if text.startswith(f'"""{file}:'))
+    """A file of the pages, by the name that its first line has."""
+    return next(text for text in re.findall(r"```python.*?\n(.*?)```", PAGE, re.DOTALL) if text.startswith(f'"""{file}:'))
 
 
 @pytest.fixture

@@ -4,7 +4,8 @@
     mrp-sumo paper --out runs/paper_own --maps MRP_BENCH
     python tools/paper_page.py bundled=runs/paper mrp_bench=runs/paper_own
 
-What stands between `<!-- NAME -->` and `<!-- end -->` is replaced; figures are copied to docs/figures/NAME_*.svg.
+What stands between `<!-- NAME -->` and `<!-- end -->` is replaced by the sections in SECTIONS; their figures are copied to
+docs/figures/NAME_*.svg. All sections are in the command's own index.html.
 """
 
 import re
@@ -13,6 +14,17 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "paper.md"
+SECTIONS = {  # which the page shows, by campaign
+    "mrp_bench": (
+        "Table I: maps",
+        "Table III: execution",
+        "Figure 5: planning time",
+        "Table IV: makespan and cost",
+        "Replicability",
+        "Why numbers differ",
+    ),
+    "bundled": ("Table I: maps", "Table III: execution", "Table IV: makespan and cost"),
+}
 
 
 def main() -> None:
@@ -31,12 +43,18 @@ def main() -> None:
 def _block(name: str, folder: Path) -> str:
     """The Markdown of a campaign, its figures copied beside the page."""
 
-    def copied(found: re.Match[str]) -> str:
-        file = f"figures/{name}_{found[1]}.svg"
-        (DOCS / file).write_bytes((folder / "figures" / f"{found[1]}.svg").read_bytes())
+    def copied(link: re.Match[str]) -> str:
+        file = f"figures/{name}_{link[1]}.svg"
+        (DOCS / file).write_bytes((folder / "figures" / f"{link[1]}.svg").read_bytes())
         return f"]({file})"
 
-    return re.sub(r"\]\(figures/(\w+)\.svg\)", copied, (folder / "paper.md").read_text(encoding="utf-8"))
+    return re.sub(r"\]\(figures/(\w+)\.svg\)", copied, shown(name, (folder / "paper.md").read_text(encoding="utf-8")))
+
+
+def shown(name: str, text: str) -> str:
+    """The sections of a campaign's Markdown that the page shows."""
+    sections = re.split(r"^(?=### )", text, flags=re.MULTILINE)
+    return "".join(section for section in sections if section.partition("\n")[0].removeprefix("### ") in SECTIONS[name])
 
 
 if __name__ == "__main__":

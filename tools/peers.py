@@ -5,8 +5,8 @@
 
 Nothing is downloaded; a program that is not given is left out. INSTANCES holds MovingAI files as for `tools/bench_planners.py`, whose
 measurement this is: same instances, same machine, same run, every planner asked an instance before the next one, CPU time of the whole
-process, every plan read from the program's file and judged by our referee. What was measured or published elsewhere stands in
-columns of its own (`tools/peers_earlier.yaml`). Of docs/peers.md the part between `<!-- measured -->` and `<!-- end -->` is written anew.
+process, every plan read from the program's file and judged by our referee. What was measured elsewhere stands in rows of its own
+(`tools/peers_earlier.yaml`). Of docs/peers.md the part between `<!-- measured -->` and `<!-- end -->` is written anew.
 
 Programs with other formats (pibt2, EPIBT, CCBS) can take part by a small program of yours that translates: --peer
 'pibt2=./translate.py {map} {scen} {agents} {out}', places as in `mrp_sumo.planning.external`.
@@ -42,7 +42,7 @@ PROGRAMS = {  # option -> (name, command)
     "mapf_lns2": ("MAPF-LNS2", LISTED),
 }
 OURS = ("cbs", "ecbs", "eecbs", "lacam", "lns2")
-COLUMNS = ("planner", "solved", "CPU ms, median", "longest", "cost, common", "earlier: solved", "own ms, median", "longest", "cost")
+COLUMNS = ("planner", "solved", "CPU ms, median", "longest", "cost")
 
 
 def main() -> int:
@@ -119,17 +119,13 @@ def block(size: str, rows: list[Row]) -> str:
         _line(["---", *["---:"] * (len(COLUMNS) - 1)]),
     ]
     for row in rows:
-        mine = [f"{row.solved} of {row.instances - row.refused}", _ms(row.cpu_median_s), _ms(row.cpu_max_s), _number(row.cost)]
-        lines.append(_line([f"`{row.planner}`" if row.planner in OURS else row.planner, *mine, *_before(earlier.pop(row.planner, None))]))
-    lines += [_line([name, *["–"] * 4, *_before(found)]) for name, found in earlier.items()]
+        cells = [f"{row.solved} of {row.instances - row.refused}", _ms(row.cpu_median_s), _ms(row.cpu_max_s), _number(row.cost)]
+        lines.append(_line([f"`{row.planner}`" if row.planner in OURS else row.planner, *cells]))
+    lines += [
+        _line([f"{name}, earlier", f"{solved} of {of}", _ms(median_s), _ms(longest_s), _number(cost)])
+        for name, (solved, of, median_s, longest_s, cost) in earlier.items()
+    ]
     return "\n".join(lines) + "\n"
-
-
-def _before(found: list[Any] | None) -> list[str]:
-    if found is None:
-        return ["–"] * 4
-    solved, of, median_s, longest_s, cost = found
-    return [f"{solved} of {of}", _ms(median_s), _ms(longest_s), _number(cost)]
 
 
 def _line(cells: Any) -> str:

@@ -1,6 +1,6 @@
 """Metrics of work that does not end: tasks done, how long they took, and from when on a run is steady.
 
-The warm-up is left out of throughput and service times. It is found by MSER-5 on the service times of tasks in the order in which they
+The warm-up is left out of throughput and lead times. It is found by MSER-5 on the lead times of tasks in the order in which they
 were done.
 """
 
@@ -164,7 +164,7 @@ def station_utilisation_mean(run: Evidence) -> float | None:
     return float(shares.mean()) if len(shares) else None
 
 
-@metric("s", "none", "when the warm-up ends, by MSER-5 on service times; null where the run is too short to tell")
+@metric("s", "none", "when the warm-up ends, by MSER-5 on lead times; null where the run is too short to tell")
 def warm_up_s(run: Evidence) -> float | None:
     tasks = _tasks(run)
     return None if tasks is None else steady_from(tasks)

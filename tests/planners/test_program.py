@@ -16,7 +16,7 @@ from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "planners.md").read_text()
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "step_wise.md").read_text()
 PROBLEM = problem_of(ROUND, [0, 2], [[8, 0], [6], [2]], 3)
 
 

@@ -1,0 +1,97 @@
+"""Tables of the documentation that the code makes: plug-ins with their parameters, bundled suites, scenarios and maps.
+
+    .venv/bin/python tools/doc_tables.py          # write them into docs/*.md
+    .venv/bin/python tools/doc_tables.py --check  # exit code 1 when a page differs
+
+A page says `<!-- table: NAME -->`, and what stands from there to `<!-- end -->` is replaced. `tests/test_docs.py` compares.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.cli.listing import _files, _plug_ins, _shown
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def main() -> int:
+    """Write the tables, or say which pages differ."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="change nothing")
+    check = parser.parse_args().check
+    differing = [path for path in sorted(DOCS.glob("*.md")) if (old := path.read_text(encoding="utf-8")) != with_tables(old)]
+    for path in differing:
+        print(path.relative_to(DOCS.parent))
+        if not check:
+            path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
+    return 1 if check and differing else 0
+
+
+def with_tables(text: str) -> str:
+    """The text of a page with the tables that the code makes now."""
+    return PLACE.sub(lambda place: f"{place[1]}\n{TABLES[place[2]]()}\n{place[3]}", text)
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    lines = [tuple(head), *(tuple(row) for row in rows)]
+    lines.insert(1, ("---",) * len(lines[0]))
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _parameters(entry: dict[str, Any]) -> str:
+    """Names and defaults of a plug-in's parameters."""
+    return ", ".join(f"`{name}` ({_shown(one['default'])})" for name, one in entry["parameters"].items())
+
+
+def planners() -> str:
+    """Planners: method, guarantee, parameters."""
+    rows = ((f"`{one['name']}`", one["summary"], one["guarantee"], _parameters(one)) for one in _plug_ins("planners", []))
+    return _table(("planner", "method", "guarantee", "parameters and defaults"), rows)
+
+
+def policies() -> str:
+    """Execution policies."""
+    yes = {True: "yes", False: "no"}
+    rows = (
+        (f"`{one['name']}`", one["summary"], yes[one["keeps_order"]], yes[one["paced"]], yes[one["sound_plan_only"]], _parameters(one))
+        for one in _plug_ins("policies", [])
+    )
+    return _table(("policy", "rule", "keeps the plan's order", "waits for planned times", "needs a valid plan", "parameters"), rows)
+
+
+def dispatchers() -> str:
+    """Dispatchers."""
+    return _table(
+        ("dispatcher", "rule", "parameters"),
+        ((f"`{one['name']}`", one["summary"], _parameters(one)) for one in _plug_ins("dispatchers", [])),
+    )
+
+
+def suites() -> str:
+    """Bundled suites."""
+    rows = ((f"`{one['name']}`", one["summary"].partition(". ")[0].rstrip(".")) for one in _files("suites"))
+    return _table(("suite", "content"), rows)
+
+
+def scenarios() -> str:
+    """Names of the bundled scenarios, without and with orders."""
+    from mrp_sumo.io.scenario.read import read_scenario
+    from mrp_sumo.maps.catalogue import bundled_folder
+
+    files = sorted(bundled_folder("scenarios").glob("*.yaml"))
+    lifelong = {path.stem for path in files if read_scenario(path).scenario.tasks is not None}
+    names = (", ".join(f"`{path.stem}`" for path in files if (path.stem in lifelong) is orders) for orders in (False, True))
+    return _table(("a goal for each robot", "orders"), (names,))
+
+
+TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios)}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
