@@ -75,7 +75,7 @@ def dispatchers() -> str:
 
 def suites() -> str:
     """Bundled suites."""
-    rows = ((f"`{one['name']}`", one["summary"].partition(". ")[0].rstrip(".")) for one in _files("suites"))
+    rows = ((f"`{one['name']}`", re.split(r": |\. |, (?:by|over|and) ", one["summary"])[0].rstrip(".")) for one in _files("suites"))
     return _table(("suite", "content"), rows)
 
 
