@@ -300,6 +300,25 @@ def test_nobody_is_idle_beside_work_for_long_unsaid(logs):
     assert not [*robots.idle(said), *robots.idle(stalled), *robots.idle(soon)]
 
 
+def test_an_order_is_not_passed_over_again_and_again_by_those_that_are_alike(logs):
+    """An early order is still to be begun at the end, where three others were begun that came later than it takes to fetch it."""
+    task = done(logs, 0)
+    logs = changed(logs, "tasks", "assigned_s", done(logs, 1), 5.0)  # and has to be fetched by 5 + 120 + 2 + 2 * 40 s
+    waits = changed(logs, "tasks", "opened_s", task, np.nan)
+    (finding,) = robots.passed_over(waits)
+    assert (finding.rule, finding.order) == ("oldest first", logs.tasks.name[task])
+    third_s = np.sort(logs.tasks.opened_s[(logs.tasks.assigned_s > 207.0) & logs.tasks.is_order])[2]
+    assert [*robots.passed_over(changed(logs, "tasks", "opened_s", task, third_s + 1.0))]
+    assert not [*robots.passed_over(changed(logs, "tasks", "opened_s", task, third_s))]
+    said = replace(waits, execution=replace(waits.execution, events=(Event(1.0, "unresolved", -1, text="no plan"),)))
+    longer = replace(waits)
+    stops = (replace(waits.ordered[task].stops[0], service_s=5.1), *waits.ordered[task].stops[1:])
+    longer.__dict__["ordered"] = {**waits.ordered, task: replace(waits.ordered[task], stops=stops)}
+    urgent = replace(waits)
+    urgent.__dict__["ordered"] = {k: replace(order, priority=int(k > task)) for k, order in waits.ordered.items()}
+    assert not [*robots.passed_over(logs), *robots.passed_over(said), *robots.passed_over(longer), *robots.passed_over(urgent)]
+
+
 def riding(robot, state):
     """A robot changes levels after 1 s, when the only lift is in some state, for it or another."""
     whole = [np.array([each]) for each in (LIFT_STATES.index(state), 0, 0, robot, 0, 0, 0)]

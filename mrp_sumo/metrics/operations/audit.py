@@ -29,6 +29,7 @@ RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
     robots.conservation,
     robots.visits,
     robots.idle,
+    robots.passed_over,
     energy.batteries,
     energy.empty,
 )

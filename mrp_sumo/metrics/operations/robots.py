@@ -1,6 +1,8 @@
-"""Rules about robots: states without gaps that fit their orders, ways that fit their visits, nobody idle beside work for long."""
+"""Rules about robots: states without gaps that fit their orders, ways that fit their visits, nobody idle beside work for long;
+no order passed over.
+"""
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -8,9 +10,9 @@ import numpy as np
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
-from mrp_sumo.core.task import Task
-from mrp_sumo.metrics.operations.evidence import EPS_S, Finding, Logs
-from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER
+from mrp_sumo.core.task import NOBODY, Task
+from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
+from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER, LATER_ONES
 from mrp_sumo.search.route import shortest_route
 
 IDLE_S = 120.0  # beside work, on top of twice the time to drive there
@@ -150,6 +152,48 @@ def idle(logs: Logs) -> Iterator[Finding]:
                     who, text = logs.robot(robot), f"is idle from {since_s:.2f} s to {until_s:.2f} s, and nobody has order '{order.name}'"
                     yield Finding("idle beside work", since_s, f"{who} {text}", who, None, order.name)
                     return  # what else waits does for the same reason
+
+
+def passed_over(logs: Logs) -> Iterator[Finding]:
+    """No order waits while others that are alike, and came later, are given to robots and begun: not once a robot could have come to it.
+
+    Alike are orders of the same stops, priority and type of robot, and of no less service. Others may go first, and with them the robot.
+    """
+    log, tasks = logs.execution.robot_states, logs.tasks
+    if log is None or logs.execution.outcome in NOBODY_WORKS:
+        return
+    said_s = min((event.t_s for event in logs.execution.events if event.kind in SAYS), default=np.inf)
+    service_s = {k: sum(stop.service_s for stop in order.stops) for k, order in logs.ordered.items()}
+    kinds: dict[Hashable, list[int]] = {}
+    for k, order in sorted(logs.ordered.items()):
+        kinds.setdefault((order.priority, order.robot_type, tuple(stop.places for stop in order.stops)), []).append(k)
+    for kind in kinds.values():
+        numbers, lasts_s = np.array(kind), np.array([service_s[k] for k in kind])
+        opened_s, assigned_s = tasks.opened_s[numbers], tasks.assigned_s[numbers]
+        until_s = np.where(np.isfinite(opened_s), opened_s, np.minimum(said_s, logs.end_s))
+        for n in np.flatnonzero(until_s - tasks.released_s[numbers] > IDLE_S).tolist():
+            task = kind[n]
+            later = n + 1 + np.flatnonzero((opened_s[n + 1 :] < until_s[n] - EPS_S) & (lasts_s[n + 1 :] >= lasts_s[n] - EPS_S))
+            if len(later) < LATER_ONES or until_s[n] > said_s or tasks.reason[task] or not _was_sound(logs, task, float(until_s[n])):
+                continue
+            comes_s = since_s = float(assigned_s[later].min())
+            comes_s += IDLE_S + 2 * logs.terms.waits_s
+            late = later[assigned_s[later] > comes_s]
+            if len(late) >= LATER_ONES:
+                drives_s = [_drive_s(logs, robot, since_s, logs.ordered[task]) for robot in range(logs.fleet.num_robots)]
+                comes_s += 2 * max((each for each in drives_s if np.isfinite(each)), default=np.inf)
+            late = late[assigned_s[late] > comes_s]
+            if len(late) >= LATER_ONES:
+                text = f"waits until {until_s[n]:.2f} s while {len(late)} that came later are begun, at first '{tasks.name[kind[late[0]]]}'"
+                yield logs.of_order("oldest first", task, text)
+
+
+def _was_sound(logs: Logs, task: int, until_s: float) -> bool:
+    """Whether no robot was lost that had an order, from its release on."""
+    log, tasks = logs.execution.robot_states, logs.tasks
+    assert log is not None
+    holders = {int(tasks.robot[task]), *log.robot[log.task == task].tolist()} - {NOBODY}
+    return not any(logs.was_in(LOST, robot, float(tasks.released_s[task]), until_s) for robot in holders)
 
 
 def _unheld(logs: Logs, task: int) -> list[tuple[float, float]]:
