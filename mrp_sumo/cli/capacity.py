@@ -183,7 +183,7 @@ def _beforehand(study: "Study") -> str:
         return f"{duration(estimate.budget_s)} are hardly enough: they end the runs of the first fleets under way"
     how = f", by a pilot run with {study.pilot.robots}" if study.question.has_tasks else ""
     return (
-        f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes} robots{how}; with all that follows at most "
+        f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes}{how}; with all that follows at most "
         f"{duration(estimate.budget_s)}, which end runs under way{confirmed}"
     )
 

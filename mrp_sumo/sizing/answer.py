@@ -166,7 +166,7 @@ class Answer:
         point = self.limits.curve.points[self.limits.curve.best]
         charging = [run["batteries"] for run in point.observed if run["batteries"]]
         at_once = mean_of([of["charging"] for of in charging])
-        found = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {cycle.places} places"]
+        found = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {_places(cycle.places)}"]
         if cycle.charge_s > self.question.effort.horizon_s:
             found.append(
                 f"a charge takes {_minutes(cycle.charge_s)}, longer than a run of {_minutes(self.question.effort.horizon_s)}: robots start "
@@ -183,6 +183,8 @@ class Answer:
             return _of_one_shot(self)
         if not self.points:
             return _of_nothing(self)
+        if not any(point.num_done for point in self.points):
+            return f"No order was done in runs of {_minutes(self.question.effort.horizon_s)}: a longer --horizon may tell."
         parts = [_of_peak(self.limits)]
         if self._kept_from_more:
             parts.append(_of_places_to_charge(self.question))
@@ -354,6 +356,10 @@ def _robots(count: int) -> str:
     return "1 robot" if count == 1 else f"{count} robots"
 
 
+def _robots_do(count: int, limits: str = "") -> str:
+    return f"{_robots(count)}{limits} {'does' if count == 1 else 'do'}"
+
+
 def _between(found: Bracket) -> str:
     """'34', or '32 to 36': an interval, where that is what is known."""
     if found.low is not None and found.high is not None and found.low < found.high:
@@ -368,15 +374,15 @@ def _of_peak(found: Limits) -> str:
     if best.low > -inf:
         most += f" ({max(best.low, 0.0):.0f} to {best.high:.0f})"
     if len(curve.sizes) == 1:
-        return f"{_robots(curve.best)} do {most}; other fleets were not tried."
+        return f"{_robots_do(curve.best)} {most}; other fleets were not tried."
     if knee.estimate is None:
         return f"More robots bring more up to {curve.best}, the most that were tried: {most} there."
-    sure = "" if knee.low == knee.high else f" ({_span(knee)})"
-    few = f"{_robots(knee.estimate)}{sure}"
+    sure = "" if (knee.low or 1) == knee.high else f" ({_span(knee)})"
+    few = _robots_do(knee.estimate, sure)
     if knee.estimate == curve.best:
-        text = f"{few} do the most that was found, {most}."
+        text = f"{few} the most that was found, {most}."
     else:
-        text = f"{few} do 95 % of the most that was found, {most} with {curve.best}."
+        text = f"{few} 95 % of the most that was found, {most} with {curve.best}."
     if found.collapse.estimate is None:
         last = curve.sizes[-1]
         text += f" More add little, and up to {last}, the most that were tried, nothing is lost." if last > knee.estimate else ""
@@ -405,8 +411,12 @@ def _of_nothing(answer: Answer) -> str:
 def _of_places_to_charge(question: Question) -> str:
     cycle = question.charging
     assert cycle is not None
-    places = "1 place" if cycle.places == 1 else f"{cycle.places} places"
-    return f"The {places} to charge keep no more than {_robots(cycle.most_robots)} going."
+    verb = "keeps" if cycle.places == 1 else "keep"
+    return f"The {_places(cycle.places)} to charge {verb} no more than {_robots(cycle.most_robots)} going."
+
+
+def _places(count: int) -> str:
+    return "1 place" if count == 1 else f"{count} places"
 
 
 def _minutes(seconds: float) -> str:
@@ -427,7 +437,7 @@ def _of_demand(served: Served, question: Question) -> str:
     if found.estimate is None:
         return f"{wanted} is not met by any fleet that was tried on it, up to {_robots(served.curve.sizes[-1])}."
     sure = _between(found)
-    return f"{wanted} is met from {found.estimate} robots on" + (f" ({sure})." if sure != str(found.estimate) else ".")
+    return f"{wanted} is met from {_robots(found.estimate)} on" + (f" ({sure})." if sure != str(found.estimate) else ".")
 
 
 def _too_short(served: Served) -> bool:

@@ -48,6 +48,11 @@ class Point:
         return [record["observed"] for record in self.records if record.get("observed")]
 
     @property
+    def num_done(self) -> int:
+        """Orders done in all runs, the warm-up included."""
+        return sum(int(np.isfinite(run["done_s"]).sum()) for run in self.observed)
+
+    @property
     def requests(self) -> tuple[int, int]:
         """Asked of the planner while robots drove, and not answered, in all runs."""
         counts = [run["requests"] for run in self.observed]

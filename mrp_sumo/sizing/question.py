@@ -52,6 +52,7 @@ class Cycle:
     drive_s: float  # from full to where it goes to charge, or empty where it cannot
     charge_s: float  # 0 where it cannot
     places: int  # to charge at
+    highest: float = 1.0  # level, as a share of the capacity
 
     @property
     def charging_share(self) -> float:
@@ -156,9 +157,12 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
 
 
 def _in_steady_state(charging: Mapping[str, Any], cycle: Cycle, robots: int) -> dict[str, Any]:
-    """Charging as it is once it has gone on for long: robots at all points of their cycle, some of them at chargers."""
+    """Charging as it is once it has gone on for long: robots at all points of their cycle, some of them at chargers.
+
+    Where orders always wait, `opportunity` calls robots off at the minimum, so that no level is above it.
+    """
     share = min(cycle.charging_share, cycle.places / robots)
-    levels = [charging["critical_low_charging_level"], charging["maximum_desired_charging_level"]]
+    levels = [charging["critical_low_charging_level"], round(100 * cycle.highest, 6)]
     return {**charging, "start_level": levels, "start_charging": round(100 * share, 1)}
 
 

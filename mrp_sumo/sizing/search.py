@@ -198,12 +198,21 @@ def planned(desk: Desk) -> Curve:
 
 
 def limits(curve: Curve) -> Limits:
-    """Knee, peak and collapse of fleets that are there, with more sizes and seeds where something is undecided."""
-    if not curve.points:
-        return Limits(curve, Bracket(), Bracket(), Bracket(), True, None)
-    while (wanted := _next(curve, curve.desk.question.effort)) and curve.ask(wanted, "closer limits"):
-        pass
-    return _Measured(curve).limits()
+    """Knee, peak and collapse of fleets that are there, with more sizes and seeds where something is undecided.
+
+    A size whose new runs do not count does not count, and the rest is searched again.
+    """
+    while curve.points:
+        while (wanted := _next(curve, curve.desk.question.effort)) and curve.ask(wanted, "closer limits"):
+            pass
+        measured = _Measured(curve)
+        found = measured.limits()
+        if not measured.again.unfit:
+            return found
+        curve.unfit |= measured.again.unfit
+        for n in measured.again.unfit:
+            del curve.points[n]
+    return Limits(curve, Bracket(), Bracket(), Bracket(), True, None)
 
 
 def side(curve: Curve, n: int) -> int:

@@ -208,9 +208,12 @@ class Study:
         if not (self.question.has_tasks and batteries) or self.pilot.power_w <= 0:
             return None
         battery, charging = max(batteries, key=lambda battery: battery.charge_s(1.0)), self.setup.settings.charging
-        share = charging.maximum - charging.critical if charging else 1.0
-        drive_s = share * battery.energy_j / self.pilot.power_w
-        return Cycle(drive_s, battery.charge_s(share) if charging else 0.0, len(charging.station.places) if charging else 0)
+        if charging is None:
+            return Cycle(battery.energy_j / self.pilot.power_w, 0.0, 0)
+        called_off = charging.opportunity and charging.minimum > charging.critical  # where orders always wait
+        highest = charging.minimum if called_off else charging.maximum
+        share = highest - charging.critical
+        return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(charging.station.places), highest)
 
     def run(
         self,

@@ -1,10 +1,13 @@
 """The runs of a capacity study."""
 
+from dataclasses import replace
+
 import pytest
 
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.sizing.question import DEMAND, QUICK, SATURATED, Cycle, Question, Trial, values_of
 from mrp_sumo.sizing.search import grid
+from mrp_sumo.sizing.study import Pilot, Study
 
 
 @pytest.mark.parametrize(("robots", "counts"), [(1, [1]), (2, [1, 1]), (5, [3, 2]), (10, [6, 4]), (33, [20, 13])])
@@ -36,10 +39,26 @@ def test_runs_begin_at_all_points_of_driving_and_charging(tmp_path, robots, shar
     """A charge takes a quarter of the cycle: a quarter of four robots begin with one; of eight, as many as there are places."""
     (tmp_path / "charging.yaml").write_text(CHARGING)
     file = read_scenario(tmp_path / "charging.yaml")
-    question = Question(file, (1, 40), QUICK, 60.0, charging=Cycle(3000.0, 1000.0, 1))
+    question = Question(file, (1, 40), QUICK, 60.0, charging=Cycle(3000.0, 1000.0, 1, 0.9))
     charging = values_of(Trial(kind, robots, 0), question, {})["tasks",][1]["charging"]
     assert (charging["start_level"], charging["start_charging"]) == ([20.0, 90.0], share)
     assert charging["stations"] == ["charger_1"]
+
+
+@pytest.mark.parametrize(("minimum", "policy", "highest"), [(50, "threshold", 0.9), (50, "opportunity", 0.5), (20, "opportunity", 0.9)])
+def test_a_cycle_ends_at_the_level_from_which_robots_are_called_off(tmp_path, monkeypatch, minimum, policy, highest):
+    """With orders always waiting `opportunity` never charges to the maximum: a cycle is from the critical level to the minimum."""
+    extra = f"{{policy: {policy}, minimum_desired_charging_level: {minimum}, stations"
+    (tmp_path / "charging.yaml").write_text(CHARGING.replace("{stations", extra))
+    question = Question(read_scenario(tmp_path / "charging.yaml"), (1, 2), QUICK, 60.0)
+    monkeypatch.setattr(Study, "pilot", Pilot(2, 1.0, 10.0))
+    cycle = Study(question)._with_charging.charging
+    battery = Study(question).setup.settings.batteries[0]
+    assert (cycle.highest, cycle.places) == (highest, 1)
+    assert cycle.drive_s == pytest.approx((highest - 0.2) * battery.energy_j / 10.0)
+    assert cycle.charge_s == pytest.approx(battery.charge_s(highest - 0.2))
+    levels = values_of(Trial(SATURATED, 1, 0), replace(question, charging=cycle), {})["tasks",][1]["charging"]["start_level"]
+    assert levels == [20.0, pytest.approx(100 * highest)]
 
 
 @pytest.mark.parametrize(("places", "sizes"), [(1, [1, 2, 4]), (None, [1, 2, 4, 8])])

@@ -123,6 +123,28 @@ def test_a_size_of_which_a_run_failed_the_operations_audit_does_not_count():
     assert any("9 robots: not counted; the operations audit failed: station A served two robots at 50 s" in note for note in answer.notes)
 
 
+@pytest.mark.parametrize(("bad_seed", "best"), [(1003, 6), (2003, 9)])
+def test_a_size_of_which_a_run_on_new_seeds_failed_the_operations_audit_does_not_count(bad_seed, best):
+    asked = question((4, 9), FEW)
+    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)})
+
+    def failing(trial):
+        record = runs(trial)
+        bad = trial.robots == 9 and trial.seed == bad_seed
+        return {**record, "observed": {**record["observed"], "operations": ["station A served two robots at 50 s"]}} if bad else record
+
+    answer, _ = answer_of(asked, failing)
+    assert (answer.limits.curve.best, answer.limits.measured) == (best, True)
+    assert [point.robots for point in answer.unfit] == ([9] if best == 6 else [])
+
+
+def test_a_study_in_whose_runs_no_order_was_done_says_so_instead_of_a_size():
+    asked = question((4, 9), FEW)
+    answer, _ = answer_of(asked, Known(asked, dict.fromkeys((4, 6, 9), (0.5, (0,)))))
+    assert answer.sentence.startswith("No order was done in runs of 1 h: a longer --horizon may tell.")
+    assert answer_of(asked, Known(asked, dict.fromkeys((4, 6, 9), (5, (0,)))))[0].sentence.startswith("4 robots")
+
+
 @pytest.mark.parametrize(("empty_s", "per_h"), [(None, 120.0), (1800.0, 240.0)])
 def test_what_is_driven_after_a_battery_ran_empty_is_not_throughput(empty_s, per_h):
     """240 orders an hour for half an hour, and none after that."""
