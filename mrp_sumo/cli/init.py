@@ -176,7 +176,10 @@ def _print(proposal: "Proposal", out: Path, name: str, orders: int | None) -> No
     groups = ", ".join(f"{len(names)} {group}" for group, names in tasks["groups"].items())
     stops, rate = " to ".join(tasks["streams"][0]["stops"]), tasks["streams"][0]["arrivals"]["rate_per_h"]
     scenario, folder = shlex.quote(str(out / SCENARIO)), shlex.quote(str(Path("runs") / name))
-    print(f"{out / SCENARIO}: {robots['count']} robots of type {robots['type']}, {rate:g} orders an hour from {stops}")
+    count, model = robots["count"], robots["type"]
+    size = model if isinstance(model, str) else f"{model['length_m']:g} x {model['width_m']:g} m and {model['max_speed_mps']:g} m/s"
+    kind = f"robot{'s' * (count > 1)} of {'type ' * isinstance(model, str)}{size}"
+    print(f"{out / SCENARIO}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
     print(f"places: {groups}")
     print("driven for 10 simulated seconds: it runs")
     if orders:

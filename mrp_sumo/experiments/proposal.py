@@ -5,7 +5,7 @@ What the map says is taken as it is; what it leaves open is guessed, and every g
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +20,20 @@ from mrp_sumo.experiments.staging.choices import robot_types
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import scenario_of
-from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.io.scenario.robots import robot_type
+from mrp_sumo.maps.catalogue import bundled_folder
+from mrp_sumo.maps.map import ListedVehicle
 from mrp_sumo.traffic.draw import drawn_among, most_drawn
 
 MOST_ROBOTS = 8
 MOST_STATIONS = 60  # of a group
 SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
+ORDERS_A_ROBOT = 5  # that a run has time for, at the least
 BUSY = 0.5  # share of their time that robots are to work
 TRIAL_S = 10.0  # simulated
 ENDS = 20  # of each of two groups, whose ways to each other are measured
 LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
+SLENDER = 0.7  # width of a vehicle of which the map says its length alone, in lengths
 KEPT = 0.8  # share of the small robot's stations that a larger one has to reach
 
 CHARGES = re.compile(r"charg|battery|lade(station|platz)", re.IGNORECASE)
@@ -173,30 +177,51 @@ def _name(nav: NavGraph, v: int) -> str:
 
 
 def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, wanted: str) -> tuple[SetUp, str]:
-    """A map with the largest type of robot that reaches nearly all its stations; forklifts where the map was drawn for such vehicles."""
+    """A map with the vehicle that it lists, else the largest type that reaches nearly all its stations; with two, where two small ones fit.
 
-    def with_type(name: str) -> SetUp:
-        return set_up(scenario_of({"map": dict(map_values), "robots": {"count": 1, "type": name}}, folder, "s"), maps)
+    Forklifts are tried where the map was drawn for such vehicles.
+    """
+
+    def with_type(model: str | dict[str, Any], count: int = 1) -> SetUp:
+        return set_up(scenario_of({"map": dict(map_values), "robots": {"count": count, "type": model}}, folder, "s"), maps)
 
     if wanted:
         return with_type(wanted), "as you say"
-    smallest = with_type(SMALL)
-    reached = _num_reached(smallest)
+    smallest, refused = with_type(SMALL), []
+    reached, count = _num_reached(smallest), max(1, min(2, _room(smallest)))
     is_industrial = any("path" in options or "edge_id" in options for options in smallest.map.nav.lane_options)
-    refused = []
-    for name in (LARGE, MEDIUM) if is_industrial else (MEDIUM,):
+    guess = "guessed: the largest type that reaches the stations; `mrp-sumo list robots` names others, docs/robots.md your own"
+    candidates: list[tuple[str, str | dict[str, Any], str]] = [(name, name, guess) for name in (LARGE, MEDIUM)[not is_industrial :]]
+    if vehicle := smallest.map.vehicle:
+        read = "length and speed" if vehicle.width_m is None else "size and speed"
+        candidates.insert(
+            0, (vehicle.name, _written_out(vehicle, folder), f"{read} are those of the map's {vehicle.name!r}, the rest is guessed")
+        )
+    for name, model, why in candidates:
         try:
-            setup = with_type(name)
+            setup = with_type(model, count)
         except MrpSumoError as error:
             refused.append(f"{name}: {str(error).partition(': ')[2]}")
             continue
         if _num_reached(setup) >= KEPT * reached:
-            return (
-                setup,
-                "guessed: the largest type that reaches the stations; `mrp-sumo list robots` names others, docs/robots.md your own",
-            )
+            return setup, why
         refused.append(f"{name}: reaches {_num_reached(setup)} of {reached} stations")
     return smallest, f"guessed, as larger ones do not fit ({refused[-1]})"
+
+
+def _written_out(vehicle: ListedVehicle, folder: Path) -> dict[str, Any]:
+    """A type of robots with a vehicle's size and speed; the rest is that of the bundled type that is about as long."""
+    like = min(
+        (robot_type(name, bundled_folder("robots"), folder) for name in (LARGE, MEDIUM)), key=lambda t: abs(t.length_m - vehicle.length_m)
+    )
+    width_m = round(SLENDER * vehicle.length_m, 3) if vehicle.width_m is None else vehicle.width_m
+    size = {"length_m": vehicle.length_m, "width_m": width_m, "max_speed_mps": vehicle.max_speed_mps}
+    return {**{key: value for key, value in asdict(like).items() if key not in ("name", "source")}, **size}
+
+
+def _room(setup: SetUp) -> int:
+    """How many robots may stand at stations at once."""
+    return most_drawn(setup.problem.graph, 0, setup.problem.fleet.separation_m)
 
 
 def _num_reached(setup: SetUp) -> int:
@@ -208,14 +233,12 @@ def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
     """How many robots to begin with, and why."""
     if wanted is not None:
         return wanted, "as you say"
-    room = most_drawn(setup.problem.graph, 0, setup.problem.fleet.separation_m)
+    room = _room(setup)
     if listed := min(setup.map.num_vehicles, room):
         return listed, f"as many vehicles as the map lists{'' if listed == setup.map.num_vehicles else ' and has room for'}"
-    count = max(1, min(MOST_ROBOTS, room // STATIONS_A_ROBOT))
-    return (
-        count,
-        f"guessed: one for {STATIONS_A_ROBOT} of the {room} stations that hold one each, at most {MOST_ROBOTS}; `capacity` knows better",
-    )
+    count = max(1, min(MOST_ROBOTS, max(room // STATIONS_A_ROBOT, min(2, room // 2))))
+    why = f"guessed: {room} may stand at stations at once; a robot for {STATIONS_A_ROBOT} of them, at most {MOST_ROBOTS}"
+    return count, f"{why}; `capacity` knows better"
 
 
 def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: Stations, num_robots: int, wishes: Wishes) -> Proposal:
@@ -224,7 +247,7 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
     trip_s = _trip_s(setup, [groups[stop] for stop in stops])
     service_s = SERVICE_S[1] if wishes.service_s is None else wishes.service_s
     order_s = 2 * trip_s + 2 * service_s  # to the first stop and on to the second
-    rate_per_h = max(1.0, round(BUSY * num_robots * 3600 / order_s)) if wishes.rate_per_h is None else wishes.rate_per_h
+    rate_per_h = float(f"{BUSY * num_robots * 3600 / order_s:.2g}") if wishes.rate_per_h is None else wishes.rate_per_h
     service: dict[str, Any] = {"triangular_s": list(SERVICE_S)} if wishes.service_s is None else {"constant_s": wishes.service_s}
     stream = {"name": "order", "arrivals": {"rate_per_h": rate_per_h}, "stops": stops, "service": [service]}
     tasks: dict[str, Any] = {"groups": groups, "streams": [stream]}
@@ -238,28 +261,36 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
     if "charger" in groups and all(model.battery is not None for model in robot_types(setup.file)):
         tasks["charging"] = {"stations": ["charger"], "policy": "opportunity"}
         why["charging"] = "robots charge when they have nothing else to do; they begin with full batteries"
+    written = setup.scenario.robots.type
     if "parking" in groups:
         tasks["parking"] = ["parking"]
     values = {
         "name": name,
         "map": dict(map_values),
         "discretisation": {"kind": choice.kind, "cell_m": choice.cell_m},
-        "robots": {"count": num_robots, "type": setup.scenario.robots.type},
+        "robots": {"count": num_robots, "type": written if isinstance(written, str) else written.model_dump(exclude_defaults=True)},
         "planner": "auto",
         "tasks": tasks,
-        "execution": {"dispatcher": "nearest", "time_limit_s": 3600.0 * (1 / 3 if wishes.hours is None else wishes.hours)},
+        "execution": {
+            "dispatcher": "nearest",
+            "time_limit_s": max(1200.0, round(ORDERS_A_ROBOT * order_s)) if wishes.hours is None else 3600.0 * wishes.hours,
+        },
     }
     return Proposal(values, why)
 
 
 def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
-    """The mean time of a way between stops, in planned steps."""
-    graph, nav = setup.problem.graph, setup.map.nav
-    starts, ends = ([int(graph.vertex_of_station[nav.vertex_of_name[name]]) for name in group] for group in groups)
-    steps = distances(graph)
-    known = [int(steps.to(end)[start]) for end in ends[:ENDS] for start in starts[:ENDS] if start != end]
-    reached = [count for count in known if count < UNREACHABLE]
-    return float(np.mean(reached)) * setup.problem.step_s if reached else setup.problem.step_s
+    """The mean time of a way between stops, at the speed that each lane allows and without turns."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    graph, nav, fleet = setup.problem.graph, setup.map.nav, setup.problem.fleet
+    starts, ends = ([int(graph.vertex_of_station[nav.vertex_of_name[name]]) for name in group[:ENDS]] for group in groups)
+    lane_s = graph.length_m / np.minimum(graph.speed_mps, fleet.max_speed_mps[0])
+    lane_s = np.where(graph.is_ride, setup.problem.step_s, lane_s)  # a ride is as many lanes as it takes steps
+    way_s = dijkstra(csr_array((lane_s, graph.head, graph.first), shape=(graph.num_vertices,) * 2), indices=starts)[:, ends]
+    reached = way_s[np.isfinite(way_s) & (way_s > 0)]
+    return float(reached.mean()) if len(reached) else setup.problem.step_s
 
 
 def _fault(file: ScenarioFile, maps: MapCache) -> str:

@@ -19,6 +19,16 @@ class Floor:
     origin_m: tuple[float, float]  # lower left corner of pixel (0, 0)
 
 
+@dataclass(frozen=True)
+class ListedVehicle:
+    """A vehicle as a map lists it."""
+
+    name: str
+    length_m: float
+    width_m: float | None  # None where the map does not say
+    max_speed_mps: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Map:
     """A read map. `nav` and `building` share one frame, in which levels that are driven on do not overlap."""
@@ -36,4 +46,5 @@ class Map:
     changes: tuple[str, ...] = ()  # what repairs have done to `nav`
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
     num_vehicles: int = 0  # that the file lists; 0 where it lists none
+    vehicle: ListedVehicle | None = None  # the longest of them that has a length and a speed
     floor: Floor | None = None  # of a plan of a floor

@@ -8,6 +8,7 @@ import yaml
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.experiments.proposal import stations_of
+from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.roadmap import cut_lanes
 
 SHOP = """name: shop
@@ -69,6 +70,40 @@ def test_the_five_questions_are_answered_or_guessed(shop, monkeypatch):
     scenario = yaml.safe_load((shop / "shop" / "scenario.yaml").read_text())
     assert (scenario["robots"], scenario["execution"]["time_limit_s"]) == ({"count": 2, "type": "turtlebot3"}, 1800)
     assert scenario["tasks"]["streams"][0]["service"] == [{"constant_s": 5}]
+
+
+@pytest.mark.parametrize(("length_mm", "fits"), [(1200, True), (9000, False)])
+def test_the_vehicle_that_an_opentcs_model_lists_is_taken_where_two_of_it_fit(tmp_path, length_mm, fits, monkeypatch, capsys):
+    model = (bundled_folder("networks") / "plant" / "plant.xml").read_text()
+    vehicles = "".join(f'<vehicle name="tug {i}" length="{length_mm}" maxVelocity="800"/>' for i in (1, 2, 3))
+    (tmp_path / "hall.xml").write_text(model.replace("</model>", f"{vehicles}</model>"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "hall.xml"]) == 0
+    robots = yaml.safe_load((tmp_path / "hall" / "scenario.yaml").read_text())["robots"]
+    assert robots["count"] == 3
+    if fits:
+        assert (robots["type"]["length_m"], robots["type"]["width_m"], robots["type"]["max_speed_mps"]) == (1.2, 0.84, 0.8)
+        assert "3 robots of 1.2 x 0.84 m and 0.8 m/s" in capsys.readouterr().out
+    else:
+        assert robots["type"] == "forklift"
+
+
+@pytest.mark.parametrize(("first_m", "robots"), [(0.7, "turtlebot3"), (1.0, "amr_600")])  # two of 0.6 x 0.6 m need 0.95 m
+def test_a_type_of_which_one_alone_fits_is_not_proposed_where_two_smaller_ones_do(tmp_path, first_m, robots, monkeypatch):
+    (tmp_path / "shop.building.yaml").write_text(SHOP.replace("[4, 0, 0, ", f"[{first_m}, 0, 0, "))
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "shop.building.yaml"]) == 0
+    assert yaml.safe_load((tmp_path / "shop" / "scenario.yaml").read_text())["robots"]["type"] == robots
+
+
+def test_orders_come_as_robots_that_drive_as_fast_as_each_lane_allows_can_do_half_of_the_time(shop):
+    slow = SHOP.replace("- [1, 3, {", "- [1, 3, {speed_limit: [3, 0.01], ")  # to the charger: no order goes there
+    (shop / "slow.building.yaml").write_text(slow)
+    rates = []
+    for name in ("shop", "slow"):
+        assert main(["init", f"{name}.building.yaml", "--type", "turtlebot3", "--robots", "1"]) == 0
+        rates.append(yaml.safe_load((shop / name / "scenario.yaml").read_text())["tasks"]["streams"][0]["arrivals"]["rate_per_h"])
+    assert rates[0] == rates[1] == pytest.approx(0.5 * 3600 / (2 * 8 / 0.22 + 2 * 20), rel=0.05)  # 8 m from counter to table
 
 
 @pytest.mark.parametrize(

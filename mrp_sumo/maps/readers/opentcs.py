@@ -3,8 +3,8 @@
 Lengths are millimetres, velocities mm/s. A point is a vertex, a path a lane; where vehicles may drive a path in reverse, a lane back along
 it on which they drive backwards. A location is a station at the points it is linked to, with the operations of its type; parking
 positions and chargers keep that. A block for a single vehicle is a mutex group. The drawing counts: Bezier curves and polylines are
-flattened within 1 cm, and lengths that differ from them are reported. Vehicles are not read. Refuses paths between unknown points,
-names given twice, and documents with a DTD: neither entities nor anything outside the file is read.
+flattened within 1 cm, and lengths that differ from them are reported. Of vehicles their number is read, and size and speed of the longest.
+Refuses paths between unknown points, names given twice, and documents with a DTD: neither entities nor anything outside the file is read.
 
 Before version 6 coordinates are called `xPosition` and `yPosition`; before 0.0.4 what is drawn stands apart, in the `visualLayout`, whose
 points may lie elsewhere than those of the model. Curves are drawn between the places of the layout; where these are not the model's, a
@@ -20,7 +20,7 @@ import numpy as np
 
 from mrp_sumo.errors import nearest
 from mrp_sumo.maps.curves import bezier_knots, flattened
-from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.map import ListedVehicle, Map
 from mrp_sumo.maps.readers.draft import SAME_PLACE_M, Draft, polyline_bends
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
@@ -69,7 +69,10 @@ class _Model:
         self._paths()
         self._locations()
         self._blocks()
-        return replace(self.draft.to_map(), num_vehicles=sum(1 for _ in self.root.all("vehicle")))
+        vehicles = list(self.root.all("vehicle"))
+        sized = [vehicle for vehicle in map(_listed, vehicles) if min(vehicle.length_m, vehicle.max_speed_mps) > 0]
+        longest = max(sized, key=lambda vehicle: vehicle.length_m, default=None)
+        return replace(self.draft.to_map(), num_vehicles=len(vehicles), vehicle=longest)
 
     def _version(self) -> None:
         """Note a version that is not known, and what older ones say that is not read."""
@@ -247,3 +250,11 @@ def _joining(points: np.ndarray, drawn: np.ndarray, ends: np.ndarray) -> np.ndar
         return None
     there = c + (z - a) * (d - c) / (b - a)
     return np.stack([there.real, there.imag], axis=1)
+
+
+def _listed(vehicle: Element) -> ListedVehicle:
+    """A vehicle's size, which version 6 and later say in its bounding box, and its speed; 0 where the model does not say."""
+    box = next(vehicle.all("boundingBox"), None)
+    width_m = 0.0 if box is None else box.number("width", 0.0) * MM
+    length_m = (vehicle if box is None else box).number("length", 0.0) * MM
+    return ListedVehicle(vehicle.get("name", ""), length_m, width_m or None, vehicle.number("maxVelocity", 0.0) * MM)

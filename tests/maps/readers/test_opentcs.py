@@ -171,3 +171,21 @@ def test_the_demonstration_of_opentcs_has_its_59_points_and_75_paths():
     assert len({options["path"] for options in nav.lane_options}) == 75
     assert nav.num_components == 1
     assert nav.xy[nav.vertex_of_name["Goods in north 01"]].tolist() == [-24.0, 11.0]
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "expected"),
+    [
+        ('<vehicle name="a" length="1200" maxVelocity="800"/>', (1.2, None, 0.8)),  # before version 6
+        ('<vehicle name="a" maxVelocity="800"><boundingBox length="1200" width="500"/></vehicle>', (1.2, 0.5, 0.8)),
+        ('<vehicle name="b" length="900" maxVelocity="800"/><vehicle name="a" length="1200" maxVelocity="500"/>', (1.2, None, 0.5)),
+        ('<vehicle name="a" length="1200"/>', None),
+        ("", None),
+    ],
+)
+def test_the_longest_vehicle_of_which_size_and_speed_are_known_is_read(load, vehicles, expected):
+    known = load(MODEL.replace("</model>", f"{vehicles}</model>"))
+    vehicle = known.vehicle
+    assert known.num_vehicles == vehicles.count("<vehicle ")
+    assert (vehicle and (vehicle.length_m, vehicle.width_m, vehicle.max_speed_mps)) == expected
+    assert vehicle is None or vehicle.name == "a"
