@@ -174,13 +174,13 @@ class Study:
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         slower = self.pilot.slower if question.has_tasks else 1.0
         for n in grid(question):
-            cost = slower * question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question) / CORES
+            cost = question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question, slower) / CORES
             if spent_s + cost > self._grid_s:
                 break
             sizes.append(n)
             spent_s += cost
         last = most_trials(question.has_tasks, sizes[-1]) if question.confirm and sizes else []
-        confirm_s = slower * sum(predicted_cpu_s(trial, question) for trial in last) / CORES
+        confirm_s = sum(predicted_cpu_s(trial, question, slower) for trial in last) / CORES
         return Estimate(tuple(sizes), spent_s, question.effort.budget_s, confirm_s)
 
     @cached_property
@@ -195,7 +195,7 @@ class Study:
             return Pilot(trial.robots, 1.0, 0.0)
         robot_s = execution.sim_time_s * trial.robots
         used_j = float(execution.batteries.used_j.sum()) if execution.batteries else 0.0
-        return Pilot(trial.robots, max(1.0, execution.cpu_time_s / driving_cpu_s(trial.robots, execution.sim_time_s)), used_j / robot_s)
+        return Pilot(trial.robots, execution.cpu_time_s / driving_cpu_s(trial.robots, execution.sim_time_s), used_j / robot_s)
 
     @cached_property
     def _with_charging(self) -> Question:
