@@ -89,6 +89,8 @@ def compare(
         for frame in (first, second):
             if metric not in frame.columns and metric not in DEFAULT_METRICS:
                 raise BatchError(f"no metric '{metric}'{nearest(metric, frame.columns)}")
+    if not all("scenario_key" in frame.columns for frame in (first, second)):
+        raise BatchError("no column 'scenario_key', which says the runs that the two have in common")
     a, b = first.set_index("scenario_key"), second.set_index("scenario_key")
     shared = a.index.intersection(b.index, sort=False)
     if not len(shared):

@@ -101,6 +101,7 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
     if is_under_way(folder):
         raise BatchError(f"{folder}: a batch is under way there")
     found: dict[str, Metrics] = {}
+    fault = ""
     for key in keys:
         if trace_path(folder, key).is_file():
             try:
@@ -109,7 +110,10 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
                     found[key] = plain(measure_run(load_run(place), metrics))
             except MrpSumoError as error:
                 report(f"{error}; left out")
+                fault = fault or str(error)
     if not found:
+        if fault:
+            raise BatchError(f"{folder}: no trace of a run can be read: {fault}")
         raise BatchError(f"{folder}: no run has a trace: no run came to a plan, or another version made the batch")
     drop_tables(folder)
     for key, values in found.items():

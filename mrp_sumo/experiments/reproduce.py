@@ -16,11 +16,11 @@ from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out, run_scenario
 from mrp_sumo.experiments.solve import StageReport
-from mrp_sumo.files.reading import read_json
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.file_difference import first_difference
 from mrp_sumo.io.results import BatchRecord
 from mrp_sumo.io.run_folder import RESULT, files_in, versions
+from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import Scenario
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
@@ -60,9 +60,10 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None)
     MrpSumoError
         For a folder that is no run's, and a scenario that cannot be run, such as one whose map is not there.
     """
-    before = read_json(folder / RESULT)
-    if not isinstance(before, dict) or not {"scenario", "files", "metrics", "status"} <= before.keys():
-        raise MrpSumoError(f"{folder}: not a run folder: {RESULT} has no scenario, files, metrics and status")
+    before = load_run(folder).result
+    for name, about in before.get("files", {"": None}).items():
+        if not (isinstance(about, dict) and "sha256" in about):
+            raise MrpSumoError(f"{folder}: not a run folder: {RESULT} has no SHA-256 of its file '{name[:40]}'")
     if before.get("policy") == RECORDED:
         raise MrpSumoError(f"{folder}: was read from a log, not driven here: `mrp-sumo import` makes it again")
     scenario = validated(Document(folder / RESULT, before["scenario"], {}), Scenario)
@@ -126,7 +127,9 @@ def _files_that_differ(before: Mapping[str, Any], after: Mapping[str, Any], old:
 def _without_clocks(result: dict[str, Any]) -> dict[str, Any]:
     """A result without what clocks and versions say."""
     plan = {key: value for key, value in (result.get("plan") or {}).items() if key != "clock_limited"}
-    stats = {key: value for key, value in (plan.get("stats") or {}).items() if not key.endswith(OF_CLOCKS)}
+    stats = plan.get("stats")
+    if isinstance(stats, dict):
+        stats = {key: value for key, value in stats.items() if not key.endswith(OF_CLOCKS)}
     kept = {key: value for key, value in result.items() if key not in CLOCKS}
     return {**kept, "metrics": _timeless(result["metrics"]), "plan": {**plan, "stats": stats}}
 

@@ -35,9 +35,9 @@ def write_batteries(path: Path, log: BatteryLog, robot_name: Sequence[str]) -> N
 def read_batteries(path: Path, num_robots: int) -> BatteryLog:
     """The states of charge as they were written."""
     table = read_table(path)
-    if table.num_rows % num_robots:
+    if not table.num_rows or table.num_rows % num_robots:
         raise table.fault(f"found {table.num_rows} rows, expected one a time for each of {num_robots} robots")
     level = np.round(table.numbers("battery_percent").reshape(-1, num_robots) / 100, 6)  # exactly the log's
-    t_s = table.numbers("t_s")[::num_robots].copy()
+    t_s = table.times("t_s")[::num_robots].copy()
     used_j, charged_j = (table.about_numbers(key, num_robots) for key in ("used_j", "charged_j"))
     return BatteryLog(frozen(t_s), frozen(level), used_j, charged_j, table.about_number("critical"))

@@ -62,9 +62,13 @@ def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequenc
     def column(table: Table | None, name: str, known: Names) -> IntArray:
         return table.indices(name, known) if table else frozen(np.zeros(0, np.int64))
 
+    for table, key, known in ((lifts, "lift", lift_name), (doors, "door", door_name)):
+        if table and (silent := {*known} - {*table.texts(key)}):
+            raise table.fault(f"no row says how {key} '{min(silent)[:40]}' is")
+
     return FacilityLog(
         lift_name=lift_name,
-        lift_t_s=lifts.numbers("t_s") if lifts else frozen(np.zeros(0)),
+        lift_t_s=lifts.times("t_s") if lifts else frozen(np.zeros(0)),
         lift=column(lifts, "lift", lift_name),
         lift_state=column(lifts, "state", LIFT_STATES),
         lift_level=column(lifts, "level", level_name),
@@ -74,7 +78,7 @@ def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequenc
         lift_motion=column(lifts, "motion", MOTIONS),
         lift_mode=column(lifts, "mode", LIFT_MODES),
         door_name=door_name,
-        door_t_s=doors.numbers("t_s") if doors else frozen(np.zeros(0)),
+        door_t_s=doors.times("t_s") if doors else frozen(np.zeros(0)),
         door=column(doors, "door", door_name),
         door_state=column(doors, "state", DOOR_STATES),
         door_robot=column(doors, "robot", robots),

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import read_bytes, shortened
 from mrp_sumo.io.batch_record import fault_of_record
-from mrp_sumo.io.columns import parameter_columns
+from mrp_sumo.io.columns import SECTIONS, parameter_columns
 
 if TYPE_CHECKING:
     import pandas
@@ -325,6 +325,8 @@ def query(path: str | Path, sql: str, report: Callable[[str], None] | None = Non
 
 
 def _load_table(path: Path, report: Callable[[str], None]) -> "pyarrow.Table":
+    import pyarrow as pa
+
     from mrp_sumo.io.tables import read_table
 
     file = path / TABLE if path.is_dir() else path
@@ -333,7 +335,16 @@ def _load_table(path: Path, report: Callable[[str], None]) -> "pyarrow.Table":
         raise BatchError(f"{shortened(path)}: no such folder")
     if not path.is_dir() or (file.exists() and not damaged):
         try:
-            return read_table(file, max_bytes=MAX_TABLE_BYTES, error=BatchError).as_written()
+            table = read_table(file, max_bytes=MAX_TABLE_BYTES, error=BatchError)
+            for name in ("key", "scenario_key", "status"):
+                if table.has(name):
+                    table.texts(name)
+            if table.has("success"):
+                table.flags("success")
+            for field in table.schema:
+                if field.name.split(".")[0] in SECTIONS and pa.types.is_nested(field.type):
+                    raise table.fault(f"column '{field.name[:40]}' holds {str(field.type)[:40]}, expected texts, numbers or yes and no")
+            return table.as_written()
         except BatchError:
             if not path.is_dir():
                 raise

@@ -40,7 +40,10 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 RESULT = "result.json"
 SCHEMA_VERSION = 1  # of it
-
+KINDS: dict[str, tuple[type, ...]] = {  # key of it -> types of its value
+    **{"status": (str,), "scenario": (dict,), "metrics": (dict,), "files": (dict,), "versions": (dict,)},
+    "plan": (dict, type(None)),
+}
 
 # what readers raise for a file that was changed
 DAMAGE = (ArithmeticError, AttributeError, LookupError, NotImplementedError, OSError, TypeError, ValueError)
@@ -67,6 +70,9 @@ def load_run(folder: str | Path) -> "RunFolder":
     result = read_json(path)
     if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
         raise MrpSumoError(f"{path}: is not the result of a run")
+    for key, kinds in KINDS.items():
+        if key in result and not isinstance(result[key], kinds):
+            raise MrpSumoError(f"{path}: {key}: found {type(result[key]).__name__}, expected {kinds[0].__name__}")
     if (found := result.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
         made = result.get("versions")
         by = f", written by mrp_sumo {made['mrp_sumo']}" if isinstance(made, dict) and "mrp_sumo" in made else ""

@@ -55,6 +55,8 @@ def read_table(path: Path, *, max_bytes: int = MAX_BYTES, error: type[MrpSumoErr
             needs = about.num_rows * about.num_columns * VALUE_BYTES + sum(chunk.total_uncompressed_size for chunk in chunks)
             if needs > max(MIN_BYTES_REFUSED, MAX_RATIO * path.stat().st_size):
                 raise error(f"{shortened(path)}: {about.num_rows} rows would take {needs / 2**30:.0f} GB, which is not read")
+            if twice := {name for name in schema.names if schema.names.count(name) > 1}:
+                raise error(f"{shortened(path)}: two columns '{min(twice)[:40]}'")
             return Table(path, file.read(), schema, error)
     except DAMAGE as fault:
         raise error(f"{shortened(path)}: not a readable Parquet file: {first_line(fault)}") from None
@@ -74,7 +76,7 @@ class Table:
         return int(self.content.num_rows)
 
     def as_written(self) -> pa.Table:
-        """The whole table, its columns of the types that they have in the file."""
+        """The whole table, its columns of the types that they have in the file, whatever its metadata say of them."""
         needs = 0
         for column in self.content.columns:
             if pa.types.is_dictionary(column.type) and column.num_chunks and pa.types.is_string(column.type.value_type):
@@ -83,7 +85,7 @@ class Table:
                     needs += int(sizes[chunk.indices.fill_null(0).to_numpy(zero_copy_only=False)].sum())
         if needs > MIN_BYTES_REFUSED:
             raise self.fault(f"its texts would take {needs / 2**30:.0f} GB, which is not read")
-        return self.content.cast(self.schema)
+        return self.content.cast(self.schema).replace_schema_metadata(None)
 
     def has(self, name: str) -> bool:
         """Whether there is such a column."""
@@ -114,6 +116,14 @@ class Table:
             bounds = f"{least} or more" if most == 2**62 else f"{least} to {most}"
             self._fault(name, int(np.argmax(odd)), int(values[odd][0]), bounds)
         return frozen(values.astype(np.int64))
+
+    def times(self, name: str) -> FloatArray:
+        """[N] seconds, in order."""
+        values = self.numbers(name)
+        if (odd := np.diff(values) < 0).any():
+            row = int(np.argmax(odd)) + 1
+            self._fault(name, row, values[row], f"{values[row - 1]} or more")
+        return values
 
     def flags(self, name: str) -> BoolArray:
         """[N] true or false."""
@@ -198,9 +208,8 @@ class Table:
 
     def _column(self, name: str) -> pa.ChunkedArray:
         names = self.content.column_names
-        if names.count(name) != 1:
-            lacks = f"two columns '{name}'" if name in names else f"no column '{name}'{nearest(name, names)}"
-            raise self.error(f"{shortened(self.path)}: {lacks}")
+        if name not in names:
+            raise self.fault(f"no column '{name}', so it is of another version of this program, or damaged{nearest('', names)}")
         return self.content[name]
 
     def _null(self, name: str, column: pa.ChunkedArray, may_be: bool) -> BoolArray:

@@ -192,9 +192,15 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
         only_maps = "num_vertices" in frame and "plan_success" not in frame
         until = "map" if only_maps else "execution" if "sim_time_s" in frame and frame["sim_time_s"].notna().any() else "plan"
     frame = frame.reindex(columns=[*frame.columns, *(column for column in NUMBERS if column not in frame)])  # at once, as pandas wants it
+    for column in NUMBERS:
+        if not (frame[column].isna().all() or pd.api.types.is_numeric_dtype(frame[column])):
+            raise BatchError(f"{name}: column '{column}' holds {frame[column].dtype}, expected numbers")
     for column in FLAGS:
-        given = frame[column] if column in frame else pd.Series(pd.NA, index=frame.index)
-        frame[column] = given.astype("boolean")
+        values = frame[column] if column in frame else pd.Series(pd.NA, index=frame.index)
+        try:
+            frame[column] = values.astype("boolean")
+        except (TypeError, ValueError):
+            raise BatchError(f"{name}: column '{column}' holds {values.dtype}, expected yes or no") from None
     frame["_map"] = _map_names(frame)
     robots = pd.to_numeric(frame["robots.count"], errors="coerce") if "robots.count" in frame else pd.Series(np.nan, frame.index)
     frame["_robots"] = robots.fillna(pd.to_numeric(frame["num_robots"], errors="coerce")).astype("Float64").astype("Int64")

@@ -118,8 +118,8 @@ REQUESTS = """[{"unix_millis_earliest_start_time": 2000, "category": "delivery",
  {"unix_millis_earliest_start_time": 0, "category": "patrol", "description": {"places": ["crossing_1_3"], "rounds": 1}}]
 """
 MANY = "--map small.map --scen small.scen --robots 2\n--map small.map --scen small.scen --robots 1 --planner cbs\n"
-CONFIG = "starts: {robot_0: [1.0, 1.0]}\ngoals: {robot_0: [3.0, 3.0]}\n"
-CONFIG += "cellSize: 0.35\nlocationTolerance: 0.7\nwindowSize: 10\nrecordingTimeout: 600\n"
+CONFIG = "robots:\n  robot_0: {start: [1.0, 1.0], goal: [3.0, 3.0]}\n  robot_1: {start: [3.0, 1.0], goal: [1.0, 3.0]}\n"
+CONFIG += "config: {cellSize: 0.35, locationTolerance: 0.7, windowSize: 10, recordingTimeout: 600}\n"
 SHEET = "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
 
 

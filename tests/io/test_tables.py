@@ -3,11 +3,14 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.io.facilities import DOORS, read_facilities
+from mrp_sumo.io.results import load_results
 from mrp_sumo.io.tables import read_table
 
 
@@ -63,11 +66,29 @@ def test_columns_come_as_arrays_and_what_is_missing_as_asked(tmp_path):
             "column 'c', row 1: found 'robot_l' (did you mean 'robot_",
         ),
         ([None, None], lambda t: t.indices("c", ["a"], missing=-1), "column 'c' holds null, expected texts"),
-        ([1, 2], lambda t: t.numbers("d"), "no column 'd'"),
+        ([1, 2], lambda t: t.numbers("d"), "no column 'd', so it is of another version of this program, or damaged (known: c)"),
+        ([0.0, 2.0, 1.5], lambda t: t.times("c"), "column 'c', row 2: found 1.5, expected 2.0 or more"),
     ],
 )
 def test_column_that_is_something_else_is_named_with_its_row(tmp_path, values, ask, line):
     assert fault(lambda: ask(table_of(tmp_path, c=values))).startswith(line)
+
+
+def test_times_may_be_equal_but_not_go_back(tmp_path):
+    assert table_of(tmp_path, t_s=[0.0, 1.5, 1.5]).times("t_s").tolist() == [0, 1.5, 1.5]
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path):
+    path = tmp_path / "t.parquet"
+    pq.write_table(pa.table([[1], [2]], names=["c", "c"]), path)
+    assert fault(lambda: read_table(path)) == "two columns 'c'"
+
+
+def test_metadata_do_not_say_what_a_column_is_for_others(tmp_path):
+    path = tmp_path / "t.parquet"
+    frame = pa.Table.from_pandas(pd.DataFrame({"yes": pd.array([True], "boolean")}))
+    pq.write_table(frame.set_column(0, "yes", pa.array([0.5])), path)
+    assert read_table(path).as_written().to_pandas()["yes"].tolist() == [0.5]
 
 
 @pytest.mark.parametrize(
@@ -112,3 +133,30 @@ def test_what_is_no_table_is_the_callers_error(tmp_path):
     (tmp_path / "t.parquet").write_bytes(b"PAR1nonsensePAR1")
     with pytest.raises(BatchError, match="not a readable Parquet file"):
         read_table(tmp_path / "t.parquet", error=BatchError)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"success": [0.5]}, "column 'success' holds double, expected true or false"),
+        ({"status": [None]}, "column 'status' holds null, expected texts"),
+        ({"robots.count": [[1]]}, "column 'robots.count' holds list<"),
+    ],
+)
+def test_table_of_results_has_the_columns_of_runs(tmp_path, changes, line):
+    columns = {"key": ["k"], "scenario_key": ["s"], "status": ["planned"], "success": [True], "robots.count": [1]}
+    pq.write_table(pa.table(columns), path := tmp_path / "t.parquet")
+    assert load_results(path)["robots.count"].tolist() == [1]
+    pq.write_table(pa.table(columns | changes), path)
+    assert fault(lambda: load_results(path)).startswith(line)
+
+
+def test_facility_that_no_row_tells_of_is_named(tmp_path):
+    row = {"t_s": [0.0], "door": ["a"], "state": ["closed"], "robot": [""]}
+    for names, line in ((["a"], ""), (["a", "b"], "no row says how door 'b' is")):
+        pq.write_table(pa.table(row).replace_schema_metadata({"mrp_sumo": json.dumps(names)}), tmp_path / DOORS)
+        if line:
+            with pytest.raises(MrpSumoError, match=line):
+                read_facilities(tmp_path, ["r"], ["L1"])
+        else:
+            assert read_facilities(tmp_path, ["r"], ["L1"]).door_name == ("a",)

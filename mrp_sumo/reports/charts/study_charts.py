@@ -37,6 +37,7 @@ OF_TASKS = (  # metric, title, axis
 MAX_MAPS = 6  # drawn one by one; more are drawn together
 ALL = "all maps"
 ROW_FILLED = 0.8  # of the height of a row, by the tallest bar
+LEAST_PLANNING_S = 1e-6  # that is drawn on a logarithmic axis
 
 Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x, y, low, high
 
@@ -116,7 +117,8 @@ def _success_rows(study: Study, runs: pd.DataFrame, series: Sequence[str], tag: 
 
 
 def _planning_time(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
-    curves = _medians(runs[runs["_valid"]], series, x, "planning_time_s")
+    took_s = pd.to_numeric(runs["planning_time_s"]).clip(lower=LEAST_PLANNING_S)
+    curves = _medians(runs.assign(planning_time_s=took_s)[runs["_valid"]], series, x, "planning_time_s")
     if not curves:
         return None
 
@@ -144,8 +146,8 @@ def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> 
             style = series_style(i) | {"marker": None}
             count = np.arange(1, len(time) + 1)
             few = np.unique(np.linspace(0, len(time) - 1, min(len(time), 400)).astype(int))
-            ax.plot(count[few], np.maximum(time[few], 1e-6), label=printable(s), **style)  # type: ignore[arg-type]
-            ax.plot(count[-1:], np.maximum(time[-1:], 1e-6), color=style["color"], marker=series_style(i)["marker"])
+            ax.plot(count[few], np.maximum(time[few], LEAST_PLANNING_S), label=printable(s), **style)  # type: ignore[arg-type]
+            ax.plot(count[-1:], np.maximum(time[-1:], LEAST_PLANNING_S), color=style["color"], marker=series_style(i)["marker"])
         ax.set(xlabel="runs solved", ylabel="planning time", yscale="log", xlim=(0, None))
         log_seconds(ax.yaxis)
         key(figure, ax)
