@@ -91,7 +91,8 @@ def run(options: argparse.Namespace) -> int:
             page = "mrp_sumo.reports.replay.page:write_replay"
             num_kept = archive_worst(batch, options.keep_worst, shown.report, write_page=page, workers=workers, stop=stop)
             kept_none = not num_kept
-            shown.report(f"{num_kept or 'none'} of the worst runs are kept in {folder / ARCHIVE}")
+            if num_kept:
+                shown.report(f"the worst {'run is' if num_kept == 1 else f'{num_kept} runs are'} kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}", file=sys.stderr)
         return 130

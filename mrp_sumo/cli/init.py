@@ -7,6 +7,7 @@ import argparse
 import json
 import os
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +62,8 @@ def run(options: argparse.Namespace) -> int:
     file = os.path.relpath(path.resolve(), out.resolve()) if Path(options.map).is_file() else options.map
     scale = {} if options.meters_per_pixel is None else {"meters_per_pixel": options.meters_per_pixel}
     wishes = _asked(options) if options.interactive else _wishes({key: getattr(options, key) for key in WISHED})
+    if Path(wishes.robot_type or "").is_file():
+        wishes = replace(wishes, robot_type=os.path.relpath(wishes.robot_type, out))  # as the scenario says it
     out.mkdir(parents=True, exist_ok=True)
     try:
         with map_alone(out.resolve() / file, options.map):

@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"mrp-sumo: {line}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
-        print(f"mrp-sumo: {error or 'interrupted'}", file=sys.stderr)
+        print(f"mrp-sumo: {str(error) or 'interrupted'}", file=sys.stderr)
         return 143 if str(error) == ENDED else 130
     except MemoryError:
         print("mrp-sumo: out of memory: there are too many robots, orders or cells for this machine", file=sys.stderr)

@@ -57,9 +57,9 @@ def _serve(page: bytes, port: int) -> None:
                 self.answer(200, "text/html; charset=utf-8", page)
 
     with LocalServer(port, Handler) as server:
-        print(f"{server.address} (Ctrl+C ends)", flush=True)
-        webbrowser.open(server.address)
         try:
+            print(f"{server.address} (Ctrl+C ends)", flush=True)
+            webbrowser.open(server.address)
             server.serve_forever()
         except KeyboardInterrupt:
             print()

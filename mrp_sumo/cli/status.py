@@ -69,9 +69,9 @@ def _watch(folder: Path, port: int) -> None:
     from mrp_sumo.reports.live.batch import BatchView
 
     view = BatchView(folder, port)
-    print(f"{view.server.address} (Ctrl+C ends)", flush=True)
-    webbrowser.open(view.server.address)
     try:
+        print(f"{view.server.address} (Ctrl+C ends)", flush=True)
+        webbrowser.open(view.server.address)
         while True:
             view.look(lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
             time.sleep(EVERY_S)
