@@ -47,8 +47,8 @@ def facility_states(m: Messages, until_s: float, after_s: float = -1.0) -> Itera
         for ns, topic, number, row in sorted(moments)
     )
     requests = [ask for ask in (*_of_lifts(log), *_of_doors(log)) if after_ns < ask.ns <= until_ns]
-    asked = ((ask.ns, ask.topic, _request(m, ask)) for ask in sorted(requests, key=lambda ask: ask.ns))
-    yield from merge(asked, stated, key=lambda each: each[0])
+    stream = ((ask.ns, ask.topic, _request(m, ask)) for ask in sorted(requests, key=lambda ask: ask.ns))
+    yield from merge(stream, stated, key=lambda each: each[0])
 
 
 class Ask(NamedTuple):

@@ -35,42 +35,42 @@ class LiveMessages:
         self._ways_since = (-1, -1)
         self._until_s = -1.0  # to which lifts and doors have been reported
 
-    def of(self, moment: Moment) -> Iterator[tuple[str, str, bytes]]:
+    def of(self, state: Moment) -> Iterator[tuple[str, str, bytes]]:
         """(topic, type, message) of what is due at a moment. All moments have to come, since lifts and doors change between samples."""
-        m, now_s, now_ns = self.messages, moment.now_s, round(moment.now_s * 1e9)
-        if moment.is_sample:
+        m, now_s, now_ns = self.messages, state.now_s, round(state.now_s * 1e9)
+        if state.is_sample:
             yield *CLOCK, m.serialised(m.make(CLOCK[1], m.time(EPOCH_NS + now_ns)))
-        if moment.facilities.any:
-            self._facilities = self._facilities or FacilityRecorder(moment.ledger.graph, moment.facilities)
-            self._facilities.hear(moment)
+        if state.facilities.any:
+            self._facilities = self._facilities or FacilityRecorder(state.ledger.graph, state.facilities)
+            self._facilities.hear(state)
             m.record = replace(self._at_outset, execution=replace(self._at_outset.execution, facilities=self._facilities.log()))
             for _, topic, message in facility_states(m, now_s, self._until_s):
                 yield topic, TYPE[topic], message
             self._until_s = now_s
         if now_ns >= self._num_states * FLEET_STATES_NS:
-            m.record = replace(self._at_outset, execution=self.now(moment))
+            m.record = replace(self._at_outset, execution=self.now(state))
             states = streams.fleet_states(m, streams.Samples(m.record, np.array([now_ns]), self._num_states)).message(0)
             assert states is not None
             yield *FLEET, states
             self._num_states += 1
 
-    def now(self, moment: Moment) -> Execution:
+    def now(self, state: Moment) -> Execution:
         """An execution that consists of this moment."""
-        ledger, motion, execution = moment.ledger, moment.ledger.state.motion, self._at_outset.execution
+        ledger, motion, execution = state.ledger, state.ledger.state.motion, self._at_outset.execution
         x, y, level = self._places(ledger)
         none = np.zeros(0)
         return replace(
             execution,
-            t_s=np.array([moment.now_s]),
+            t_s=np.array([state.now_s]),
             x_m=x[None],
             y_m=y[None],
             yaw_rad=((motion.yaw_rad + np.pi) % (2 * np.pi) - np.pi)[None],
             speed_mps=motion.speed_mps[None].copy(),
             goal_s=np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan) if execution.tasks is None else execution.goal_s,
             level=None if execution.level is None else level[None],
-            tasks=None if execution.tasks is None else moment.tasks.log(),
-            stops=None if execution.tasks is None else moment.tasks.stops_made(),
-            batteries=BatteryLog(np.array([moment.now_s]), moment.tasks.level[None].copy(), none, none, 0.0),
+            tasks=None if execution.tasks is None else state.tasks.log(),
+            stops=None if execution.tasks is None else state.tasks.stops_made(),
+            batteries=BatteryLog(np.array([state.now_s]), state.tasks.level[None].copy(), none, none, 0.0),
         )
 
     def _places(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, IntArray]:

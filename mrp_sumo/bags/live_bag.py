@@ -60,20 +60,20 @@ class LiveBag:
         for request in m.path_requests():
             yield *REQUESTS, request
 
-    def of(self, moment: Moment) -> Iterator[Said]:
+    def of(self, state: Moment) -> Iterator[Said]:
         """What is due at a moment. All moments have to come."""
-        yield from self.live.of(moment)
-        m, now_ns = self.messages, round(moment.now_s * 1e9)
-        if moment.events:
-            m.record = replace(self._at_outset, execution=replace(self._at_outset.execution, events=tuple(moment.events)))
+        yield from self.live.of(state)
+        m, now_ns = self.messages, round(state.now_s * 1e9)
+        if state.events:
+            m.record = replace(self._at_outset, execution=replace(self._at_outset.execution, events=tuple(state.events)))
             for _, text in m.logs():
                 yield *LOG, text
-        is_fast = moment.is_sample and now_ns >= self._num_fast * FAST_NS
+        is_fast = state.is_sample and now_ns >= self._num_fast * FAST_NS
         is_second = now_ns >= self._num_seconds * SECOND_NS
         if not (is_fast or is_second):
             return
-        execution = self.live.now(moment)
-        samples = self.robots(execution, moment)
+        execution = self.live.now(state)
+        samples = self.robots(execution, state)
         if is_fast:
             self._num_fast = now_ns // FAST_NS + 1
             yield from self._poses(samples)
@@ -83,16 +83,16 @@ class LiveBag:
             for name, figure in streams.metrics(samples, 0).items():
                 yield f"/metrics/{name}", "std_msgs/Float64", figure
             if execution.tasks is not None:
-                yield from self._tasks(execution, moment.now_s)
-            if len(moment.ledger.entries) > self._num_entries:
-                self._num_entries = len(moment.ledger.entries)
-                m.plan = ways_ahead(moment.ledger)
+                yield from self._tasks(execution, state.now_s)
+            if len(state.ledger.entries) > self._num_entries:
+                self._num_entries = len(state.ledger.entries)
+                m.plan = ways_ahead(state.ledger)
                 yield *PLANS, m.plan_markers(EPOCH_NS + now_ns)
 
-    def robots(self, execution: Execution, moment: Moment) -> streams.Samples:
+    def robots(self, execution: Execution, state: Moment) -> streams.Samples:
         """Where robots are, and in which state."""
-        samples = streams.Samples(replace(self._at_outset, execution=execution), np.array([round(moment.now_s * 1e9)]))
-        samples.state[:, moment.ledger.state.waits.stuck & (samples.state[0] == WAITING)] = BLOCKED
+        samples = streams.Samples(replace(self._at_outset, execution=execution), np.array([round(state.now_s * 1e9)]))
+        samples.state[:, state.ledger.state.waits.stuck & (samples.state[0] == WAITING)] = BLOCKED
         return samples
 
     def _poses(self, samples: streams.Samples) -> Iterator[Said]:
@@ -119,6 +119,6 @@ def ways_ahead(ledger: Ledger) -> Plan:
     """The ways that robots are still to drive, without times."""
     reached, vertex = ledger.visits.reached, ledger.column("vertex")
     ways = [vertex[ledger.ids(r, int(reached[r]))] for r in range(ledger.num_robots)]
-    first = np.concatenate([[0], np.cumsum([len(way) for way in ways])]).astype(np.int64)
+    first = np.concatenate([[0], np.cumsum([len(path) for path in ways])]).astype(np.int64)
     times = frozen(np.zeros(int(first[-1])))
     return Plan(frozen(first), frozen(np.concatenate(ways)), times, times)

@@ -103,15 +103,15 @@ class PartedWriter:
 
 def _join(folder: Path, parts: list[Path]) -> None:
     """Make one bag of bags that follow each other and have the same topics."""
-    found = [yaml.safe_load((part / "metadata.yaml").read_text(encoding="utf-8"))[ABOUT] for part in parts]
-    whole, (begin, end) = found[0], (found[0]["starting_time"]["nanoseconds_since_epoch"], _end_ns(found[-1]))
-    whole["relative_file_paths"] = [name for about in found for name in about["relative_file_paths"]]
-    whole["files"] = [file for about in found for file in about["files"]]
+    documents = [yaml.safe_load((part / "metadata.yaml").read_text(encoding="utf-8"))[ABOUT] for part in parts]
+    whole, (begin, end) = documents[0], (documents[0]["starting_time"]["nanoseconds_since_epoch"], _end_ns(documents[-1]))
+    whole["relative_file_paths"] = [name for about in documents for name in about["relative_file_paths"]]
+    whole["files"] = [file for about in documents for file in about["files"]]
     whole["duration"]["nanoseconds"] = end - begin
-    whole["message_count"] = sum(about["message_count"] for about in found)
+    whole["message_count"] = sum(about["message_count"] for about in documents)
     for k, topic in enumerate(whole["topics_with_message_count"]):
-        topic["message_count"] = sum(about["topics_with_message_count"][k]["message_count"] for about in found)
-    for part, about in zip(parts, found):
+        topic["message_count"] = sum(about["topics_with_message_count"][k]["message_count"] for about in documents)
+    for part, about in zip(parts, documents):
         (part / about["relative_file_paths"][0]).rename(folder / about["relative_file_paths"][0])
         shutil.rmtree(part)
     text = yaml.safe_dump({ABOUT: whole}, sort_keys=False, allow_unicode=True)

@@ -22,8 +22,8 @@ class _Sightings:
         assert execution.people is not None
         self.m, self.log, self.samples = m, execution.people, samples
         self.period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
-        found = np.searchsorted(execution.t_s, samples.t_ns / 1e9 + 1e-9, side="right") - 1
-        self.sample: IntArray = np.clip(found, 0, len(execution.t_s) - 1)
+        rows = np.searchsorted(execution.t_s, samples.t_ns / 1e9 + 1e-9, side="right") - 1
+        self.sample: IntArray = np.clip(rows, 0, len(execution.t_s) - 1)
 
     def at(self, k: int) -> tuple[PeopleLog, slice]:
         """The log, and its rows at the k-th time."""
@@ -35,11 +35,11 @@ class _Sightings:
         log, rows = self.at(k)
         sample = min(int(self.sample[k]) + 1, len(log.first) - 2)
         after = slice(int(log.first[sample]), int(log.first[sample + 1]))
-        found = np.zeros((rows.stop - rows.start, 2))
+        velocities = np.zeros((rows.stop - rows.start, 2))
         _, here, there = np.intersect1d(log.person[rows], log.person[after], assume_unique=True, return_indices=True)
         for axis, column in enumerate((log.x_m, log.y_m)):
-            found[here, axis] = (column[after][there] - column[rows][here]) / self.period_s
-        return found
+            velocities[here, axis] = (column[after][there] - column[rows][here]) / self.period_s
+        return velocities
 
 
 class People(_Sightings):
@@ -48,11 +48,11 @@ class People(_Sightings):
     def message(self, k: int) -> bytes:
         """The message at the k-th time."""
         m, (log, rows) = self.m, self.at(k)
-        found = [
+        people = [
             m.make("people_msgs/Person", f"person_{p}", m.point(x, y), m.point(vx, vy), 1.0, [], [])
             for p, x, y, (vx, vy) in zip(*(c[rows].tolist() for c in (log.person, log.x_m, log.y_m)), self.velocity(k).tolist())
         ]
-        return m.serialised(m.make("people_msgs/People", m.header(EPOCH_NS + int(self.samples.t_ns[k]), "map"), found))
+        return m.serialised(m.make("people_msgs/People", m.header(EPOCH_NS + int(self.samples.t_ns[k]), "map"), people))
 
 
 class Markers(_Sightings):

@@ -126,8 +126,8 @@ def poses(m: Messages, samples: Samples) -> Stream:
         def make(v: list[Any]) -> Any:
             header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
             rows = zip(v[2::4], v[3::4], v[4::4], v[5::4])
-            found = [m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", x, y, 0.0), m.turn(qz, qw)) for x, y, qz, qw in rows]
-            return m.make("geometry_msgs/PoseArray", header, found)
+            made = [m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", x, y, 0.0), m.turn(qz, qw)) for x, y, qz, qw in rows]
+            return m.make("geometry_msgs/PoseArray", header, made)
 
         return Template(m.typestore, "geometry_msgs/msg/PoseArray", make, ("<i4", "<u4", *("<f8",) * (4 * len(robots))))
 

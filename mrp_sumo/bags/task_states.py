@@ -58,7 +58,7 @@ def _state(m: Messages, tasks: TaskLog, stops: StopLog | None, k: int, rows: lis
     robot = int(tasks.robot[k]) if assigned_s <= t_s else NOBODY
     status = ENDS[tasks.status[k]] if ended_s <= t_s else "underway" if opened_s <= t_s else "queued" if robot == NOBODY else "standby"
     kind = tasks.kind[k] if tasks.kind else ""
-    found: dict[str, Any] = {
+    document: dict[str, Any] = {
         "booking": {
             "id": tasks.name[k],
             "unix_millis_earliest_start_time": _millis(released_s),
@@ -70,16 +70,16 @@ def _state(m: Messages, tasks: TaskLog, stops: StopLog | None, k: int, rows: lis
     }
     if robot != NOBODY:
         name = m.robots[robot]
-        found["assigned_to"] = {"group": FLEET_NAME, "name": name}
-        found["dispatch"] = {"status": "dispatched", "assignment": {"fleet_name": FLEET_NAME, "expected_robot_name": name}}
+        document["assigned_to"] = {"group": FLEET_NAME, "name": name}
+        document["dispatch"] = {"status": "dispatched", "assignment": {"fleet_name": FLEET_NAME, "expected_robot_name": name}}
     if opened_s <= t_s:
-        found["unix_millis_start_time"] = _millis(opened_s)
+        document["unix_millis_start_time"] = _millis(opened_s)
     if ended_s <= t_s:
-        found["unix_millis_finish_time"] = _millis(ended_s)
+        document["unix_millis_finish_time"] = _millis(ended_s)
     if stops is not None:
         begun = [row for row in rows if stops.begin_s[row] <= t_s]
         over = [stops.end_s[row] <= t_s for row in begun]
-        found["phases"] = {
+        document["phases"] = {
             str(n): {
                 "id": n,
                 "category": "stop",
@@ -89,10 +89,10 @@ def _state(m: Messages, tasks: TaskLog, stops: StopLog | None, k: int, rows: lis
             }
             for n, (row, ended) in enumerate(zip(begun, over))
         }
-        found["completed"] = [n for n, ended in enumerate(over) if ended]
+        document["completed"] = [n for n, ended in enumerate(over) if ended]
         if begun and not over[-1]:
-            found["active"] = len(begun) - 1
-    return found
+            document["active"] = len(begun) - 1
+    return document
 
 
 def _millis(t_s: float) -> int:

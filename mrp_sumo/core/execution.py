@@ -130,11 +130,11 @@ class Execution:
 def plans_in_force(plan: Plan, replies: Sequence[Reply]) -> Iterator[Plan]:
     """The plan after each reply: what robots have done by then and are to do, with ids of vertices and planned times."""
     ways = [slice(a, b) for a, b in zip(plan.first[:-1].tolist(), plan.first[1:].tolist())]
-    columns = [(plan.vertex[way], plan.arrive_s[way], plan.depart_s[way]) for way in ways]
+    columns = [(plan.vertex[visits], plan.arrive_s[visits], plan.depart_s[visits]) for visits in ways]
     for reply in replies:
         for k, robot in enumerate(reply.robot.tolist()):
-            kept, new = int(reply.since[k]) + 1, slice(int(reply.first[k]), int(reply.first[k + 1]))
-            vertex, arrive_s, depart_s = (column[:kept] for column in columns[robot])
+            last, new = int(reply.since[k]) + 1, slice(int(reply.first[k]), int(reply.first[k + 1]))
+            vertex, arrive_s, depart_s = (column[:last] for column in columns[robot])
             if new.start == new.stop:
                 depart_s = np.append(depart_s[:-1], np.inf)
             parts = (vertex, reply.vertex[new]), (arrive_s, reply.arrive_s[new]), (depart_s, reply.depart_s[new])

@@ -99,8 +99,8 @@ def fleet_of_types(types: Sequence[RobotType], kind: IntArray) -> Fleet:
 
 def batteries_of(types: Sequence[RobotType]) -> tuple[Battery, ...]:
     """[K] the batteries of some types; none where a type has none."""
-    found = tuple(each.battery for each in types if each.battery is not None)
-    return found if len(found) == len(types) else ()
+    batteries = tuple(each.battery for each in types if each.battery is not None)
+    return batteries if len(batteries) == len(types) else ()
 
 
 def some_of(fleet: Fleet, robots: IntArray) -> Fleet:

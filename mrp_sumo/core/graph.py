@@ -73,14 +73,14 @@ class NavGraph:
     @cached_property
     def vertex_of_name(self) -> Mapping[str, int]:
         """Vertex by its name, or by that of a station at it; unnamed vertices are found as `v<index>`. First wins on duplicates."""
-        found = {f"v{v}": v for v in range(self.num_vertices)}
+        vertex_of = {f"v{v}": v for v in range(self.num_vertices)}
         for v in reversed(range(self.num_vertices)):
             if "station" in self.vertex_options[v]:
-                found |= dict.fromkeys(str(self.vertex_options[v]["station"]).split(STATIONS), v)
+                vertex_of |= dict.fromkeys(str(self.vertex_options[v]["station"]).split(STATIONS), v)
         for v in reversed(range(self.num_vertices)):
             if self.vertex_name[v]:
-                found[self.vertex_name[v]] = v
-        return found
+                vertex_of[self.vertex_name[v]] = v
+        return vertex_of
 
     def label(self, vertex: int) -> str:
         """The vertex's name, or `v<index>` where it has none."""

@@ -20,35 +20,37 @@ def digraph_of(graph: Any) -> "networkx.DiGraph":
     import networkx as nx
 
     about = {"name": graph.name, "level_names": graph.level_names}
-    found = nx.DiGraph(**about, **{key: getattr(graph, key) for key in ("kind", "cell_m") if hasattr(graph, key)})
+    digraph = nx.DiGraph(**about, **{key: getattr(graph, key) for key in ("kind", "cell_m") if hasattr(graph, key)})
     for v, (x, y) in enumerate(graph.xy.tolist()):
         level = graph.level_names[graph.level[v]]
-        found.add_node(v, **{**graph.vertex_options[v], "name": graph.vertex_name[v], "x_m": x, "y_m": y, "level": level})
+        digraph.add_node(v, **{**graph.vertex_options[v], "name": graph.vertex_name[v], "x_m": x, "y_m": y, "level": level})
     lanes = zip(graph.tail.tolist(), graph.head.tolist(), graph.length_m.tolist(), graph.speed_mps.tolist(), graph.lane_options)
     for tail, head, length_m, speed_mps, options in lanes:
-        found.add_edge(tail, head, **{**options, "length_m": length_m, **({"speed_mps": speed_mps} if np.isfinite(speed_mps) else {})})
-    return found
+        digraph.add_edge(tail, head, **{**options, "length_m": length_m, **({"speed_mps": speed_mps} if np.isfinite(speed_mps) else {})})
+    return digraph
 
 
-def parts_of(found: "networkx.Graph", name: str) -> dict[str, Any]:
+def parts_of(digraph: "networkx.Graph", name: str) -> dict[str, Any]:
     """What `nav_graph` makes a NavGraph of, from a graph of networkx; as `NavGraph.from_networkx`."""
-    number = {node: v for v, node in enumerate(found)}
-    nodes = [attributes for _, attributes in found.nodes(data=True)]
-    level_names = list(found.graph.get("level_names", ())) or list(dict.fromkeys(a.get("level", "L1") for a in nodes)) or ["L1"]
-    edges = [(number[a], number[b], attributes) for a, b, attributes in found.edges(data=True)]
-    if not found.is_directed():
+    number = {node: v for v, node in enumerate(digraph)}
+    nodes = [attributes for _, attributes in digraph.nodes(data=True)]
+    level_names = list(digraph.graph.get("level_names", ())) or list(dict.fromkeys(a.get("level", "L1") for a in nodes)) or ["L1"]
+    edges = [(number[a], number[b], attributes) for a, b, attributes in digraph.edges(data=True)]
+    if not digraph.is_directed():
         edges += [(b, a, attributes) for a, b, attributes in edges]
-    xy = np.array([_place(node, attributes) for node, attributes in found.nodes(data=True)], np.float64).reshape(-1, 2)
+    xy = np.array([_place(node, attributes) for node, attributes in digraph.nodes(data=True)], np.float64).reshape(-1, 2)
     for attributes in nodes:
         if attributes.get("level", level_names[0]) not in level_names:
             raise MapError(f"level '{attributes['level']}' is not among the graph's level_names ({', '.join(level_names)})")
     straight = [float(np.hypot(*(xy[b] - xy[a]))) for a, b, _ in edges]
     return {
-        "name": name or found.graph.get("name") or "graph",
+        "name": name or digraph.graph.get("name") or "graph",
         "level_names": level_names,
         "xy": xy,
         "level": [level_names.index(attributes.get("level", level_names[0])) for attributes in nodes],
-        "vertex_name": [str(attributes.get("name", node if isinstance(node, str) else "")) for node, attributes in found.nodes(data=True)],
+        "vertex_name": [
+            str(attributes.get("name", node if isinstance(node, str) else "")) for node, attributes in digraph.nodes(data=True)
+        ],
         "vertex_options": [{key: value for key, value in attributes.items() if key not in OWN} for attributes in nodes],
         "lanes": [(a, b) for a, b, _ in edges],
         "length_m": [attributes.get("length_m", length_m) for (_, _, attributes), length_m in zip(edges, straight)],

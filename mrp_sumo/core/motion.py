@@ -100,11 +100,11 @@ def run_profile(length_m: FloatArray, limit_mps: FloatArray, speed_mps: float, a
     phase_s = np.stack([(peak - low) / accel_mps2, cruises_m / peak, (peak - high) / decel_mps2], 1).reshape(-1)
     phase_m = np.stack([speeds_up_m, cruises_m, brakes_m], 1).reshape(-1)
     speed = np.append(0.0, np.stack([peak, peak, high], 1).reshape(-1))
-    kept = phase_s > SHORTEST_S
+    keep = phase_s > SHORTEST_S
     return Profile(
-        t_s=frozen(np.append(0.0, np.cumsum(phase_s[kept]))),
-        at_m=frozen(np.append(0.0, np.cumsum(phase_m[kept]))),
-        speed_mps=frozen(np.append(0.0, speed[1:][kept])),
+        t_s=frozen(np.append(0.0, np.cumsum(phase_s[keep]))),
+        at_m=frozen(np.append(0.0, np.cumsum(phase_m[keep]))),
+        speed_mps=frozen(np.append(0.0, speed[1:][keep])),
     )
 
 
@@ -146,8 +146,8 @@ def taken_s(profile: Profile, until_m: FloatArray, decel_mps2: float) -> FloatAr
     with np.errstate(divide="ignore", invalid="ignore"):
         then = np.sqrt(np.square(speed) + missing / (1 / (2 * rate) + 1 / (2 * decel_mps2)))
         since = np.where(rate > 0, (then - speed) / rate, missing / speed)
-    found = profile.t_s[p] + np.maximum(since, 0.0)
-    return np.where(until_m <= 0, 0.0, np.where(until_m >= profile.at_m[-1] - 1e-9, np.inf, found))
+    times_s = profile.t_s[p] + np.maximum(since, 0.0)
+    return np.where(until_m <= 0, 0.0, np.where(until_m >= profile.at_m[-1] - 1e-9, np.inf, times_s))
 
 
 def _phase(begins: FloatArray, at: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -32,8 +32,8 @@ def pairs_within(xy: FloatArray, distance_m: float) -> IntArray:
         other.append(np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count))
     pairs = order[np.stack([np.concatenate(one), np.concatenate(other)], axis=1)]
     apart = xy[pairs[:, 0]] - xy[pairs[:, 1]]
-    found: IntArray = np.sort(pairs[(apart**2).sum(axis=1) <= distance_m**2], axis=1)
-    return found
+    near: IntArray = np.sort(pairs[(apart**2).sum(axis=1) <= distance_m**2], axis=1)
+    return near
 
 
 def least_distance_m(xy: FloatArray) -> float:

@@ -48,8 +48,8 @@ class Problem:
             raise PlanError(f"{names[i]} and {names[j]} both start at '{self.graph.known_as(v)}'")
         if len(self.start) != len(names) or len(self.goal_of) != len(names):
             raise PlanError(f"{len(names)} robots have {len(self.start)} starts and {len(self.goal_of)} assignments")
-        given = self.goal_of[self.goal_of >= 0]
-        if (given >= len(self.goal)).any() or len(np.unique(given)) != len(given):
+        assigned = self.goal_of[self.goal_of >= 0]
+        if (assigned >= len(self.goal)).any() or len(np.unique(assigned)) != len(assigned):
             raise PlanError("two robots are assigned the same goal, or a goal that does not exist")
         for what, heading, at in (("start", self.start_heading_rad, self.start), ("goal", self.goal_heading_rad, self.goal)):
             if heading is not None and (len(heading) != len(at) or np.isinf(heading).any()):

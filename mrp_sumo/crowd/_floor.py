@@ -119,12 +119,12 @@ def march(start, free, away_m, cell_m, body_m, width, direction):
             share = (away_m[other] - body_m) / (ROOM_M - body_m)
             step = cell_m / (SLOWEST + (1.0 - SLOWEST) * min(max(share, 0.0), 1.0))
             low, high = min(across, along), max(across, along)
-            found = low + step  # of one neighbour, or of two
+            cost = low + step  # of one neighbour, or of two
             if high - low < step:
-                found = (low + high + np.sqrt(2.0 * step * step - (high - low) ** 2)) / 2.0
-            if found < time[other]:
-                time[other] = found
-                heapq.heappush(heap, (found, other))
+                cost = (low + high + np.sqrt(2.0 * step * step - (high - low) ** 2)) / 2.0
+            if cost < time[other]:
+                time[other] = cost
+                heapq.heappush(heap, (cost, other))
     for cell in range(num_cells):
         if not done[cell]:
             continue

@@ -52,13 +52,13 @@ class Floor:
         from scipy.ndimage import distance_transform_edt
 
         shape = self.height, self.width
-        found = np.full(shape, _floor.NO_WAY, np.uint8)
+        angles = np.full(shape, _floor.NO_WAY, np.uint8)
         if self.free.any():
             rows, columns = distance_transform_edt(~self.free.reshape(shape), return_distances=False, return_indices=True)
             dy, dx = rows - np.arange(self.height)[:, None], columns - np.arange(self.width)
             angle = np.rint(np.arctan2(dy, dx) * (_floor.NUM_ANGLES / (2 * np.pi))).astype(np.int64) % _floor.NUM_ANGLES
-            found = np.where((dx != 0) | (dy != 0), angle, _floor.NO_WAY).astype(np.uint8)
-        return frozen(found.ravel())
+            angles = np.where((dx != 0) | (dy != 0), angle, _floor.NO_WAY).astype(np.uint8)
+        return frozen(angles.ravel())
 
     def cell_of(self, xy: FloatArray) -> IntArray:
         """[N] the cells of points [N, 2], -1 beyond the edge."""
@@ -183,15 +183,15 @@ def _corridors(lanes: FloatArray, width_m: float, x: FloatArray, y: FloatArray) 
 
 def _edges(mask: BoolArray) -> FloatArray:
     """[W, 2, 2] the edges between what is floor and what is not, in cells from the lower left corner; straight runs are one."""
-    found = []
+    segments = []
     for axis in range(2):  # edges along x, then along y
         cells = np.pad(mask if axis == 0 else mask.T, 1)
         differs = (cells[1:] != cells[:-1])[:, 1:-1].astype(np.int8)  # [lines, cells along]
         steps = np.diff(np.pad(differs, ((0, 0), (1, 1))), axis=1)
         (line, begin), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)
         ends = np.stack([np.stack([begin, line], 1), np.stack([end, line], 1)], 1).astype(np.float64)
-        found.append(ends if axis == 0 else ends[..., ::-1])
-    edges: FloatArray = np.concatenate(found)
+        segments.append(ends if axis == 0 else ends[..., ::-1])
+    edges: FloatArray = np.concatenate(segments)
     return edges
 
 

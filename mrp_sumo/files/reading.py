@@ -51,9 +51,9 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError]
     require_regular(path, max_bytes, error)
     try:
         with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:  # noqa: PTH123
-            found = os.fstat(file.fileno())
-            _check(path, found, max_bytes, error)  # it may be another by now
-            data = file.read(found.st_size + 1)  # not max_bytes: memory for all of it would be taken
+            status = os.fstat(file.fileno())
+            _check(path, status, max_bytes, error)  # it may be another by now
+            data = file.read(status.st_size + 1)  # not max_bytes: memory for all of it would be taken
             while len(data) <= max_bytes and (more := file.read(2**16)):  # files of the system have no size
                 data += more
     except OSError as fault:

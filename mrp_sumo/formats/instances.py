@@ -205,13 +205,13 @@ def _enough(available: int, wanted: int | None, name: str) -> int:
 
 
 def _vertices(places: IntArray, cells: Cells, name: str, what: str) -> IntArray:
-    found = [cells.vertex.get((int(x), int(y)), -1) for x, y in places]
-    if -1 in found:
-        k = found.index(-1)
+    vertices = [cells.vertex.get((int(x), int(y)), -1) for x, y in places]
+    if -1 in vertices:
+        k = vertices.index(-1)
         x, y = (int(c) for c in places[k])
         state = "blocked" if 0 <= x < cells.width and 0 <= y < cells.height else "off the map"
         raise PlanError(f"{name}: robot_{k} {what} cell ({x}, {y}), which is {state}")
-    return np.array(found, np.int64)
+    return np.array(vertices, np.int64)
 
 
 def _named(source: Text, values: list[Any], graph: PlanGraph, what: str) -> IntArray:

@@ -127,10 +127,10 @@ def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "pl
 
 def read_places(text: str, num_robots: int | None = None, name: str = "plan") -> list[list[Any]]:
     """The (column, row), or on a roadmap the vertex's name, of each robot at each step; of all robots in the file by default."""
-    found = format_of(text)
-    if found is None:
+    format_ = format_of(text)
+    if format_ is None:
         raise PlanError(f"{name}: not a plan in a known format ({', '.join(FORMATS.values())}, or this program's JSON)")
-    reader = {"yaml": _read_yaml, "paths": _read_arrows, "smart": _read_arrows, "lacam": _read_lacam}[found]
+    reader = {"yaml": _read_yaml, "paths": _read_arrows, "smart": _read_arrows, "lacam": _read_lacam}[format_]
     return reader(text, name, num_robots)
 
 
@@ -152,20 +152,20 @@ def goals_reached(problem: Problem, plan: Plan) -> IntArray:
     free: dict[int, list[int]] = {}
     for g, v in enumerate(problem.goal.tolist()):
         free.setdefault(v, []).append(g)
-    found = np.array([free[v].pop(0) if free.get(v) else -1 for v in plan.last_vertex.tolist()], np.int64)
-    missing = min(problem.num_robots, len(problem.goal)) - np.count_nonzero(found >= 0)
+    goal_of = np.array([free[v].pop(0) if free.get(v) else -1 for v in plan.last_vertex.tolist()], np.int64)
+    missing = min(problem.num_robots, len(problem.goal)) - np.count_nonzero(goal_of >= 0)
     left = [g for goals in free.values() for g in goals]
-    for robot in np.flatnonzero(found < 0)[: max(0, missing)]:
-        found[robot] = left.pop(0)
-    return found
+    for robot in np.flatnonzero(goal_of < 0)[: max(0, missing)]:
+        goal_of[robot] = left.pop(0)
+    return goal_of
 
 
 def own_time_s(text: str) -> float | None:
     """What a peer's output says of its solver's time: `runtime` of libMultiRobotPlanning, `comp_time` of lacam; None without."""
-    if found := re.search(r"^\s+runtime:\s*(\d{1,12}(?:\.\d*)?(?:[eE][+-]?\d\d?)?)\s*$", text, re.MULTILINE):
-        return float(found[1])
-    found = re.search(r"^comp_time=(\d{1,12}(?:\.\d*)?)\s*$", text, re.MULTILINE)
-    return float(found[1]) / 1000 if found else None
+    if match := re.search(r"^\s+runtime:\s*(\d{1,12}(?:\.\d*)?(?:[eE][+-]?\d\d?)?)\s*$", text, re.MULTILINE):
+        return float(match[1])
+    match = re.search(r"^comp_time=(\d{1,12}(?:\.\d*)?)\s*$", text, re.MULTILINE)
+    return float(match[1]) / 1000 if match else None
 
 
 def print_paths(problem: Problem, plan: Plan, cells: Cells | None, kind: str) -> str:
@@ -229,15 +229,15 @@ def _vertex(place: Any, problem: Problem, cells: Cells | None, name: str, robot:
     """The vertex of a (column, row), or of a vertex's name on a roadmap."""
     who = problem.fleet.robot_name[robot]
     if isinstance(place, tuple) and cells:
-        found = cells.vertex.get(place)
-        if found is None:
+        vertex = cells.vertex.get(place)
+        if vertex is None:
             inside = 0 <= place[0] < cells.width and 0 <= place[1] < cells.height
             raise PlanError(f"{name}: {who} is at cell {place} at step {t}, which is {'blocked' if inside else 'off the map'}")
-        return found
-    found = problem.graph.vertex_of_name.get(place) if isinstance(place, str) else None
-    if found is None:
+        return vertex
+    vertex = problem.graph.vertex_of_name.get(place) if isinstance(place, str) else None
+    if vertex is None:
         raise PlanError(f"{name}: {who} is at {place!r} at step {t}, which is not a vertex of '{problem.graph.name}'")
-    return found
+    return vertex
 
 
 def _read_yaml(text: str, name: str, num_robots: int | None) -> list[list[Any]]:

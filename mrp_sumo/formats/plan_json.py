@@ -71,14 +71,14 @@ def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = Tr
 
 def _headings(problem: Problem, plan: Plan, robot: int) -> dict[str, float | None]:
     """What a robot's headings are, if any have one."""
-    found = {}
+    headings = {}
     if problem.start_heading_rad is not None:
-        found["start_heading_rad"] = float(problem.heading_at_start[robot])
+        headings["start_heading_rad"] = float(problem.heading_at_start[robot])
     if problem.goal_heading_rad is not None:
-        found["goal_heading_rad"] = float(problem.heading_at_target[robot])
+        headings["goal_heading_rad"] = float(problem.heading_at_target[robot])
     if plan.turned_s is not None:
-        found["turned_s"] = float(plan.turned_s[robot])
-    return {key: None if np.isnan(value) else value for key, value in found.items()}
+        headings["turned_s"] = float(plan.turned_s[robot])
+    return {key: None if np.isnan(value) else value for key, value in headings.items()}
 
 
 def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
@@ -97,9 +97,9 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
         For a file that is missing, damaged, of another schema, or for other robots.
     """
     document = read_json(path, error=PlanError)
-    found = document.get("schema_version") if isinstance(document, dict) else None
-    if found != SCHEMA_VERSION:
-        raise PlanError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
+    version = document.get("schema_version") if isinstance(document, dict) else None
+    if version != SCHEMA_VERSION:
+        raise PlanError(f"{path}: schema version {version}, expected {SCHEMA_VERSION}")
     robots = document.get("robots")
     if not isinstance(robots, list):
         raise PlanError(f"{path}: damaged: robots is {robots!r:.40}, expected a list")
@@ -164,7 +164,7 @@ def _fault(visit: Any) -> str:
         value = visit.get(key, "missing")
         if not isinstance(value, kinds) or isinstance(value, bool) or (value is not None and not abs(value) < FARTHEST):
             return f"has the {key} {value!r:.40}, expected {expected}"
-    given = [visit[key] for key in STEPS if key in visit]
-    if given and (len(given) < 2 or any(not isinstance(step, int | None) or isinstance(step, bool) for step in given) or given[0] is None):
-        return f"has the {' and '.join(STEPS)} {given!r:.40}, expected numbers of steps, or null where it stays"
+    steps = [visit[key] for key in STEPS if key in visit]
+    if steps and (len(steps) < 2 or any(not isinstance(step, int | None) or isinstance(step, bool) for step in steps) or steps[0] is None):
+        return f"has the {' and '.join(STEPS)} {steps!r:.40}, expected numbers of steps, or null where it stays"
     return ""

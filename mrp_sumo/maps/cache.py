@@ -34,10 +34,10 @@ def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
         Makes it; its result must pickle.
     """
     path = _folder() / f"{kind}-{hashlib.sha256(_program() + content).hexdigest()[:40]}.pickle"
-    found, value = _read(path)
-    if found:
-        kept: T = value
-        return kept
+    hit, value = _read(path)
+    if hit:
+        stored: T = value
+        return stored
     made = make()
     _keep(path, made)
     return made
@@ -90,9 +90,9 @@ def _keep(path: Path, value: Any) -> None:
 
 
 def _prune(folder: Path) -> None:
-    kept = 0
+    total = 0
     entries = [(entry.stat(), entry) for entry in folder.glob("*.pickle")]
     for stat, entry in sorted(entries, key=lambda e: e[0].st_mtime, reverse=True):
-        kept += stat.st_size
-        if kept > MAX_BYTES:
+        total += stat.st_size
+        if total > MAX_BYTES:
             entry.unlink(missing_ok=True)

@@ -38,19 +38,19 @@ def chains_of(nav: NavGraph) -> Chains | None:
     inner[next_lane[next_lane >= 0]] = True
     ways = []
     for lane in np.flatnonzero(~inner).tolist():
-        way = [lane]
-        while (following := int(next_lane[way[-1]])) >= 0:
-            way.append(following)
-        ways.append(way)
+        chain = [lane]
+        while (following := int(next_lane[chain[-1]])) >= 0:
+            chain.append(following)
+        ways.append(chain)
     seen = np.zeros(nav.num_lanes, np.bool_)
-    seen[[lane for way in ways for lane in way]] = True
+    seen[[lane for chain in ways for lane in chain]] = True
     ways += [[lane] for lane in np.flatnonzero(~seen).tolist()]  # rings of bends alone
     return _chains(nav, _apart(nav, ways))
 
 
 def _next_lanes(nav: NavGraph, bends: np.ndarray) -> IntArray:
     """[L] the lane that goes on behind each lane whose head is a mere bend of it, else -1."""
-    found = np.full(nav.num_lanes, -1, np.int64)
+    next_lane = np.full(nav.num_lanes, -1, np.int64)
     into: dict[int, list[int]] = {}
     for lane in np.flatnonzero(bends[nav.head]).tolist():
         into.setdefault(int(nav.head[lane]), []).append(lane)
@@ -59,8 +59,8 @@ def _next_lanes(nav: NavGraph, bends: np.ndarray) -> IntArray:
         for lane in lanes:
             on = [k for k in out if nav.head[k] != nav.tail[lane]]
             if len(on) == 1 and len(lanes) == len(out) <= 2 and _alike(nav, lane, on[0]):
-                found[lane] = on[0]
-    return found
+                next_lane[lane] = on[0]
+    return next_lane
 
 
 def _alike(nav: NavGraph, a: int, b: int) -> bool:
@@ -70,36 +70,36 @@ def _alike(nav: NavGraph, a: int, b: int) -> bool:
 def _apart(nav: NavGraph, ways: list[list[int]]) -> list[list[int]]:
     """The ways, those halved at a bend that would be a second lane between two vertices, or the reverse of another line."""
     taken: dict[tuple[int, int], list[int]] = {}
-    found = []
-    for way in sorted(ways, key=lambda way: (len(way) > 1, way[0])):  # straight lanes have no bend to be halved at
-        tail, head = int(nav.tail[way[0]]), int(nav.head[way[-1]])
+    halves = []
+    for chain in sorted(ways, key=lambda way: (len(way) > 1, way[0])):  # straight lanes have no bend to be halved at
+        tail, head = int(nav.tail[chain[0]]), int(nav.head[chain[-1]])
         back = taken.get((head, tail))
-        same_line = back is None or [int(nav.reverse[lane]) for lane in reversed(way)] == back
-        if len(way) > 1 and (tail == head or (tail, head) in taken or not same_line):
-            half = len(way) // 2
-            found += [way[:half], way[half:]]
+        same_line = back is None or [int(nav.reverse[lane]) for lane in reversed(chain)] == back
+        if len(chain) > 1 and (tail == head or (tail, head) in taken or not same_line):
+            half = len(chain) // 2
+            halves += [chain[:half], chain[half:]]
             continue
-        taken[tail, head] = way
-        found.append(way)
-    return found
+        taken[tail, head] = chain
+        halves.append(chain)
+    return halves
 
 
 def _chains(nav: NavGraph, ways: list[list[int]]) -> Chains:
     merged = nav_graph(
         name=nav.name,
         xy=nav.xy,
-        lanes=[(int(nav.tail[way[0]]), int(nav.head[way[-1]])) for way in ways],
+        lanes=[(int(nav.tail[chain[0]]), int(nav.head[chain[-1]])) for chain in ways],
         level_names=nav.level_names,
         level=nav.level,
         vertex_name=nav.vertex_name,
         vertex_options=nav.vertex_options,
-        length_m=[float(nav.length_m[way].sum()) for way in ways],
-        speed_mps=[float(nav.speed_mps[way[0]]) for way in ways],
-        lane_options=[nav.lane_options[way[0]] for way in ways],
+        length_m=[float(nav.length_m[chain].sum()) for chain in ways],
+        speed_mps=[float(nav.speed_mps[chain[0]]) for chain in ways],
+        lane_options=[nav.lane_options[chain[0]] for chain in ways],
         source=nav.source,
     )
     ordered = [ways[k] for k in merged.source_lane.tolist()]
-    first = np.concatenate([[0], np.cumsum([len(way) for way in ordered])])
-    piece = np.array([lane for way in ordered for lane in way], np.int64)
+    first = np.concatenate([[0], np.cumsum([len(chain) for chain in ordered])])
+    piece = np.array([lane for chain in ordered for lane in chain], np.int64)
     ends = np.concatenate([[0.0], np.cumsum(nav.length_m[piece])])
     return Chains(merged, frozen(piece), frozen(first.astype(np.int64)), frozen(ends[:-1]))

@@ -194,11 +194,11 @@ def _note_crossings(notes: Notes, level: Level, graph: int, which: IntArray, end
 
 def _lift_of_vertex(building: Building) -> dict[tuple[str, int], str]:
     """(level, vertex) -> the lift around it; of several, the first in the file."""
-    found: dict[tuple[str, int], str] = {}
+    lift_of: dict[tuple[str, int], str] = {}
     for lift in reversed(list(building.lifts.values())):
         for name, level in building.levels.items():
-            found |= {(name, v): lift.name for v in np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist()}
-    return found
+            lift_of |= {(name, v): lift.name for v in np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist()}
+    return lift_of
 
 
 def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[tuple[str, int], str]) -> None:

@@ -54,8 +54,8 @@ class Narrow:
     @property
     def vertices(self) -> IntArray:
         """Vertices without room, the nearest to a wall first."""
-        found = np.flatnonzero(self.is_narrow_vertex)
-        return found[np.argsort(self.vertex_m[found], kind="stable")]
+        vertices = np.flatnonzero(self.is_narrow_vertex)
+        return vertices[np.argsort(self.vertex_m[vertices], kind="stable")]
 
     @property
     def radius_that_fits_m(self) -> float:
@@ -65,18 +65,18 @@ class Narrow:
     @property
     def notes(self) -> tuple[str, ...]:
         """A line on the lanes without room and one on the vertices; none where there is room everywhere."""
-        lanes, vertices, name, found = self.lanes, self.vertices, self.robot.name, []
+        lanes, vertices, name, notes = self.lanes, self.vertices, self.robot.name, []
         if crossing := int(np.count_nonzero(self.lane_m[lanes] == 0)):
-            found.append(f"{_count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
+            notes.append(f"{_count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
         if beside := lanes[crossing:].tolist():
             room = f"{self.robot.width_m / 2:.2f} m to a wall, too close for '{name}'"
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
-            found.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
+            notes.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
             room = f"{self.robot.radius_m:.2f} m to a wall, too close for '{name}' to turn"
             nearest = f"the closest {self._vertex(vertices[0])}: {self.vertex_m[vertices[0]]:.2f} m"
-            found.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
-        return tuple(found)
+            notes.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
+        return tuple(notes)
 
     @property
     def lane_notes(self) -> tuple[str, ...]:
@@ -102,11 +102,11 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     if building is None:
         far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
         return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
-    found = clearance(graph, building, robot.radius_m)
+    clearances = clearance(graph, building, robot.radius_m)
     driven = np.zeros(graph.num_vertices, np.bool_)
     driven[graph.tail] = driven[graph.head] = True
-    lanes = (found.lane_m == 0) | (found.lane_m < robot.width_m / 2 - SHORTEST_M)
-    return Narrow(robot, graph, found.lane_m, found.vertex_m, lanes, driven & (found.vertex_m < robot.radius_m - SHORTEST_M))
+    lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.width_m / 2 - SHORTEST_M)
+    return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, driven & (clearances.vertex_m < robot.radius_m - SHORTEST_M))
 
 
 def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
@@ -117,10 +117,10 @@ def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
     MapError
         When no lane is left.
     """
-    kept = ~without.is_barred
-    if not kept.any():
+    keep = ~without.is_barred
+    if not keep.any():
         raise MapError(f"no lane of '{graph.name}' leaves '{without.robot.name}' room beside the walls: {', '.join(without.notes)}")
-    return graph if kept.all() else with_lanes(graph, kept)
+    return graph if keep.all() else with_lanes(graph, keep)
 
 
 def standing_walls(building: Building, level_names: Collection[str]) -> FloatArray:
@@ -162,10 +162,10 @@ def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance
 
 def point_distances(point: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
     """[N] distance of each point from its segment a-b; all are [N, 2]."""
-    way, off = b - a, point - a
-    long = (way**2).sum(axis=1)
-    share = np.clip((off * way).sum(axis=1) / np.where(long > 0, long, 1.0), 0.0, 1.0)
-    apart: FloatArray = np.hypot(*(off - share[:, None] * way).T)
+    along, off = b - a, point - a
+    long = (along**2).sum(axis=1)
+    share = np.clip((off * along).sum(axis=1) / np.where(long > 0, long, 1.0), 0.0, 1.0)
+    apart: FloatArray = np.hypot(*(off - share[:, None] * along).T)
     return apart
 
 
@@ -192,10 +192,10 @@ def _without_doors(level: Level) -> FloatArray:
     walls = level.wall_xy
     doors = level.xy[np.array([(door.start, door.end) for door in level.doors], np.int64).reshape(-1, 2)]  # [D, 2, 2]
     which, door = _near(doors[:, 0], doors[:, 1], walls, ON_WALL_M)[::-1]
-    way, across = walls[which, 1] - walls[which, 0], doors[door, 1] - doors[door, 0]
-    long, wide = np.hypot(*way.T), np.hypot(*across.T)
+    wall, across = walls[which, 1] - walls[which, 0], doors[door, 1] - doors[door, 0]
+    long, wide = np.hypot(*wall.T), np.hypot(*across.T)
     safe = np.maximum(long, 1e-12)[:, None]
-    unit = way / safe
+    unit = wall / safe
     from_a = doors[door] - walls[which, 0][:, None]  # [P, 2, 2]
     along = (from_a * unit[:, None]).sum(axis=2)  # [P, 2] m from the wall's first end
     away = np.abs(from_a[..., 0] * unit[:, None, 1] - from_a[..., 1] * unit[:, None, 0]).max(axis=1)

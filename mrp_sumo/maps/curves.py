@@ -67,19 +67,19 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
 
 def _corners(fine: FloatArray, within_m: float) -> list[int]:
     """Those of samples [N, 2], ends included, between which straight pieces stay so close to all (Douglas and Peucker, 1973)."""
-    kept, open_ = [0], [(0, len(fine) - 1)]
+    corners, open_ = [0], [(0, len(fine) - 1)]
     while open_:
         a, b = open_.pop()
-        way = fine[b] - fine[a]
+        chord = fine[b] - fine[a]
         off = fine[a + 1 : b] - fine[a]
-        share = np.clip(off @ way / max(float(way @ way), 1e-18), 0.0, 1.0)
-        away = ((off - share[:, None] * way) ** 2).sum(1)
+        share = np.clip(off @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0)
+        away = ((off - share[:, None] * chord) ** 2).sum(1)
         if b - a > 1 and away.max() > within_m**2:
             middle = a + 1 + int(away.argmax())
             open_ += [(middle, b), (a, middle)]
         else:
-            kept.append(b)
-    return kept
+            corners.append(b)
+    return corners
 
 
 @lru_cache(maxsize=256)
@@ -89,7 +89,7 @@ def _basis(degree: int, knots: tuple[float, ...], num_points: int, samples: int)
     u = np.array(knots)
     last = int(np.searchsorted(u, u[num_points], "left")) - 1  # the last span that is not empty, so that the end is in it
     span = np.clip(np.searchsorted(u, at, "right") - 1, degree, last)
-    found = np.zeros((samples + 1, num_points))
+    basis = np.zeros((samples + 1, num_points))
     rows = np.arange(samples + 1)
     values = np.zeros((samples + 1, degree + 1))
     values[:, 0] = 1.0
@@ -103,5 +103,5 @@ def _basis(degree: int, knots: tuple[float, ...], num_points: int, samples: int)
             saved = left * part
         values[:, j] = saved
     for j in range(degree + 1):
-        np.add.at(found, (rows, span - degree + j), values[:, j])
-    return found
+        np.add.at(basis, (rows, span - degree + j), values[:, j])
+    return basis

@@ -21,10 +21,10 @@ TURN_RAD = np.pi / 2  # of a hinged leaf
 def opening_s(kind: str, width_m: float) -> float:
     """How long a door takes to open, or to close: hinged, double_hinged, sliding, double_sliding; one of no known kind slides."""
     if kind.endswith("hinged"):
-        way, speed, accel = TURN_RAD, HINGED_RAD_S, HINGED_RAD_S2
+        distance, speed, accel = TURN_RAD, HINGED_RAD_S, HINGED_RAD_S2
     else:
-        way, speed, accel = width_m / 2 if kind.startswith("double") else width_m, SLIDING_MPS, SLIDING_MPS2
-    return float(run_time_s(*map(np.float64, (way, speed, accel, accel))))
+        distance, speed, accel = width_m / 2 if kind.startswith("double") else width_m, SLIDING_MPS, SLIDING_MPS2
+    return float(run_time_s(*map(np.float64, (distance, speed, accel, accel))))
 
 
 def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> PlanGraph:

@@ -41,10 +41,10 @@ def with_furniture(map_: Map, size_m: Mapping[str, tuple[float, float]]) -> Map:
 
 def _sides(level: Level, size_m: Mapping[str, tuple[float, float]]) -> FloatArray:
     """[F, 2, 2] m, in the frame of Open-RMF's nav graphs."""
-    found = [np.zeros((0, 2, 2))]
+    sides = [np.zeros((0, 2, 2))]
     for model in level.models:
         if model.name in size_m:
             c, s = np.cos(model.yaw_rad), np.sin(model.yaw_rad)
             corners = CORNERS * size_m[model.name] @ np.array([[c, s], [-s, c]]) + (model.x_m, model.y_m)
-            found.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
-    return np.concatenate(found)
+            sides.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    return np.concatenate(sides)

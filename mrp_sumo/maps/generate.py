@@ -65,8 +65,8 @@ def rack_warehouse(num_vertices: int, *, one_way: bool = False, cross_aisles: in
     for i, x in enumerate(aisle_x):
         for k in range(num_cross - 1):
             picks = [d.station(x, cross_y[k] + 1.6 + BAY_M * b, f"pick_{i + 1}_{k + 1}_{b + 1}") for b in range(bays)]
-            way = [junction[k][i], *picks, junction[k + 1][i]]
-            d.lane(*(way[::-1] if i % 2 and one_way else way), one_way=one_way)
+            aisle = [junction[k][i], *picks, junction[k + 1][i]]
+            d.lane(*(aisle[::-1] if i % 2 and one_way else aisle), one_way=one_way)
         d.lane(junction[0][i], d.station(x, 1.8, f"dock_{i + 1}", dock_name=f"dock_{i + 1}"))
         charger = i % 3 == 0
         d.lane(junction[-1][i], d.station(x, cross_y[-1] + SPUR_M, f"{'charger' if charger else 'parking'}_{i + 1}", **_place(charger)))

@@ -64,15 +64,15 @@ def write_lif(map_: Map, path: Path) -> None:
 
 def vertex_names(nav: NavGraph) -> list[str]:
     """[V] a name for every vertex, each another."""
-    found: list[str] = []
+    names: list[str] = []
     taken: set[str] = set()
     for v in range(nav.num_vertices):
         name, number = nav.label(v), 2
         while name in taken:
             name, number = f"{nav.label(v)}_{number}", number + 1
         taken.add(name)
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def stations_of(options: Mapping[str, Any]) -> list[str]:
@@ -82,36 +82,36 @@ def stations_of(options: Mapping[str, Any]) -> list[str]:
 
 def _node(nav: NavGraph, v: int, name: str, xy: FloatArray, level: str) -> dict[str, Any]:
     options = nav.vertex_options[v]
-    given: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE}
+    properties: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE}
     if "theta_rad" in options:
-        given["theta"] = float(options["theta_rad"])
+        properties["theta"] = float(options["theta_rad"])
     kinds = [kind for kind in str(options.get("actions", "")).split(", ") if kind]
     if options.get("is_charger") and not any("charg" in kind.lower() for kind in kinds):
         kinds.append("startCharging")
     if kinds:
-        given["actions"] = [{"actionType": kind, "requirementType": "OPTIONAL", "blockingType": "HARD"} for kind in kinds]
-    return {"nodeId": name, "mapId": level, "nodePosition": _point(xy), "vehicleTypeNodeProperties": [given]}
+        properties["actions"] = [{"actionType": kind, "requirementType": "OPTIONAL", "blockingType": "HARD"} for kind in kinds]
+    return {"nodeId": name, "mapId": level, "nodePosition": _point(xy), "vehicleTypeNodeProperties": [properties]}
 
 
 def _edge(nav: NavGraph, lane: int, names: list[str], starts: FloatArray, xy: FloatArray) -> dict[str, Any]:
     """An edge; `starts` are where its pieces begin."""
     tail, head, options = int(nav.tail[lane]), int(nav.head[lane]), nav.lane_options[lane]
-    given: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE, "rotationAllowed": False}
+    properties: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE, "rotationAllowed": False}
     if math.isfinite(nav.speed_mps[lane]):
-        given["maxSpeed"] = float(nav.speed_mps[lane])
+        properties["maxSpeed"] = float(nav.speed_mps[lane])
     if options.get("orientation_constraint") == "backward":
-        given |= {"vehicleOrientation": math.pi, "orientationType": "TANGENTIAL"}
+        properties |= {"vehicleOrientation": math.pi, "orientationType": "TANGENTIAL"}
     for option, key in (("turns_at_start", "rotationAtStartNodeAllowed"), ("turns_at_end", "rotationAtEndNodeAllowed")):
         if option in options:
-            given[key] = options[option]
+            properties[key] = options[option]
     if "load" in options:
-        given["loadRestriction"] = {"unloaded": options["load"] == "unloaded", "loaded": options["load"] == "loaded"}
+        properties["loadRestriction"] = {"unloaded": options["load"] == "unloaded", "loaded": options["load"] == "loaded"}
     if len(starts) > 1:
         places = [*starts, xy[head]]
         inner = [k / (len(places) - 1) for k in range(1, len(places) - 1)]
-        given["trajectory"] = {"degree": 1, "knotVector": [0, 0, *inner, 1, 1], "controlPoints": [_point(p) for p in places]}
+        properties["trajectory"] = {"degree": 1, "knotVector": [0, 0, *inner, 1, 1], "controlPoints": [_point(p) for p in places]}
     ends = {"startNodeId": names[tail], "endNodeId": names[head]}
-    return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [given]}
+    return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [properties]}
 
 
 def _stations(nav: NavGraph, vertices: Iterable[int], names: list[str]) -> list[dict[str, Any]]:

@@ -74,12 +74,12 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
     if not graph.is_ride.any():
         return graph
     graph = _stopping_inside(graph, building, shift_m)
-    kept = np.flatnonzero(~graph.is_ride)
+    driven = np.flatnonzero(~graph.is_ride)
     xy, level = [*graph.xy], graph.level.tolist()
-    pairs = list(zip(graph.tail[kept].tolist(), graph.head[kept].tolist()))
-    length_m, speed_mps = graph.length_m[kept].tolist(), graph.speed_mps[kept].tolist()
-    lane_options, vertex_options = [graph.lane_options[k] for k in kept.tolist()], list(graph.vertex_options)
-    inside, around = _cabins(graph, radius_m, building, shift_m)
+    pairs = list(zip(graph.tail[driven].tolist(), graph.head[driven].tolist()))
+    length_m, speed_mps = graph.length_m[driven].tolist(), graph.speed_mps[driven].tolist()
+    lane_options, vertex_options = [graph.lane_options[k] for k in driven.tolist()], list(graph.vertex_options)
+    inside, beside = _cabins(graph, radius_m, building, shift_m)
     for lane in np.flatnonzero(graph.is_ride & ((graph.tail < graph.head) | (graph.reverse < 0))).tolist():
         ends, ride = (int(graph.tail[lane]), int(graph.head[lane])), _timed(graph, lane)
         name, steps = str(ride["lift"]), max(1, math.ceil(ride["ride_s"] / step_s - 1e-9))
@@ -90,20 +90,20 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
             level.append(int(graph.level[stop]))
             vertex_options.append({})
             inside[shaft[k]] = name
-        for way, of in ((shaft, lane), (shaft[::-1], int(graph.reverse[lane]))):
+        for direction, of in ((shaft, lane), (shaft[::-1], int(graph.reverse[lane]))):
             if of < 0:
                 continue
             options = _timed(graph, of)
-            pairs += pairwise(way)
+            pairs += pairwise(direction)
             length_m += [PIECE_M] * steps
             speed_mps += [PIECE_M * steps / options["ride_s"]] * steps
             lane_options += [options] * steps
-    for v, name in (around | inside).items():
+    for v, name in (beside | inside).items():
         vertex_options[v] = {**vertex_options[v], "cabin": name, **({"in_lift": name} if v in inside else {})}
         if v in inside and building and name in building.lifts and building.lifts[name].initial_level == graph.level_names[level[v]]:
             vertex_options[v] = {**vertex_options[v], "car_at_first": True}
     for k, (a, b) in enumerate(pairs):
-        if name := inside.get(a) or inside.get(b) or around.get(a) or around.get(b):
+        if name := inside.get(a) or inside.get(b) or beside.get(a) or beside.get(b):
             lane_options[k] = {**lane_options[k], "cabin": name}
     return relaid(
         graph,
@@ -174,7 +174,7 @@ def _cabins(graph: PlanGraph, radius_m: float, building: Building | None, shift_
     """The lift of each vertex in a cabin, and of each so near to one that a robot there is in the way of its doors."""
     rides = np.flatnonzero(graph.is_ride).tolist()
     inside = {int(v): str(graph.lane_options[k]["lift"]) for k in rides for v in (graph.tail[k], graph.head[k])}
-    around: dict[int, str] = {}
+    beside: dict[int, str] = {}
     for name in sorted(set(inside.values())) if building is not None else ():
         lift = building.lifts.get(name)
         for k in {int(graph.level[v]) for v, other in inside.items() if other == name} if lift else ():
@@ -182,5 +182,5 @@ def _cabins(graph: PlanGraph, radius_m: float, building: Building | None, shift_
             shift = np.array(shift_m.get(graph.level_names[k], (0.0, 0.0)))
             away_m = lift.distance_m(graph.xy[on] - shift + building.origin_m)
             inside = {int(v): name for v in on[away_m <= 0]} | inside
-            around = {int(v): name for v in on[away_m <= radius_m]} | around
-    return inside, around
+            beside = {int(v): name for v in on[away_m <= radius_m]} | beside
+    return inside, beside

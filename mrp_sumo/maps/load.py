@@ -80,9 +80,9 @@ def load_map(
         return _named(file, _read(reader or _detected(file), file, selection, beside))
     outside = [digest(registry.find("readers", name)) for name in registry.names("readers") if name not in OURS]
     choice = (str(file.path.resolve()), str(file.path), *vars(selection).values(), *outside)
-    found = remembered("map", f"{choice}\n{file.text}".encode(), lambda: _read(_detected(file), file, selection))
-    _read_only(found.nav)
-    return _named(file, found)
+    map_ = remembered("map", f"{choice}\n{file.text}".encode(), lambda: _read(_detected(file), file, selection))
+    _read_only(map_.nav)
+    return _named(file, map_)
 
 
 def files_of(path: Path, reader: str | None = None, beside: Path | None = None) -> tuple[Path, ...]:
@@ -141,27 +141,27 @@ def _read(name: str, file: MapFile, selection: Selection, beside: Path | None = 
         return reader.read(file, selection)
     try:
         with limited():
-            found = reader.read(file, selection)
+            map_ = reader.read(file, selection)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         if isinstance(error, MrpSumoError):
             raise
         raise blamed(error, source, type(reader)) from error
-    if not isinstance(found, Map):
-        raise PlugInError(f"{place_of(type(reader))}: read gives {type(found).__name__}, expected a Map")
-    if not found.nav.num_lanes:
-        raise MapError(f"{file.path.name}: no lanes: nothing to drive on ({found.nav.num_vertices} vertices)")
-    return found
+    if not isinstance(map_, Map):
+        raise PlugInError(f"{place_of(type(reader))}: read gives {type(map_).__name__}, expected a Map")
+    if not map_.nav.num_lanes:
+        raise MapError(f"{file.path.name}: no lanes: nothing to drive on ({map_.nav.num_vertices} vertices)")
+    return map_
 
 
-def _named(file: MapFile, found: Map) -> Map:
+def _named(file: MapFile, map_: Map) -> Map:
     """The map, whose names can be shown."""
-    for what, names in (("map", (found.name,)), ("level", found.nav.level_names), ("vertex", set(found.nav.vertex_name))):
+    for what, names in (("map", (map_.name,)), ("level", map_.nav.level_names), ("vertex", set(map_.nav.vertex_name))):
         for name in names:
             if fault := fault_of(name):
                 raise MapError(f"{shortened(file.path)}: name of a {what}: {fault}")
-    return found
+    return map_
 
 
 def _read_only(nav: NavGraph) -> None:

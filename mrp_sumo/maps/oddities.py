@@ -73,18 +73,18 @@ def _lying_on_each_other(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int
     """Pairs of lanes that leave a common vertex in almost the same direction; repeated lanes are another matter."""
     start, end = np.concatenate([lanes, lanes[:, ::-1]]).T
     lane = np.tile(np.arange(len(lanes)), 2)
-    way = xy[end] - xy[start]
-    long = np.hypot(*way.T) > 1e-3
-    start, end, lane, way = start[long], end[long], lane[long], way[long]
-    bearing = np.arctan2(way[:, 1], way[:, 0])
+    along = xy[end] - xy[start]
+    long = np.hypot(*along.T) > 1e-3
+    start, end, lane, along = start[long], end[long], lane[long], along[long]
+    bearing = np.arctan2(along[:, 1], along[:, 0])
     order = np.lexsort((bearing, start))
-    found = set()
+    pairs = set()
     for star in np.split(order, np.flatnonzero(np.diff(start[order])) + 1):  # the lanes at one vertex, by bearing
         for a, b in zip(star.tolist(), np.roll(star, -1).tolist()):
             turn = abs((bearing[b] - bearing[a] + np.pi) % (2 * np.pi) - np.pi)
             if lane[a] != lane[b] and end[a] != end[b] and turn < LEAST_ANGLE_RAD:
-                found.add((int(min(lane[a], lane[b])), int(max(lane[a], lane[b]))))
-    return sorted(found)
+                pairs.add((int(min(lane[a], lane[b])), int(max(lane[a], lane[b]))))
+    return sorted(pairs)
 
 
 def _almost_one(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int, float]]:

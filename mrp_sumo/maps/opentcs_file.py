@@ -64,21 +64,21 @@ def _paths(nav: NavGraph) -> dict[int, tuple[int, int]]:
 
     A lane on which robots drive backwards and that has no other in its direction is a path against it, in reverse only.
     """
-    found: dict[int, tuple[int, int]] = {}
+    paths: dict[int, tuple[int, int]] = {}
     backward = [options.get("orientation_constraint") == "backward" for options in nav.lane_options]
     for lane in range(nav.num_lanes):
         back = int(nav.reverse[lane])
         if not backward[lane]:
-            found[lane] = lane, back if back >= 0 and backward[back] else -1
+            paths[lane] = lane, back if back >= 0 and backward[back] else -1
         elif back < 0 or backward[back]:
-            found[lane] = -1, lane
-    return found
+            paths[lane] = -1, lane
+    return paths
 
 
 def _path(drawn: NavGraph, nav: NavGraph, chains: Chains | None, lane: int, ways: tuple[int, int], names: list[str]) -> str:
     source, destination = _ends(nav, lane, ways)
     ends = f"sourcePoint={quoteattr(names[source])} destinationPoint={quoteattr(names[destination])}"
-    forward, back = (_limit(nav, way) if way >= 0 else 0 for way in ways)
+    forward, back = (_limit(nav, one) if one >= 0 else 0 for one in ways)
     pieces = chains.piece[chains.first[lane] : chains.first[lane + 1]] if chains else np.zeros(0, np.int64)
     inner = drawn.xy[drawn.head[pieces[:-1]]] if len(pieces) > 1 else drawn.xy[:0]
     inner = inner if source == nav.tail[lane] else inner[::-1]

@@ -70,9 +70,9 @@ def repair(
         changes += done
     if not changes:
         return map_, ()
-    found = check_graph(nav)
-    kept = tuple(finding for finding in map_.findings if finding.kind not in FOUND_ON_GRAPHS)
-    return replace(map_, nav=nav, findings=ordered(kept + found), changes=map_.changes + tuple(changes)), tuple(changes)
+    findings = check_graph(nav)
+    others = tuple(finding for finding in map_.findings if finding.kind not in FOUND_ON_GRAPHS)
+    return replace(map_, nav=nav, findings=ordered(others + findings), changes=map_.changes + tuple(changes)), tuple(changes)
 
 
 def snap(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
@@ -136,8 +136,8 @@ def join_short(nav: NavGraph, shorter_than_m: float) -> tuple[NavGraph, list[str
         raise MapError(f"the length below which lanes are joined is {shorter_than_m} m, expected a number above 0")
     changes: list[str] = []
     label = [nav.label(v) for v in range(nav.num_vertices)]  # numbers of the graph as it was drawn
-    while (found := _joinable(nav, shorter_than_m)) is not None:
-        stays, goes, length_m = found
+    while (joinable := _joinable(nav, shorter_than_m)) is not None:
+        stays, goes, length_m = joinable
         changes.append(f"lane {label[stays]} - {label[goes]}, {length_m:.3f} m long, joined in {label[stays]}")
         end = np.arange(nav.num_vertices)
         end[goes] = stays
@@ -174,9 +174,9 @@ def largest_component(nav: NavGraph) -> tuple[NavGraph, list[str]]:
     shown = f", among them {', '.join(named[:5])}{', ...' if len(named) > 5 else ''}" if named else ""
     number = np.cumsum(keep) - 1
     lanes = [(int(number[a]), int(number[b]), *rest) for a, b, *rest in _lanes(nav) if keep[a] and keep[b]]
-    kept = _rebuilt(nav, lanes, np.flatnonzero(keep))
+    largest = _rebuilt(nav, lanes, np.flatnonzero(keep))
     dropped = nav.num_components - 1
-    return kept, [f"{dropped} smaller piece{'s' if dropped > 1 else ''} with {np.count_nonzero(~keep)} vertices dropped{shown}"]
+    return largest, [f"{dropped} smaller piece{'s' if dropped > 1 else ''} with {np.count_nonzero(~keep)} vertices dropped{shown}"]
 
 
 def _merged(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
@@ -225,12 +225,12 @@ def _split(nav: NavGraph, stops: Mapping[int, list[int]], new_xy: FloatArray | N
         if k not in through:
             lanes.append((a, b, long, limit, options))
             continue
-        way = [a, *through[k], b]
-        for n, (tail, head) in enumerate(pairwise(way)):
+        pieces = [a, *through[k], b]
+        for n, (tail, head) in enumerate(pairwise(pieces)):
             own = dict(options)  # docking belongs to the ends of the lane only
             if n > 0:
                 own.pop("undock_name", None)
-            if n < len(way) - 2:
+            if n < len(pieces) - 2:
                 own.pop("dock_name", None)
             lanes.append((tail, head, 0.0, limit, own))
     return _rebuilt(nav, lanes, np.arange(nav.num_vertices), new_xy, new_level)
@@ -246,21 +246,21 @@ def _rebuilt(
     """The graph with other lanes; of repeated ones the first stays, those of no length go."""
     new_xy = np.zeros((0, 2)) if new_xy is None else new_xy
     xy = np.concatenate([nav.xy[keep], new_xy])
-    kept: dict[tuple[int, int], Lane] = {}
+    lane_of: dict[tuple[int, int], Lane] = {}
     for a, b, long, limit, options in lanes:
         long = long or float(np.hypot(*(xy[a] - xy[b])))
         if a != b and long > 0:
-            kept.setdefault((a, b), (a, b, long, limit, options))
+            lane_of.setdefault((a, b), (a, b, long, limit, options))
     return nav_graph(
         name=nav.name,
         xy=xy,
-        lanes=list(kept),
+        lanes=list(lane_of),
         level_names=nav.level_names,
         level=np.concatenate([nav.level[keep], np.array(list(new_level), np.int64)]),
         vertex_name=[nav.vertex_name[v] for v in keep] + [""] * len(new_xy),
         vertex_options=[nav.vertex_options[v] for v in keep] + [{}] * len(new_xy),
-        length_m=[lane[2] for lane in kept.values()],
-        speed_mps=[lane[3] for lane in kept.values()],
-        lane_options=[lane[4] for lane in kept.values()],
+        length_m=[lane[2] for lane in lane_of.values()],
+        speed_mps=[lane[3] for lane in lane_of.values()],
+        lane_options=[lane[4] for lane in lane_of.values()],
         source=nav.source,
     )

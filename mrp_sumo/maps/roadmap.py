@@ -135,9 +135,9 @@ def _spread(cuts: _Cuts, drawn: NavGraph, on_lane: IntArray) -> BoolArray:
 
 def _places(nav: NavGraph, cuts: _Cuts, cell_m: float) -> FloatArray:
     """[C, 2] of the cuts, in m: on the lane, or half a cell to its right."""
-    way = nav.xy[nav.head[cuts.lane]] - nav.xy[nav.tail[cuts.lane]]
-    right = way[:, ::-1] * [1, -1] / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-    xy = nav.xy[nav.tail[cuts.lane]] + cuts.share[:, None] * way
+    along = nav.xy[nav.head[cuts.lane]] - nav.xy[nav.tail[cuts.lane]]
+    right = along[:, ::-1] * [1, -1] / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+    xy = nav.xy[nav.tail[cuts.lane]] + cuts.share[:, None] * along
     return np.asarray(xy + np.where(cuts.apart[cuts.lane], cell_m / 2, 0.0)[:, None] * right)
 
 

@@ -13,8 +13,8 @@ OF_VERTICES = {  # options that are read, by why nothing comes of them
 
 def unused(map_: Map) -> str:
     """One line, '' where everything that the map says is used."""
-    found = list(map_.building.unused) if map_.building else []
+    lines = list(map_.building.unused) if map_.building else []
     for option, why in OF_VERTICES.items():
         if count := sum(bool(options.get(option)) for options in map_.nav.vertex_options):
-            found.append(f"{option}: {count}{f' ({why})' if why else ''}")
-    return f"not used: {', '.join(found)}" if found else ""
+            lines.append(f"{option}: {count}{f' ({why})' if why else ''}")
+    return f"not used: {', '.join(lines)}" if lines else ""

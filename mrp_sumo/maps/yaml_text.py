@@ -114,14 +114,14 @@ def line_of(text: str, keys: tuple[str | int, ...]) -> int:
             best = event.start_mark.line + 1
             break
     while wanted:
-        key, found = wanted.pop(0), None
+        key, mark = wanted.pop(0), None
         if isinstance(event, yaml.MappingStartEvent):
-            found = _value_of(str(key), events)
+            mark = _value_of(str(key), events)
         elif isinstance(event, yaml.SequenceStartEvent) and isinstance(key, int):
-            found = _value_at(key, events)
-        if found is None:
+            mark = _value_at(key, events)
+        if mark is None:
             break
-        event = found
+        event = mark
         best = event.start_mark.line + 1
     return best
 

@@ -77,10 +77,10 @@ def checked_assignment(answer: Any, cost: FloatArray) -> IntArray:
     num_robots, num_goals = cost.shape
     goal_of = _integers("an assignment", answer, num_robots, "robots")
     _require_goals(goal_of, num_goals)
-    given = np.flatnonzero(goal_of >= 0)
-    if len(given) < min(num_robots, num_goals):
-        raise WrongAnswer(f"returned goals for {len(given)} robots, expected {min(num_robots, num_goals)}")
-    unreachable = given[np.isinf(cost[given, goal_of[given]])]
+    assigned = np.flatnonzero(goal_of >= 0)
+    if len(assigned) < min(num_robots, num_goals):
+        raise WrongAnswer(f"returned goals for {len(assigned)} robots, expected {min(num_robots, num_goals)}")
+    unreachable = assigned[np.isinf(cost[assigned, goal_of[assigned]])]
     if len(unreachable):
         raise WrongAnswer(f"returned goal {goal_of[unreachable[0]]} for robot {unreachable[0]}, which cannot reach it")
     return goal_of
@@ -112,11 +112,11 @@ def _goal_of(goal_of: Any, problem: Problem, *, assigns: bool) -> IntArray | Non
         if assigns and not problem.is_assigned:
             raise WrongAnswer("returned no goal_of, expected the assignment that the plan is for (it says that it assigns)")
         return None
-    found = _integers("goal_of", goal_of, problem.num_robots, "robots")
-    _require_goals(found, len(problem.goal))
-    if not assigns and (found != problem.goal_of).any():
+    goals = _integers("goal_of", goal_of, problem.num_robots, "robots")
+    _require_goals(goals, len(problem.goal))
+    if not assigns and (goals != problem.goal_of).any():
         raise WrongAnswer("returned another goal_of than that of the problem, though it says that it does not assign")
-    return found
+    return goals
 
 
 def _require_goals(goal_of: IntArray, num_goals: int) -> None:
@@ -130,33 +130,33 @@ def _require_goals(goal_of: IntArray, num_goals: int) -> None:
 
 
 def _integers(what: str, value: Any, length: int | None = None, of: str = "") -> IntArray:
-    found = _array(what, value)
-    if found.dtype.kind not in "iu" and found.size:
-        raise WrongAnswer(f"returned {what} of {found.dtype}, expected whole numbers")
-    return frozen(_of_length(what, found, length, of).astype(np.int64))
+    array = _array(what, value)
+    if array.dtype.kind not in "iu" and array.size:
+        raise WrongAnswer(f"returned {what} of {array.dtype}, expected whole numbers")
+    return frozen(_of_length(what, array, length, of).astype(np.int64))
 
 
 def _numbers(what: str, value: Any, length: int) -> FloatArray:
-    found = _array(what, value)
-    if found.dtype.kind not in "iuf" and found.size:
-        raise WrongAnswer(f"returned {what} of {found.dtype}, expected numbers")
-    return frozen(_of_length(what, found, length, "visits").astype(np.float64))
+    array = _array(what, value)
+    if array.dtype.kind not in "iuf" and array.size:
+        raise WrongAnswer(f"returned {what} of {array.dtype}, expected numbers")
+    return frozen(_of_length(what, array, length, "visits").astype(np.float64))
 
 
 def _array(what: str, value: Any) -> np.ndarray:
     try:
-        found = np.asarray(value)
+        array = np.asarray(value)
     except ValueError:  # lists of different lengths
         raise WrongAnswer(f"returned {_kind(value)} as {what}, expected an array") from None
-    if found.ndim != 1:
+    if array.ndim != 1:
         raise WrongAnswer(f"returned {_kind(value)} as {what}, expected an array of one dimension")
-    return found
+    return array
 
 
-def _of_length(what: str, found: np.ndarray, length: int | None, of: str) -> np.ndarray:
-    if length is not None and len(found) != length:
-        raise WrongAnswer(f"returned {what} of length {len(found)}, expected {length}, the number of {of}")
-    return found
+def _of_length(what: str, array: np.ndarray, length: int | None, of: str) -> np.ndarray:
+    if length is not None and len(array) != length:
+        raise WrongAnswer(f"returned {what} of length {len(array)}, expected {length}, the number of {of}")
+    return array
 
 
 def _is_number(value: Any) -> bool:

@@ -122,8 +122,8 @@ def described(kind: str, name: str) -> Described:
     except Overtime:
         raise PlugInError(f"{definition(source)}: not loaded after {LIMIT_S:g} s") from None
     process.close()
-    found: Described = process.facts["described"]
-    return found
+    facts: Described = process.facts["described"]
+    return facts
 
 
 def failed(error: PlugInError, time_s: float = 0.0) -> PlanResult:

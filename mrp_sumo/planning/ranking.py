@@ -64,7 +64,7 @@ def ranked_assignments(cost: FloatArray, check_clock: Callable[[], None] = lambd
             part[robot, choice[robot]] = never
             consider(part, robot)
             rest = rest.copy()  # from here on the robot keeps its goal
-            kept = rest[robot, choice[robot]]
+            before = rest[robot, choice[robot]]
             rest[robot] = never
             rest[:, choice[robot]] = never
-            rest[robot, choice[robot]] = kept
+            rest[robot, choice[robot]] = before

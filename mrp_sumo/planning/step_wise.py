@@ -95,8 +95,8 @@ class StepWiseWorld:
 
     def ends(self, action: IntArray | ActionArray) -> IntArray:
         """[R] the cells where actions lead, -1 where nothing is free."""
-        found: IntArray = np.where(action == FORWARD, self.ahead[self.cell, self.heading], self.cell)
-        return found
+        ends: IntArray = np.where(action == FORWARD, self.ahead[self.cell, self.heading], self.cell)
+        return ends
 
     def advance(self, action: ActionArray, task_of: IntArray) -> list[tuple[int, int, int, int]]:
         """Make a step.

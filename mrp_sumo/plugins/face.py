@@ -19,8 +19,8 @@ def check_methods(target: type, face: type, one: str) -> None:
         Naming the class's file and line, and the method.
     """
     for name, method in _methods(face).items():
-        found = getattr(target, name, None)
-        if not callable(found) or found is method:  # one that it has of the Protocol itself does nothing
+        member = getattr(target, name, None)
+        if not callable(member) or member is method:  # one that it has of the Protocol itself does nothing
             raise PlugInError(f"{place_of(target)}: {target.__name__} is no {one}: it has no method {_call(name, method)}")
 
 
@@ -43,14 +43,14 @@ def check_face(made: Any, face: type, one: str) -> None:
     """
     what = getattr(made, "__name__", type(made).__name__)
     for name, method in _methods(face).items():
-        found = made if name == "__call__" else getattr(made, name, None)
-        if not callable(found):
+        member = made if name == "__call__" else getattr(made, name, None)
+        if not callable(member):
             raise PlugInError(f"{place_of(made)}: {what} is no {one}: it has no method {_call(name, method)}")
         try:
-            inspect.signature(found).bind(*_arguments(method))
+            inspect.signature(member).bind(*_arguments(method))
         except TypeError:
-            taken = f"{what if name == '__call__' else name}{inspect.signature(found)}"
-            raise PlugInError(f"{place_of(found)}: {what} is no {one}: it has {taken}, expected {_call(name, method)}") from None
+            taken = f"{what if name == '__call__' else name}{inspect.signature(member)}"
+            raise PlugInError(f"{place_of(member)}: {what} is no {one}: it has {taken}, expected {_call(name, method)}") from None
         except ValueError:  # a function in C, which does not tell
             continue
     for name, kind in attributes_of(face).items():
@@ -65,11 +65,11 @@ def check_face(made: Any, face: type, one: str) -> None:
 def attributes_of(face: type) -> dict[str, Any]:
     """The attributes that a Protocol asks for, with their types; None for one without a hint."""
     hints = get_type_hints(face)
-    found = {name: kind for name, kind in hints.items() if not name.startswith("_")}
+    attributes = {name: kind for name, kind in hints.items() if not name.startswith("_")}
     for name, value in _members(face).items():
         if isinstance(value, property) and value.fget:
-            found[name] = get_type_hints(value.fget).get("return")
-    return found
+            attributes[name] = get_type_hints(value.fget).get("return")
+    return attributes
 
 
 def place_of(target: Any) -> str:
@@ -95,10 +95,10 @@ def shown(path: Path) -> str:
 
 def _members(face: type) -> dict[str, Any]:
     """The Protocol's own and inherited members, without those of every object."""
-    found: dict[str, Any] = {}
+    members: dict[str, Any] = {}
     for part in reversed([c for c in face.__mro__ if getattr(c, "_is_protocol", False) and c.__module__ != "typing"]):
-        found |= {name: value for name, value in vars(part).items() if not name.startswith("_") or name == "__call__"}
-    return found
+        members |= {name: value for name, value in vars(part).items() if not name.startswith("_") or name == "__call__"}
+    return members
 
 
 def _methods(face: type) -> dict[str, Any]:

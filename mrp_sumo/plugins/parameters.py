@@ -40,14 +40,14 @@ def parameters_of(target: Callable[..., Any]) -> tuple[Parameter, ...]:
     """The parameters that a class or function can be called with by name."""
     hints = _hints(target)
     if isinstance(target, type) and is_dataclass(target):
-        found = []
+        parameters = []
         for field in fields(target):
             default = field.default if field.default is not MISSING else REQUIRED
             if field.default_factory is not MISSING:
                 default = field.default_factory()
             if field.init:
-                found.append(Parameter(field.name, hints.get(field.name, Any), default))
-        return tuple(found)
+                parameters.append(Parameter(field.name, hints.get(field.name, Any), default))
+        return tuple(parameters)
     try:
         signature = inspect.signature(target)
     except (TypeError, ValueError):  # a class in C
@@ -74,18 +74,18 @@ def fitted(what: str, target: Callable[..., Any], values: Mapping[str, Any]) -> 
         For an unknown name (with the nearest right one), a value of another type, or a missing parameter.
     """
     known = {parameter.name: parameter for parameter in parameters_of(target)}
-    found = {}
+    fitting = {}
     for key, value in values.items():
         if key not in known:
             expected = nearest(str(key), known, limit=20) or " (it has no parameters)"
             raise ScenarioError(f"{what}: unknown parameter '{key}'{expected}")
-        fits, found[key] = _fitted(value, known[key].type)
+        fits, fitting[key] = _fitted(value, known[key].type)
         if not fits:
             raise ScenarioError(f"{what}: {key} is {value!r}, expected {known[key].expected}")
     for key, parameter in known.items():
-        if key not in found and parameter.default is REQUIRED:
+        if key not in fitting and parameter.default is REQUIRED:
             raise ScenarioError(f"{what}: parameter '{key}' is missing")
-    return found
+    return fitting
 
 
 def in_words(hint: Any) -> str:
@@ -118,9 +118,9 @@ def _fitted(value: Any, hint: Any) -> tuple[bool, Any]:
         return value in inside, value
     if origin in (Union, UnionType):
         for choice in inside:
-            fits, found = _fitted(value, choice)
+            fits, converted = _fitted(value, choice)
             if fits:
-                return True, found
+                return True, converted
         return False, value
     if hint in (None, NoneType):
         return value is None, value

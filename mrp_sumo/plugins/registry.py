@@ -91,16 +91,16 @@ def make(kind: str, name: str, parameters: Mapping[str, Any], beside: Path | Non
 def loaded(kind: Kind, source: Source) -> Any:
     """The class, function or object at a source, as `target`."""
     entry = _our_table(kind).get(source.name) if source.ours else None
-    found = load(source) if entry is None or isinstance(entry, str) else entry
+    plug_in = load(source) if entry is None or isinstance(entry, str) else entry
     face = face_of(kind)
     if kind.made:
-        if not isinstance(found, type):
-            raise PlugInError(f"{place_of(found)}: {source.attribute} is {type(found).__name__}, expected a class, the {kind.one}'s")
+        if not isinstance(plug_in, type):
+            raise PlugInError(f"{place_of(plug_in)}: {source.attribute} is {type(plug_in).__name__}, expected a class, the {kind.one}'s")
         if face:
-            check_methods(found, face, kind.one)
+            check_methods(plug_in, face, kind.one)
     elif face:
-        check_face(found, face, kind.one)
-    return found
+        check_face(plug_in, face, kind.one)
+    return plug_in
 
 
 def made(kind: Kind, source: Source, parameters: Mapping[str, Any]) -> Any:
@@ -148,8 +148,8 @@ def _ours(kind: str) -> Mapping[str, Source]:
 
 def _our_table(kind: Kind) -> Mapping[str, Any]:
     table = _named(kind.ours)
-    found: Mapping[str, Any] = table.get(kind.name, table)
-    return found
+    entries: Mapping[str, Any] = table.get(kind.name, table)
+    return entries
 
 
 @cache
@@ -157,14 +157,14 @@ def _registered(kind: str) -> Mapping[str, Source]:
     """Where the plug-ins of a kind are, by name, of all packages; the first to claim a name has it, ours before others'."""
     from importlib.metadata import entry_points
 
-    found = dict(_ours(kind))
+    entries = dict(_ours(kind))
     tables = [entry for group in TABLES for entry in entry_points(group=group)]
     for entry in sorted(tables, key=lambda e: e.name):
         for name, place in _table(entry).get(kind, {}).items():
-            found.setdefault(name, source_in_module(name, place, ours=False, package=_package(entry)))
+            entries.setdefault(name, source_in_module(name, place, ours=False, package=_package(entry)))
     for entry in sorted(entry_points(group=SINGLE.get(kind, "")), key=lambda e: e.name):
-        found.setdefault(entry.name, source_in_module(entry.name, entry.value, ours=False, package=_package(entry)))
-    return found
+        entries.setdefault(entry.name, source_in_module(entry.name, entry.value, ours=False, package=_package(entry)))
+    return entries
 
 
 def _package(entry: "EntryPoint") -> str:

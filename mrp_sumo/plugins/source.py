@@ -51,8 +51,8 @@ def definition(source: Source) -> str:
 
 def place_in_file(name: str) -> tuple[str, str] | None:
     """File and attribute of `mine.py:OneByOne`; None for a plain name."""
-    found = _IN_FILE.fullmatch(name)
-    return (found[1], found[2]) if found else None
+    match = _IN_FILE.fullmatch(name)
+    return (match[1], match[2]) if match else None
 
 
 def short_name(name: str) -> str:
@@ -220,15 +220,15 @@ def _tree(path: Path) -> ast.Module:
 
 def _names(tree: ast.Module) -> set[str]:
     """What a module defines at its top level, '*' where it imports all of another's."""
-    found: set[str] = set()
+    names: set[str] = set()
     for node in ast.walk(tree):  # within `if` and `try` too
         if isinstance(node, ast.ClassDef | ast.FunctionDef):
-            found.add(node.name)
+            names.add(node.name)
         elif isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname or alias.name for alias in node.names}
+            names |= {alias.asname or alias.name for alias in node.names}
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            found.add(node.id)
-    return found
+            names.add(node.id)
+    return names
 
 
 def _public(module: ModuleType) -> list[str]:
@@ -283,13 +283,13 @@ def _is_own(path: Path, source: Source) -> bool:
 
 def _closure(path: Path) -> set[Path]:
     """A file and what it imports from its own package or folder, directly or not."""
-    found, todo = {path}, [path]
+    files, todo = {path}, [path]
     while todo:
         for imported in _imported(todo.pop()):
-            if imported not in found:
-                found.add(imported)
+            if imported not in files:
+                files.add(imported)
                 todo.append(imported)
-    return found
+    return files
 
 
 def _imported(path: Path) -> Iterator[Path]:

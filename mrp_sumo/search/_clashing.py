@@ -17,9 +17,9 @@ def move_of(first, head, u, v):
 @kernel
 def too_close(clashes, move, other, u, v):
     """Whether a move clashes with another robot's move `other`, which leads from u to v or is waiting at u = v."""
-    found = False
+    close = False
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
-        found = found or clashes.vertex[k] == u or clashes.vertex[k] == v
+        close = close or clashes.vertex[k] == u or clashes.vertex[k] == v
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
-        found = found or clashes.lane[k] == other
-    return found
+        close = close or clashes.lane[k] == other
+    return close

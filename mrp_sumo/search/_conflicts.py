@@ -37,24 +37,24 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
     conflicts
         [K', WIDTH] in a new array.
     """
-    found = np.empty((len(old) + 16, WIDTH), np.int32)
-    kept = 0
+    conflicts = np.empty((len(old) + 16, WIDTH), np.int32)
+    end = 0
     for k in range(len(old)):
         if old[k, ONE] != robot and old[k, OTHER] != robot:
-            write_over(found[kept], old[k])
-            kept += 1
-    count = _find(instance, store, occupancy, robot, record, found, kept)
-    if count > len(found):
+            write_over(conflicts[end], old[k])
+            end += 1
+    count = _find(instance, store, occupancy, robot, record, conflicts, end)
+    if count > len(conflicts):
         longer = np.empty((count, WIDTH), np.int32)
-        for k in range(kept):
-            write_over(longer[k], found[k])
-        found = longer
-        count = _find(instance, store, occupancy, robot, record, found, kept)
-    return found[:count]
+        for k in range(end):
+            write_over(longer[k], conflicts[k])
+        conflicts = longer
+        count = _find(instance, store, occupancy, robot, record, conflicts, end)
+    return conflicts[:count]
 
 
 @kernel(allocates=False)
-def _find(instance, store, occupancy, robot, record, found, count):
+def _find(instance, store, occupancy, robot, record, conflicts, count):
     """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
     path0, cost, following, near = store.meta[record, PATH0], store.meta[record, COST], instance.following, instance.clashes.any
     latest = np.int64(0)
@@ -64,37 +64,37 @@ def _find(instance, store, occupancy, robot, record, found, count):
     u = np.int64(store.path[path0])
     for t in range(max(cost, latest) + 1):
         v = np.int64(store.path[path0 + min(t, cost)])
-        count = _meetings(occupancy, robot, cost, v, t, found, count)
+        count = _meetings(occupancy, robot, cost, v, t, conflicts, count)
         if u != v and following:
-            count = _entered_too_early(store, occupancy, robot, v, t, found, count)
-            count = _left_too_late(store, occupancy, robot, u, v, t, found, count)
+            count = _entered_too_early(store, occupancy, robot, v, t, conflicts, count)
+            count = _left_too_late(store, occupancy, robot, u, v, t, conflicts, count)
         elif u != v:
-            count = _swaps(store, occupancy, robot, u, v, t, found, count)
+            count = _swaps(store, occupancy, robot, u, v, t, conflicts, count)
         if near and t > 0:
-            count = _clashes(instance, store, occupancy, robot, cost, u, v, t, found, count)
+            count = _clashes(instance, store, occupancy, robot, cost, u, v, t, conflicts, count)
         u = v
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _meetings(occupancy, robot, cost, v, t, found, count):
+def _meetings(occupancy, robot, cost, v, t, conflicts, count):
     """Others that are at v, where the robot is at t: on their way, or at their goals for good."""
     if t < steps_known(occupancy):
         visit = visitor(occupancy, v, t, 0)
         while visit:
             other = visit - t * len(occupancy.record) - 1
             if t < cost:
-                count = _add(found, count, min(robot, other), max(robot, other), MEET, -1, v, t)
+                count = _add(conflicts, count, min(robot, other), max(robot, other), MEET, -1, v, t)
             else:
-                count = _add(found, count, robot, other, TARGET, -1, v, t)
+                count = _add(conflicts, count, robot, other, TARGET, -1, v, t)
             visit = visitor(occupancy, v, t, visit)
     if t <= cost and occupancy.since[v] <= t:
-        count = _add(found, count, np.int64(occupancy.parked[v]), robot, TARGET, -1, v, t)
+        count = _add(conflicts, count, np.int64(occupancy.parked[v]), robot, TARGET, -1, v, t)
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _swaps(store, occupancy, robot, u, v, t, found, count):
+def _swaps(store, occupancy, robot, u, v, t, conflicts, count):
     """Others that go from v to u as the robot goes from u to v."""
     if t - 1 < steps_known(occupancy):
         visit = visitor(occupancy, v, t - 1, 0)
@@ -102,28 +102,28 @@ def _swaps(store, occupancy, robot, u, v, t, found, count):
             other = visit - (t - 1) * len(occupancy.record) - 1
             if place(store, occupancy.record[other], t) == u:
                 if robot < other:
-                    count = _add(found, count, robot, other, SWAP, u, v, t)
+                    count = _add(conflicts, count, robot, other, SWAP, u, v, t)
                 else:
-                    count = _add(found, count, other, robot, SWAP, v, u, t)
+                    count = _add(conflicts, count, other, robot, SWAP, v, u, t)
             visit = visitor(occupancy, v, t - 1, visit)
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _entered_too_early(store, occupancy, robot, v, t, found, count):
+def _entered_too_early(store, occupancy, robot, v, t, conflicts, count):
     """Others that leave v as the robot enters it."""
     if t - 1 < steps_known(occupancy):
         visit = visitor(occupancy, v, t - 1, 0)
         while visit:
             other = visit - (t - 1) * len(occupancy.record) - 1
             if place(store, occupancy.record[other], t) != v:
-                count = _add(found, count, other, robot, FOLLOW, -1, v, t - 1)
+                count = _add(conflicts, count, other, robot, FOLLOW, -1, v, t - 1)
             visit = visitor(occupancy, v, t - 1, visit)
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _left_too_late(store, occupancy, robot, u, v, t, found, count):
+def _left_too_late(store, occupancy, robot, u, v, t, conflicts, count):
     """Others that enter u as the robot leaves it for v; of two that swap, `_entered_too_early` finds the conflict."""
     if t < steps_known(occupancy):
         visit = visitor(occupancy, u, t, 0)
@@ -131,16 +131,16 @@ def _left_too_late(store, occupancy, robot, u, v, t, found, count):
             other = visit - t * len(occupancy.record) - 1
             came = place(store, occupancy.record[other], t - 1)
             if came != u and came != v:
-                count = _add(found, count, robot, other, FOLLOW, -1, u, t - 1)
+                count = _add(conflicts, count, robot, other, FOLLOW, -1, u, t - 1)
             visit = visitor(occupancy, u, t, visit)
     parked = np.int64(occupancy.parked[u])
     if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
-        count = _add(found, count, robot, parked, FOLLOW, -1, u, t - 1)
+        count = _add(conflicts, count, robot, parked, FOLLOW, -1, u, t - 1)
     return count
 
 
 @kernel(allocates=False)
-def _clashes(instance, store, occupancy, robot, cost, u, v, t, found, count):
+def _clashes(instance, store, occupancy, robot, cost, u, v, t, conflicts, count):
     """Others whose moves to step t clash with the robot's from u to v."""
     clashes, num_robots, before = instance.clashes, len(occupancy.record), count
     move = move_of(instance.first, instance.head, u, v)
@@ -150,10 +150,10 @@ def _clashes(instance, store, occupancy, robot, cost, u, v, t, found, count):
             if step < steps_known(occupancy):
                 visit = visitor(occupancy, w, step, 0)
                 while visit:
-                    count = _add_clash(store, occupancy, robot, visit - step * num_robots - 1, cost, t, v, found, before, count)
+                    count = _add_clash(store, occupancy, robot, visit - step * num_robots - 1, cost, t, v, conflicts, before, count)
                     visit = visitor(occupancy, w, step, visit)
         if occupancy.since[w] <= t:
-            count = _add_clash(store, occupancy, robot, np.int64(occupancy.parked[w]), cost, t, v, found, before, count)
+            count = _add_clash(store, occupancy, robot, np.int64(occupancy.parked[w]), cost, t, v, conflicts, before, count)
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
         if t - 1 < steps_known(occupancy):
@@ -161,32 +161,32 @@ def _clashes(instance, store, occupancy, robot, cost, u, v, t, found, count):
             while visit:
                 other = visit - (t - 1) * num_robots - 1
                 if place(store, occupancy.record[other], t) == instance.head[lane]:
-                    count = _add_clash(store, occupancy, robot, other, cost, t, v, found, before, count)
+                    count = _add_clash(store, occupancy, robot, other, cost, t, v, conflicts, before, count)
                 visit = visitor(occupancy, instance.tail[lane], t - 1, visit)
     return count
 
 
 @kernel(allocates=False)
-def _add_clash(store, occupancy, robot, other, cost, t, v, found, before, count):
+def _add_clash(store, occupancy, robot, other, cost, t, v, conflicts, before, count):
     """Write the clash of two robots at a step unless it has been, since there were `before` conflicts."""
-    for k in range(before, min(count, len(found))):
-        if found[k, ONE] + found[k, OTHER] == robot + other and (found[k, ONE] == other or found[k, OTHER] == other):
+    for k in range(before, min(count, len(conflicts))):
+        if conflicts[k, ONE] + conflicts[k, OTHER] == robot + other and (conflicts[k, ONE] == other or conflicts[k, OTHER] == other):
             return count
-    if count > len(found):  # they are only counted, and again when there is room
+    if count > len(conflicts):  # they are only counted, and again when there is room
         return count + 1
     record = occupancy.record[other]
     if cost < t:
-        return _add(found, count, robot, other, CLASH_AT_TARGET, -1, v, t)
+        return _add(conflicts, count, robot, other, CLASH_AT_TARGET, -1, v, t)
     if store.meta[record, COST] < t:
-        return _add(found, count, other, robot, CLASH_AT_TARGET, -1, place(store, record, t), t)
-    return _add(found, count, min(robot, other), max(robot, other), CLASH, -1, v, t)
+        return _add(conflicts, count, other, robot, CLASH_AT_TARGET, -1, place(store, record, t), t)
+    return _add(conflicts, count, min(robot, other), max(robot, other), CLASH, -1, v, t)
 
 
 @kernel(allocates=False)
-def _add(found, count, one, other, kind, tail, at, step):
+def _add(conflicts, count, one, other, kind, tail, at, step):
     """Write a conflict where there is room for it; the number of conflicts with it."""
-    if count < len(found):
-        row = found[count]
+    if count < len(conflicts):
+        row = conflicts[count]
         row[ONE], row[OTHER], row[KIND], row[TAIL], row[AT], row[STEP], row[PRIORITY] = one, other, kind, tail, at, step, UNKNOWN
         row[A0], row[A1], row[B0], row[B1] = 0, 0, 0, 0
     return count + 1

@@ -63,11 +63,11 @@ def _levels(instance, scratch, start, goal, distance, cost):
             return -1
     # backwards: only what leads to the goal stays, packed to the front of each level's room
     begin, end = level[cost], level[cost + 1]
-    kept = 0
+    num_kept = 0
     for k in range(begin, end):
         if member[k] == goal:
-            kept = 1
-    if not kept:
+            num_kept = 1
+    if not num_kept:
         return 0
     member[begin] = goal
     scratch.queue[0] = 1

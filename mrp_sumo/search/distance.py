@@ -59,13 +59,13 @@ class Distances:
             tables.setflags(write=False)
             self._keep(goals, tables)
             return tables
-        found = dict(zip(missing.tolist(), steps_to_all(missing, self.first_in, self.tail_in)))
+        steps_of = dict(zip(missing.tolist(), steps_to_all(missing, self.first_in, self.tail_in)))
         tables = np.empty((len(goals), len(self.first) - 1), np.int32)
         for k, goal in enumerate(goals.tolist()):
-            tables[k] = self._table[goal] if goal in self._table else found[goal]
-        for table in found.values():
+            tables[k] = self._table[goal] if goal in self._table else steps_of[goal]
+        for table in steps_of.values():
             table.setflags(write=False)
-        self._keep(missing, [found[int(g)] for g in missing])
+        self._keep(missing, [steps_of[int(g)] for g in missing])
         tables.setflags(write=False)
         return tables
 
@@ -107,7 +107,7 @@ _shared: WeakKeyDictionary[NavGraph, Distances] = WeakKeyDictionary()
 
 def distances(graph: NavGraph) -> Distances:
     """The tables of this graph, shared by all callers for as long as the graph lives."""
-    found = _shared.get(graph)
-    if found is None:
-        found = _shared[graph] = Distances(graph.first, graph.head)
-    return found
+    shared = _shared.get(graph)
+    if shared is None:
+        shared = _shared[graph] = Distances(graph.first, graph.head)
+    return shared

@@ -58,8 +58,8 @@ def _of_moves(graph: NavGraph, resources: Resources) -> Clashes:
     by_track = np.argsort(resources.track, kind="stable")
     on, lane = _joined(move[~at_vertex], place[~at_vertex] - num_vertices, resources.track[by_track], by_track, len(resources.ends))
     known = move[at_vertex] * num_vertices + place[at_vertex]  # ascending
-    kept = ~(_contains(known, on * num_vertices + graph.tail[lane]) | _contains(known, on * num_vertices + graph.head[lane]))
-    lane_first, lane = _csr(on[kept], lane[kept], num_moves)
+    keep = ~(_contains(known, on * num_vertices + graph.tail[lane]) | _contains(known, on * num_vertices + graph.head[lane]))
+    lane_first, lane = _csr(on[keep], lane[keep], num_moves)
     return Clashes(vertex_first, vertex, lane_first, lane, bool(len(vertex) or len(lane)), False)
 
 
@@ -70,8 +70,8 @@ def _exclusive_places(resources: Resources, num_vertices: int) -> tuple[IntArray
     order = np.argsort(resources.zones_of, kind="stable")
     one, other = _joined(place, resources.zones_of, resources.zones_of[order], place[order], num_zones + len(resources.group_name))
     resource = np.repeat(resources.zones_of, np.bincount(resources.zones_of)[resources.zones_of]) if len(place) else place
-    kept = (one != other) | (resource >= num_zones) & (one < num_vertices)
-    one, other = one[kept], other[kept]
+    keep = (one != other) | (resource >= num_zones) & (one < num_vertices)
+    one, other = one[keep], other[keep]
     order = np.lexsort((other, one))
     return one[order], other[order]
 

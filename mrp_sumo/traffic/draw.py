@@ -130,22 +130,22 @@ def draw_by_type(
     what = "vertices" if anywhere else "stations"
     stations = [drawn_among(graph, anywhere=anywhere) for graph in graphs]
     some = np.unique(np.concatenate([*stations, start[start >= 0], goal[goal >= 0]]))
-    shared, found = _shared(graphs[0], some, separation_m), []
-    for purpose, given in ((STARTS, start), (GOALS, goal)):
-        chosen, taken, rng = given.copy(), set[tuple[str, int]](), np.random.default_rng([seed, purpose])
-        for v in given[given >= 0].tolist():
+    shared, drawn = _shared(graphs[0], some, separation_m), []
+    for purpose, named in ((STARTS, start), (GOALS, goal)):
+        chosen, taken, rng = named.copy(), set[tuple[str, int]](), np.random.default_rng([seed, purpose])
+        for v in named[named >= 0].tolist():
             taken |= {*shared.get(v, ()), ("vertex", v)}
         for k in sorted(np.unique(kind).tolist(), key=lambda k: len(stations[k])):
-            robots = np.flatnonzero((kind == k) & (given < 0)).tolist()
+            robots = np.flatnonzero((kind == k) & (named < 0)).tolist()
             for v in rng.permutation(stations[k]).tolist() if robots else ():
                 own = {*shared.get(v, ()), ("vertex", v)}
                 if robots and taken.isdisjoint(own):
                     taken |= own
                     chosen[robots.pop(0)] = v
-            count = int(np.count_nonzero((kind == k) & (given < 0)))
+            count = int(np.count_nonzero((kind == k) & (named < 0)))
             _enough(count - len(robots), count, f"{what} on which robots of that type may stand at once, beside all others")
-        found.append(chosen)
-    return found[0], found[1]
+        drawn.append(chosen)
+    return drawn[0], drawn[1]
 
 
 def main_piece(graph: PlanGraph, among: IntArray | None = None) -> IntArray:
@@ -162,10 +162,10 @@ def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[in
     """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
     shared: dict[int, set[tuple[str, int]]] = {}
     if any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options)):
-        found = resources_of(graph, separation_m)
+        resources = resources_of(graph, separation_m)
         for v in station.tolist():
-            zones = found.zones_at(v, 0)
-            if groups := {("group", int(g)) for g in zones[zones >= len(found.zone)]}:
+            zones = resources.zones_at(v, 0)
+            if groups := {("group", int(g)) for g in zones[zones >= len(resources.zone)]}:
                 shared[v] = groups
     near = pairs_within(graph.xy[station], separation_m - 1e-9) if separation_m > 0 else np.zeros((0, 2), np.int64)
     for pair, (a, b) in enumerate(station[near].tolist()):

@@ -57,8 +57,8 @@ class Verdict:
         if not self.conflicts:
             return "valid"
         listed = [describe(c, problem) for c in self.conflicts[:limit]]
-        found = f"{len(self.conflicts)} conflicts" if len(self.conflicts) != 1 else "1 conflict"
-        return f"{found}: " + "; ".join(listed) + ("; ..." if len(self.conflicts) > limit else "")
+        text = f"{len(self.conflicts)} conflicts" if len(self.conflicts) != 1 else "1 conflict"
+        return f"{text}: " + "; ".join(listed) + ("; ..." if len(self.conflicts) > limit else "")
 
 
 def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_seconds: bool = False) -> Verdict:
@@ -200,15 +200,15 @@ def _edge_conflicts(plan: Plan, num_vertices: int) -> list[Conflict]:
     tail, head = plan.vertex[k], plan.vertex[k + 1]
     depart, arrive = plan.depart_s[k], plan.arrive_s[k + 1]
     both = np.minimum(tail, head) * num_vertices + np.maximum(tail, head)
-    found = []
+    conflicts = []
     for i, j in _overlaps(both, depart + EPSILON_S / 2, arrive - EPSILON_S / 2):
         if robot[k[i]] == robot[k[j]]:
             continue
         overtakes = (depart[i] - depart[j]) * (arrive[i] - arrive[j]) < 0
         if tail[i] != tail[j] or overtakes:
             first = i if robot[k[i]] < robot[k[j]] else j
-            found.append(_conflict("edge", robot[k[i]], robot[k[j]], tail[first], head[first], max(depart[i], depart[j])))
-    return found
+            conflicts.append(_conflict("edge", robot[k[i]], robot[k[j]], tail[first], head[first], max(depart[i], depart[j])))
+    return conflicts
 
 
 def _following_conflicts(plan: Plan) -> list[Conflict]:

@@ -60,13 +60,13 @@ def reordered(plan: Plan, schedule: Schedule, num_vertices: int) -> Schedule:
 
 def _pairs(schedule: Schedule, undone: IntArray, resource: IntArray) -> list[tuple[int, int]]:
     """Passages of different robots at one resource."""
-    found = []
+    pairs = []
     for q in np.unique(resource[undone]).tolist():
         block = undone[resource[undone] == q].tolist()
-        found += [(a, b) for k, a in enumerate(block) for b in block[k + 1 :] if schedule.robot[a] != schedule.robot[b]]
-        if len(found) > MOST_PAIRS:
+        pairs += [(a, b) for k, a in enumerate(block) for b in block[k + 1 :] if schedule.robot[a] != schedule.robot[b]]
+        if len(pairs) > MOST_PAIRS:
             break
-    return found
+    return pairs
 
 
 def _decided(plan: Plan, schedule: Schedule, pairs: list[tuple[int, int]], after: dict[int, list[int]]) -> dict[tuple[int, int], bool]:

@@ -66,9 +66,9 @@ class Resources:
         row = kind * self.num_places + place
         return self.zones_of[self.zones_first[row] : self.zones_first[row + 1]]
 
-    def on_lanes(self, kept: BoolArray) -> "Resources":
+    def on_lanes(self, lanes: BoolArray) -> "Resources":
         """The same resources, on a graph that has these lanes [L] only."""
-        return replace(self, track=self.track[kept], leave_m=self.leave_m[:, kept], enter_m=self.enter_m[:, kept])
+        return replace(self, track=self.track[lanes], leave_m=self.leave_m[:, lanes], enter_m=self.enter_m[:, lanes])
 
 
 def resources_of(graph: NavGraph, apart_m: float | FloatArray) -> Resources:
@@ -247,10 +247,10 @@ def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation:
         beside = separation / sin  # beyond it, the other track's line is far enough
         beyond = reach * cos + np.sqrt(np.maximum(separation**2 - (reach * sin) ** 2, 0))  # beyond it, its end is
         clear = np.where(cos <= 0, separation, np.where(separation * cos <= reach * sin, beside, beyond))
-    found = np.full(2 * num_tracks, separation)
-    np.maximum.at(found, half, clear)
-    found = np.minimum(found, np.tile(length, 2) - LEFT_M)
-    return found[:num_tracks], found[num_tracks:]
+    clearance_m = np.full(2 * num_tracks, separation)
+    np.maximum.at(clearance_m, half, clear)
+    clearance_m = np.minimum(clearance_m, np.tile(length, 2) - LEFT_M)
+    return clearance_m[:num_tracks], clearance_m[num_tracks:]
 
 
 def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[IntArray, FloatArray]:
@@ -292,25 +292,25 @@ def _by_types(pair: IntArray, away_m: FloatArray, apart_m: FloatArray) -> tuple[
     zone with him, and nobody else has one.
     """
     excludes = away_m[:, None, None] < apart_m - 1e-9  # [P, K at the first place, K at the second]
-    found, first, second = [], [], []
+    parts, first, second = [], [], []
     for kind in range(len(apart_m)):
         theirs = excludes[:, kind]
         known = np.zeros(len(pair), np.bool_)  # the zone of another type that excludes the same
         for other in range(kind):
             known |= (excludes[:, other] == theirs).all(1)
         new = np.flatnonzero(theirs.any(1) & ~known)
-        found.append(new)
+        parts.append(new)
         first.append((excludes[new] >= theirs[new][:, None]).all(2))
         second.append(theirs[new])
-    which, needs = np.concatenate(found), np.stack([np.concatenate(first), np.concatenate(second)], 1)
+    which, needs = np.concatenate(parts), np.stack([np.concatenate(first), np.concatenate(second)], 1)
     order = np.argsort(which, kind="stable")
     return pair[which[order]], needs[order]
 
 
 def groups_of(options: Options) -> list[str]:
     """The names of the groups that a vertex or lane with these options is in."""
-    found = [str(options["mutex"])] if options.get("mutex") else []
-    return [*found, cabin_group(str(options["cabin"]))] if options.get("cabin") else found
+    names = [str(options["mutex"])] if options.get("mutex") else []
+    return [*names, cabin_group(str(options["cabin"]))] if options.get("cabin") else names
 
 
 def cabin_group(lift: str) -> str:
@@ -323,15 +323,15 @@ def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str
     at_vertex = [(name, v) for v, options in enumerate(graph.vertex_options) for name in groups_of(options)]
     on_track = {(name, int(track[lane])) for lane, options in enumerate(graph.lane_options) for name in groups_of(options)}
     names = tuple(sorted({name for name, _ in at_vertex} | {name for name, _ in on_track}))
-    found: set[tuple[int, int]] = set()
+    members: set[tuple[int, int]] = set()
     degree = np.bincount(ends.reshape(-1), minlength=graph.num_vertices)
     for g, name in enumerate(names):
         tracks = np.array(sorted(t for other, t in on_track if other == name), np.int64)
         inside = np.flatnonzero((np.bincount(ends[tracks].reshape(-1), minlength=graph.num_vertices) == degree) & (degree > 0))
-        found.update((int(t) + graph.num_vertices, g) for t in tracks)
-        found.update((v, g) for other, v in at_vertex if other == name)
-        found.update((int(v), g) for v in inside)
-    pairs = np.array(sorted(found), np.int64).reshape(-1, 2)
+        members.update((int(t) + graph.num_vertices, g) for t in tracks)
+        members.update((v, g) for other, v in at_vertex if other == name)
+        members.update((int(v), g) for v in inside)
+    pairs = np.array(sorted(members), np.int64).reshape(-1, 2)
     return names, pairs[:, 0], pairs[:, 1]
 
 

@@ -139,10 +139,10 @@ class SumoEngine:
     def _check_network(self, visits: Visits) -> None:
         """Refuse a network whose edges for the lanes of these visits are not those of the graph."""
         for lane in np.unique(visits.lane[visits.lane >= 0]).tolist():
-            found, expected = self._sumo.lane_length_m(self._edge[lane]), max(float(self._graph.length_m[lane]), SHORTEST_M)
-            if abs(found - expected) > 1e-5:
+            made_m, expected = self._sumo.lane_length_m(self._edge[lane]), max(float(self._graph.length_m[lane]), SHORTEST_M)
+            if abs(made_m - expected) > 1e-5:
                 raise ExecutionError(
-                    f"edge '{self._edge[lane]}' of the network is {found:g} m long, expected {expected:g} m: it was not made of this graph"
+                    f"edge '{self._edge[lane]}' of the network is {made_m:g} m long, expected {expected:g} m: it was not made of this graph"
                 )
 
     def _raise_limits(self, speed_mps: float) -> None:

@@ -92,22 +92,22 @@ def excerpt(text: str, graph: NavGraph, lanes: IntArray, onward: IntArray) -> st
         [K, 2] pairs of them that robots may pass one after the other.
     """
     edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
-    kept = {edge[lane] for lane in lanes.tolist()}
+    edges = {edge[lane] for lane in lanes.tolist()}
     passed = {(edge[before], edge[after]) for before, after in onward.tolist()}
     touched = set(map(str, np.union1d(graph.tail[lanes], graph.head[lanes]).tolist()))
 
     def shorten(element: re.Match[str]) -> str:
         name, before, after, vertex = element.groups()
         if name is not None:
-            if name not in kept:
+            if name not in edges:
                 return ""
             opposite = OPPOSITE.search(element[0])
-            return element[0] if opposite is None or opposite[1] in kept else element[0].replace(opposite[0], "", 1)
+            return element[0] if opposite is None or opposite[1] in edges else element[0].replace(opposite[0], "", 1)
         if vertex is None:
             return element[0] if (before, after) in passed else ""
         if vertex not in touched:
             return ""
-        return INCOMING.sub(lambda found: " ".join(lane for lane in found[0].split() if lane.removesuffix("_0") in kept), element[0])
+        return INCOMING.sub(lambda found: " ".join(lane for lane in found[0].split() if lane.removesuffix("_0") in edges), element[0])
 
     return ELEMENT.sub(shorten, text)
 
@@ -191,9 +191,9 @@ def _straight(text: str, graph: NavGraph, edges: list[str]) -> str:
     drawn = re.compile(r' shape="[^"]*"')
 
     def straighten(tag: re.Match[str]) -> str:
-        found = named.search(tag[0])
-        assert found is not None
-        return drawn.sub(f' shape="{shape[found[1]]}"', tag[0])
+        match = named.search(tag[0])
+        assert match is not None
+        return drawn.sub(f' shape="{shape[match[1]]}"', tag[0])
 
     half = _width_m(graph) / 2
 

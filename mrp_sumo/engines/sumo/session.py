@@ -86,9 +86,9 @@ class Sumo:
     def begin(self) -> None:
         """The step in which all robots appear. That they keep apart is left to who commands them."""
         self._api.simulationStep()
-        found = self._vehicle.getIDCount()
-        if found != len(self._name):
-            raise ExecutionError(f"SUMO inserted {found} of {len(self._name)} robots")
+        count = self._vehicle.getIDCount()
+        if count != len(self._name):
+            raise ExecutionError(f"SUMO inserted {count} of {len(self._name)} robots")
         for name in self._name:
             self._take_command(name)
         self._base = np.fromiter(map(self._vehicle.getDistance, self._name), np.float64, len(self._name))

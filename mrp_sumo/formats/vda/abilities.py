@@ -117,14 +117,14 @@ def _check_actions(order: Order, used: Set[str]) -> None:
 
 def duration_s(action: Action) -> float:
     """How long an action takes: as its parameter `duration` says, which may be a number or text."""
-    found = action.parameters.get("duration")
-    return ACTION_S[action.kind] if found is None else float(found)
+    duration = action.parameters.get("duration")
+    return ACTION_S[action.kind] if duration is None else float(duration)
 
 
 def _duration_fault(action: Action) -> str:
-    found: Any = action.parameters.get("duration", 0.0)
+    duration: Any = action.parameters.get("duration", 0.0)
     try:
-        value = float(found) if isinstance(found, str | int | float) and not isinstance(found, bool) else math.nan
+        value = float(duration) if isinstance(duration, str | int | float) and not isinstance(duration, bool) else math.nan
     except (ValueError, OverflowError):
         value = math.nan
     return "" if 0 <= value <= LONGEST_ACTION_S else f"actionParameters: duration, expected 0 to {LONGEST_ACTION_S:g} s"

@@ -140,11 +140,11 @@ def check(lines: Iterable[str]) -> Iterator[Fault]:
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
-        found = _read(line)
-        if isinstance(found, str):
-            yield Fault(number, "?", found)
+        entry = _read(line)
+        if isinstance(entry, str):
+            yield Fault(number, "?", entry)
             continue
-        t_s, topic, payload = found
+        t_s, topic, payload = entry
         if t_s < last_s:
             yield Fault(number, topic, f"t_s {t_s:g} comes after {last_s:g}")
         last_s = max(last_s, t_s)
@@ -166,12 +166,12 @@ def _read(line: str) -> tuple[float, str, Mapping[str, Any]] | str:
     if len(line) > LONGEST_LINE:
         return f"a line of {len(line)} characters; more than {LONGEST_LINE} are not read"
     try:
-        found = json_value(line, largest=LARGEST)
+        document = json_value(line, largest=LARGEST)
     except (ValueError, RecursionError):
         return f"not JSON with numbers up to {LARGEST:g}"
-    if not isinstance(found, dict):
+    if not isinstance(document, dict):
         return "expected an object with t_s, topic and payload"
-    t_s, topic, payload = (found.get(key) for key in ("t_s", "topic", "payload"))
+    t_s, topic, payload = (document.get(key) for key in ("t_s", "topic", "payload"))
     if type(t_s) not in NUMBER or not isinstance(topic, str) or not isinstance(payload, dict):
         return "expected a number t_s, text topic and an object payload"
     return float(t_s or 0), topic, payload
@@ -237,21 +237,21 @@ class _Message:
         return iter(())
 
     def _instantActions(self) -> Iterator[str]:
-        for i, given in enumerate(self.payload["actions"]):
-            wrong = list(members(given, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, f"actions[{i}]"))
+        for i, action in enumerate(self.payload["actions"]):
+            wrong = list(members(action, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, f"actions[{i}]"))
             yield from wrong
             if not wrong:
-                if given["actionId"] in self.vehicle.instant:
-                    yield f"actions[{i}].actionId '{given['actionId'][:WORDS]}' was used before"
-                self.vehicle.instant.add(given["actionId"])
+                if action["actionId"] in self.vehicle.instant:
+                    yield f"actions[{i}].actionId '{action['actionId'][:WORDS]}' was used before"
+                self.vehicle.instant.add(action["actionId"])
 
     def _order(self) -> Iterator[str]:
         nodes, edges = self.payload["nodes"], self.payload["edges"]
         ends = {"startNodeId": TEXT, "endNodeId": TEXT} if self.rules == "2" else {}
         wrong = [
             text
-            for what, given, needed in (("node", nodes, NODE), ("edge", edges, EDGE | ends))
-            for i, one in enumerate(given)
+            for what, items, needed in (("node", nodes, NODE), ("edge", edges, EDGE | ends))
+            for i, one in enumerate(items)
             for text in members(one, needed, f"{what}s[{i}]", ALLOWED[self.rules][what])
         ]
         if not nodes:
@@ -275,8 +275,8 @@ class _Message:
         first = nodes[0]["sequenceId"]
         if first % 2:
             yield f"nodes[0].sequenceId is {first}, expected an even number"
-        for what, given, begin in (("nodes", nodes, first), ("edges", edges, first + 1)):
-            for i, one in enumerate(given):
+        for what, items, begin in (("nodes", nodes, first), ("edges", edges, first + 1)):
+            for i, one in enumerate(items):
                 if one["sequenceId"] != begin + 2 * i:
                     yield f"{what}[{i}].sequenceId is {one['sequenceId']}, expected {begin + 2 * i}"
                     break
@@ -327,11 +327,11 @@ class _Message:
         vehicle.ahead = {one["sequenceId"]: one for one in both if not one["released"]}
         for one in both:
             place = (vehicle.order_id, one["sequenceId"])
-            for given in one["actions"]:
-                wrong = list(members(given, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, "actions"))
+            for action in one["actions"]:
+                wrong = list(members(action, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, "actions"))
                 yield from wrong
-                if not wrong and vehicle.actions.setdefault(given["actionId"], place) != place:
-                    yield f"actionId '{given['actionId'][:WORDS]}' was used before"
+                if not wrong and vehicle.actions.setdefault(action["actionId"], place) != place:
+                    yield f"actionId '{action['actionId'][:WORDS]}' was used before"
 
     def _state(self) -> Iterator[str]:
         payload, vehicle = self.payload, self.vehicle
@@ -468,23 +468,23 @@ def seconds_of(stamp: object) -> float | None:
         return None
 
 
-def members(given: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:
+def members(document: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:
     """What is wrong with the members of an object; with `allowed`, also those of an unknown name."""
-    if not isinstance(given, Mapping):
+    if not isinstance(document, Mapping):
         yield f"{at}: expected an object"
         return
     inside = f"{at}." if at else ""
     for key, kind in needed.items():
-        if key not in given:
+        if key not in document:
             yield f"{inside}{key} is missing"
             continue
-        value = given[key]
+        value = document[key]
         right = type(value) is int if kind is int else isinstance(value, kind) and not (kind == NUMBER and isinstance(value, bool))
         if not right:
             yield f"{inside}{key} is {str(value)[:WORDS]}, expected {_NAMES[kind]}"
         elif kind is int and value < 0:
             yield f"{inside}{key} is {value}, expected 0 or more"
-    for key in given if allowed is not None else ():
+    for key in document if allowed is not None else ():
         if key not in needed and key not in (*HEADER, *(allowed or ())):
             yield f"{inside}{str(key)[:WORDS]} is unknown{nearest(str(key)[:WORDS], [*needed, *(allowed or ())])}"
 
@@ -504,6 +504,6 @@ def _plain(one: Mapping[str, Any]) -> Any:
     return {key: value for key, value in one.items() if key not in ("nodeDescriptor", "nodeDescription")}
 
 
-def _listed(found: list[Any]) -> str:
-    names = [f"{sequence} {str(name)[:20]}{'' if released else ' (horizon)'}" for sequence, name, released in found[:3]]
-    return (", ".join(names) + (f" and {len(found) - 3} more" if len(found) > 3 else "")) or "none"
+def _listed(items: list[Any]) -> str:
+    names = [f"{sequence} {str(name)[:20]}{'' if released else ' (horizon)'}" for sequence, name, released in items[:3]]
+    return (", ".join(names) + (f" and {len(items) - 3} more" if len(items) > 3 else "")) or "none"

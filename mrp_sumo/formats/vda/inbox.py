@@ -97,13 +97,13 @@ def _cancel_order(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
 
 def _init_position(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
     """A simulated vehicle is where it is: a position that agrees has it localized again, another is refused."""
-    given, body = doing.action.parameters, vehicle.body
-    numbers: list[Any] = [given.get(key) for key in ("x", "y", "theta")]
+    parameters, body = doing.action.parameters, vehicle.body
+    numbers: list[Any] = [parameters.get(key) for key in ("x", "y", "theta")]
     if not all(type(value) in (int, float) and abs(value) < 1e9 for value in numbers):
         raise RefusalError(errors.INSTANT_ACTION, "expected the numbers x, y and theta")
     x, y, theta = numbers
     off_m, off_rad = math.hypot(x - body.x_m, y - body.y_m), abs(math.remainder(theta - body.yaw_rad, 2 * math.pi))
-    if off_m > SAME_POSE_M or off_rad > SAME_POSE_RAD or given.get("mapId", body.map_id) != body.map_id:
+    if off_m > SAME_POSE_M or off_rad > SAME_POSE_RAD or parameters.get("mapId", body.map_id) != body.map_id:
         raise RefusalError(errors.INSTANT_ACTION, f"that is {off_m:.2f} m and {off_rad:.2f} rad from where the vehicle is")
     vehicle.faults.pop(LOST, None)
     doing.end(FINISHED)
@@ -123,10 +123,10 @@ def _clear_fault(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
 
 
 def _fault(action: Action) -> str:
-    found = action.parameters.get("fault")
-    if found not in FAULTS:
+    fault = action.parameters.get("fault")
+    if fault not in FAULTS:
         raise RefusalError(errors.INSTANT_ACTION, f"fault: expected one of {', '.join(FAULTS)}")
-    return str(found)
+    return str(fault)
 
 
 DO: dict[str, Callable[[Vehicle, Doing, float], None]] = {

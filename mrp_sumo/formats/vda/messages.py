@@ -70,14 +70,14 @@ class Dialect:
         self, name: str, sequence: int, released: bool, ends: tuple[str, str], length_m: float, limit_mps: float, backward: bool = False
     ) -> Json:
         """An edge of an order, between nodes."""
-        found: Json = {"edgeId": name, "sequenceId": sequence, "released": released}
+        document: Json = {"edgeId": name, "sequenceId": sequence, "released": released}
         if not self.is_new:
-            found |= {"startNodeId": ends[0], "endNodeId": ends[1]}
+            document |= {"startNodeId": ends[0], "endNodeId": ends[1]}
         if math.isfinite(limit_mps):
-            found["maximumSpeed" if self.is_new else "maxSpeed"] = _short(limit_mps)
+            document["maximumSpeed" if self.is_new else "maxSpeed"] = _short(limit_mps)
         if backward:
-            found |= {"orientation": 3.14159265, "orientationType": "TANGENTIAL"}
-        return found | {"length": _short(length_m), "actions": []}
+            document |= {"orientation": 3.14159265, "orientationType": "TANGENTIAL"}
+        return document | {"length": _short(length_m), "actions": []}
 
 
 @dataclass
@@ -121,10 +121,10 @@ def node(
 
 def action(kind: str, name: str, blocking: str = "NONE", **parameters: Any) -> Json:
     """An action; blocking NONE, SOFT or HARD."""
-    found: Json = {"actionType": kind, "actionId": name, "blockingType": blocking}
+    document: Json = {"actionType": kind, "actionId": name, "blockingType": blocking}
     if parameters:
-        found["actionParameters"] = [{"key": key, "value": value} for key, value in parameters.items()]
-    return found
+        document["actionParameters"] = [{"key": key, "value": value} for key, value in parameters.items()]
+    return document
 
 
 def state(
@@ -195,8 +195,8 @@ def state(
 
 def states_of(order: Mapping[str, Any], passed: int) -> tuple[list[Json], list[Json]]:
     """What a state says of the nodes and edges of an order that come after a sequence number."""
-    kept = ("nodeId", "sequenceId", "released", "nodePosition")
-    nodes = [{key: n[key] for key in kept if key in n} for n in order["nodes"] if n["sequenceId"] > passed]
+    members = ("nodeId", "sequenceId", "released", "nodePosition")
+    nodes = [{key: n[key] for key in members if key in n} for n in order["nodes"] if n["sequenceId"] > passed]
     edges = [{key: e[key] for key in ("edgeId", "sequenceId", "released")} for e in order["edges"] if e["sequenceId"] > passed]
     for n in nodes:  # positions of states have no more than these
         if "nodePosition" in n:
@@ -275,14 +275,14 @@ def factsheet(
 
 def serials_of(names: Sequence[str]) -> list[str]:
     """Serial numbers for names, of the characters that topics may have; each another, and none with a meaning as a path."""
-    found: list[str] = []
+    serials: list[str] = []
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_.:-]", "_", name)[:60].lstrip(".") or "robot"
         serial, number = plain, 2
-        while serial in found:
+        while serial in serials:
             serial, number = f"{plain}_{number}", number + 1
-        found.append(serial)
-    return found
+        serials.append(serial)
+    return serials
 
 
 def line_of(t_s: float, topic: str, payload: Mapping[str, Any]) -> str:

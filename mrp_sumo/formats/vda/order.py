@@ -124,12 +124,12 @@ def read_document(payload: bytes) -> Json:
     if len(payload) > LONGEST_PAYLOAD:
         raise RefusalError(TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
     try:
-        found = json_value(payload, finite=True)
+        document = json_value(payload, finite=True)
     except (ValueError, RecursionError):
         raise RefusalError(MALFORMED, "not JSON") from None
-    if not isinstance(found, dict):
+    if not isinstance(document, dict):
         raise RefusalError(MALFORMED, "expected an object")
-    return found
+    return document
 
 
 def check_header(document: Json, dialect: Dialect, manufacturer: str, serial: str) -> None:
@@ -291,10 +291,10 @@ def _edge(one: Any, at: str, dialect: Dialect) -> Edge:
     )
 
 
-def _actions(found: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
-    if len(found) > MOST_ACTIONS:
-        raise RefusalError(TOO_LARGE, f"{at}: {len(found)}, expected {MOST_ACTIONS} at most")
-    for i, one in enumerate(found):
+def _actions(documents: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
+    if len(documents) > MOST_ACTIONS:
+        raise RefusalError(TOO_LARGE, f"{at}: {len(documents)}, expected {MOST_ACTIONS} at most")
+    for i, one in enumerate(documents):
         _require(one, ACTION, f"{at}[{i}]", OPTIONAL["action"])
         for key in ("actionId", "actionType"):
             _require_id(one[key], f"{at}[{i}].{key}")
@@ -313,31 +313,31 @@ def _actions(found: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
         yield Action(one["actionType"], one["actionId"], one["blockingType"], parameters)
 
 
-def _require(found: Any, needed: Mapping[str, Any], at: str, optional: Mapping[str, Any] | None = None) -> None:
+def _require(document: Any, needed: Mapping[str, Any], at: str, optional: Mapping[str, Any] | None = None) -> None:
     """Refuse an object that lacks a member, has one of another type, or a number without end."""
-    present = {key: kind for key, kind in (optional or {}).items() if isinstance(found, dict) and key in found}
-    for text in members(found, {**needed, **present}, at):
+    present = {key: kind for key, kind in (optional or {}).items() if isinstance(document, dict) and key in document}
+    for text in members(document, {**needed, **present}, at):
         raise RefusalError(MALFORMED, text)
     for key, kind in {**needed, **present}.items():
-        value = found[key]
+        value = document[key]
         if kind in (int, NUMBER) and not abs(value) <= LARGEST:
             raise RefusalError(MALFORMED, f"{at}{'.' if at else ''}{key} is {str(value)[:WORDS]}, expected at most {LARGEST}")
 
 
-def _within(found: Json, ranges: Mapping[str, tuple[float, float]], at: str) -> None:
+def _within(document: Json, ranges: Mapping[str, tuple[float, float]], at: str) -> None:
     """Refuse numbers beyond what they may be."""
     for key, (least, most) in ranges.items():
-        if key in found and not least <= found[key] <= most:
+        if key in document and not least <= document[key] <= most:
             expected = f"{least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
             hint = ": radians" if PI in (most, 2 * most) else ""
-            raise RefusalError(MALFORMED, f"{at}.{key} is {found[key]:g}, expected {expected}{hint}")
+            raise RefusalError(MALFORMED, f"{at}.{key} is {document[key]:g}, expected {expected}{hint}")
 
 
-def _says(found: Json, at: str, dialect: Dialect) -> None:
+def _says(document: Json, at: str, dialect: Dialect) -> None:
     """Refuse words that are none of those that are listed."""
     for key, words in WORDS_FOR[dialect.is_new].items():
-        if key in found and found[key] not in words:
-            raise RefusalError(MALFORMED, f"{at}.{key} is '{found[key][:WORDS]}', expected one of {', '.join(words)}")
+        if key in document and document[key] not in words:
+            raise RefusalError(MALFORMED, f"{at}.{key} is '{document[key][:WORDS]}', expected one of {', '.join(words)}")
 
 
 def _require_id(text: str, at: str) -> None:

@@ -69,11 +69,11 @@ def read_log(path: Path) -> Log:
 
 def _read_line(log: Log, line: str, where: str) -> None:
     try:
-        found = json_value(line, largest=LARGEST)
+        document = json_value(line, largest=LARGEST)
     except (ValueError, RecursionError):
         raise MrpSumoError(f"{where}: not JSON" + (", or longer than is read" if len(line) > LONGEST_LINE else "")) from None
-    _require(found, {"topic": TEXT, "payload": OBJECT}, "", where)
-    parts, payload = found["topic"].split("/"), found["payload"]
+    _require(document, {"topic": TEXT, "payload": OBJECT}, "", where)
+    parts, payload = document["topic"].split("/"), document["payload"]
     if len(parts) < 3 or parts[-1] not in READ:
         return
     is_new = any(part.startswith("v3") for part in parts[:-3])
@@ -162,6 +162,6 @@ def _read_factsheet(vehicle: Recorded, payload: Mapping[str, Any], is_new: bool)
             vehicle.body[name] = float(value)
 
 
-def _require(found: Any, needed: Mapping[str, Any], at: str, where: str) -> None:
-    for text in members(found, needed, at):
+def _require(document: Any, needed: Mapping[str, Any], at: str, where: str) -> None:
+    for text in members(document, needed, at):
         raise MrpSumoError(f"{where}: {text}")

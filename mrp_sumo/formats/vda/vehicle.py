@@ -110,21 +110,21 @@ class Vehicle:
         """
         if self.cancels or any(doing.is_due and doing.action.stops and not doing.is_over for doing in self.doings.values()):
             return []
-        found, before = [], self.at
+        path, before = [], self.at
         for node, edge, after in self._ahead():
             if not node.released:
                 break
             if node.sequence > self.given:
-                found.append((node, edge))
+                path.append((node, edge))
             came_rad = self.site.arrival_rad(before, node.name)
             if self._stands_at(node, after) or not node.is_faced(self.body.yaw_rad if math.isnan(came_rad) else came_rad, FACES_RAD):
                 break
             before = node.name
-        return found
+        return path
 
-    def sent(self, way: Sequence[tuple[Node, Edge]]) -> None:
+    def sent(self, path: Sequence[tuple[Node, Edge]]) -> None:
         """The body has been sent along some of `new_way`."""
-        self.given = way[-1][0].sequence
+        self.given = path[-1][0].sequence
         self.charging = False
 
     def reach(self, sequence: int, now_s: float) -> None:
@@ -207,13 +207,13 @@ class Vehicle:
         done = {action.name for action in first.actions}
         used = {name for name in self.doings if self._is_base(name)} - done
         check_order(order, self.site, known, used)
-        kept = (end.sequence - self.passed) // 2  # nodes of the base that are still ahead
-        horizon: list[Node | Edge] = [*self.nodes[kept:], *self.edges[kept:]]
+        ahead = (end.sequence - self.passed) // 2  # nodes of the base that are still ahead
+        horizon: list[Node | Edge] = [*self.nodes[ahead:], *self.edges[ahead:]]
         names = {action.name for one in horizon for action in one.actions}
         self.doings = {name: doing for name, doing in self.doings.items() if name not in names}  # of the old horizon
-        self.nodes, self.edges = [*self.nodes[:kept], *order.nodes[1:]], [*self.edges[:kept], *order.edges]
+        self.nodes, self.edges = [*self.nodes[:ahead], *order.nodes[1:]], [*self.edges[:ahead], *order.edges]
         self._note(order, order.nodes[1:])
-        if not kept and self.edges and self.edges[0].released:  # it stands before the edge already
+        if not ahead and self.edges and self.edges[0].released:  # it stands before the edge already
             self._make_due(*self.edges[0].actions)
 
     def _take_order(self, order: Order) -> None:

@@ -190,17 +190,17 @@ class Draft:
             wanted.remove(empty)
         if not wanted:
             raise self.source.fault(f"level '{level}' has no lane")
-        kept = [v for v, k in enumerate(self._level) if self.level_names[k] in wanted and v not in self._twin]
-        number = {v: i for i, v in enumerate(kept)}
+        vertices = [v for v, k in enumerate(self._level) if self.level_names[k] in wanted and v not in self._twin]
+        number = {v: i for i, v in enumerate(vertices)}
         lanes = [lane for lane in lanes if lane.tail in number]
         return nav_graph(
             name=name,
-            xy=[self._xy[v] for v in kept],
+            xy=[self._xy[v] for v in vertices],
             lanes=[(number[lane.tail], number[lane.head]) for lane in lanes],
             level_names=wanted,
-            level=[wanted.index(self.level_names[self._level[v]]) for v in kept],
-            vertex_name=[self._name[v] for v in kept],
-            vertex_options=[self._options[v] for v in kept],
+            level=[wanted.index(self.level_names[self._level[v]]) for v in vertices],
+            vertex_name=[self._name[v] for v in vertices],
+            vertex_options=[self._options[v] for v in vertices],
             speed_mps=[lane.speed_mps for lane in lanes],
             lane_options=[lane.options for lane in lanes],
             source=str(self.source.path),
@@ -224,12 +224,12 @@ class Draft:
         return v
 
     def _joined_lanes(self) -> list[_Lane]:
-        found: dict[tuple[int, int], _Lane] = {}
+        joined: dict[tuple[int, int], _Lane] = {}
         for lane in self._lanes.values():
             tail, head = self._root(lane.tail), self._root(lane.head)
             if tail != head:
-                found.setdefault((tail, head), lane._replace(tail=tail, head=head))
-        return list(found.values())
+                joined.setdefault((tail, head), lane._replace(tail=tail, head=head))
+        return list(joined.values())
 
     def _add(self, tail: int, head: int, speed_mps: float, options: Options) -> None:
         before = self._lanes.get((tail, head))
@@ -238,8 +238,8 @@ class Draft:
             return
         self.notes.add("parallel_lanes", f"from '{self.label(tail)}' to '{self.label(head)}'")
         if before.options.get("load") != options.get("load"):  # one of them serves those with a load, another those without
-            kept = {key: value for key, value in before.options.items() if key != "load"}
-            self._lanes[tail, head] = before._replace(options=kept, speed_mps=max(before.speed_mps, speed_mps))
+            remaining = {key: value for key, value in before.options.items() if key != "load"}
+            self._lanes[tail, head] = before._replace(options=remaining, speed_mps=max(before.speed_mps, speed_mps))
 
     def _ride(self, tail: int, head: int) -> None:
         """A lane between levels: the lift that both ends are in."""
@@ -256,9 +256,9 @@ class Draft:
             if len(chain) == len(bends):
                 near = np.abs(np.array([self._xy[v] for v in reversed(chain)]) - np.asarray(bends)).max() < SAME_PLACE_M
                 if near:
-                    found = chain[::-1]
-                    self._chains.setdefault((tail, head), []).append(found)
-                    return found
+                    back = chain[::-1]
+                    self._chains.setdefault((tail, head), []).append(back)
+                    return back
         return []
 
     def _new_chain(self, tail: int, head: int, bends: Sequence[Sequence[float]]) -> list[int]:
@@ -271,10 +271,10 @@ class Draft:
 
     def _pieces(self, tail: int, head: int) -> list[tuple[int, int]]:
         """The lanes that stand for all lanes from a vertex to another."""
-        found = [(tail, head)] if (tail, head) in self._lanes else []
+        pieces = [(tail, head)] if (tail, head) in self._lanes else []
         for chain in self._chains.get((tail, head), []):
-            found += [pair for pair in zip([tail, *chain], [*chain, head]) if pair in self._lanes]
-        return found
+            pieces += [pair for pair in zip([tail, *chain], [*chain, head]) if pair in self._lanes]
+        return pieces
 
     def _note_extent(self, nav: NavGraph) -> None:
         width, height = np.ptp(nav.xy, axis=0).tolist()
@@ -339,12 +339,12 @@ def polyline_bends(line: FloatArray) -> FloatArray:
     """[N - 2, 2] places between the ends of a polyline; none where it is straight."""
     if len(line) < 3:
         return line[:0]
-    way = line[-1] - line[0]
-    length = float(np.hypot(*way))
+    chord = line[-1] - line[0]
+    length = float(np.hypot(*chord))
     off = line[1:-1] - line[0]
     if length > 0:
-        along = off @ way / length
-        if (np.abs(off[:, 0] * way[1] - off[:, 1] * way[0]) / length < SAME_PLACE_M).all() and (
+        along = off @ chord / length
+        if (np.abs(off[:, 0] * chord[1] - off[:, 1] * chord[0]) / length < SAME_PLACE_M).all() and (
             np.diff(along, prepend=0, append=length) >= 0
         ).all():
             return line[:0]
@@ -356,7 +356,7 @@ def _more(details: Sequence[str]) -> str:
     return f"; and {len(details) - 1} more, which --check lists" if len(details) > 1 else ""
 
 
-def plain_options(given: Mapping[str, Any], taken: Iterable[str] = ()) -> dict[str, Any]:
+def plain_options(members: Mapping[str, Any], taken: Iterable[str] = ()) -> dict[str, Any]:
     """Members of a JSON object that options can hold: one value each."""
     left = set(taken)
-    return {str(k): v for k, v in given.items() if k not in left and isinstance(v, str | int | float | bool)}
+    return {str(k): v for k, v in members.items() if k not in left and isinstance(v, str | int | float | bool)}

@@ -79,11 +79,11 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
         raise
     except Exception as error:  # ezdxf raises anything on damaged entities
         raise _damaged(path, first_line(error)) from None
-    found = {layer: np.concatenate(parts) for layer, parts in strokes.items()}
-    chosen = _chosen(path, found, others, layers, document, shown)
+    layers_of = {layer: np.concatenate(parts) for layer, parts in strokes.items()}
+    chosen = _chosen(path, layers_of, others, layers, document, shown)
     if not chosen:
         raise MapError(f"{shortened(path)}: nothing is drawn: no line, polyline, arc or block on a layer that is shown")
-    drawn = np.concatenate([found[layer] for layer in chosen])
+    drawn = np.concatenate([layers_of[layer] for layer in chosen])
     if not np.isfinite(drawn).all():
         raise _damaged(path, "a coordinate is no number")
     known = unit or OF_HEADER.get(document.header.get("$INSUNITS", 0))
@@ -96,8 +96,8 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
     return Drawing(
         strokes=drawn * UNIT_M[known],
         unit=known,
-        layers={layer: len(found[layer]) for layer in chosen},
-        left_out={layer: len(lines) for layer, lines in found.items() if layer not in chosen},
+        layers={layer: len(layers_of[layer]) for layer in chosen},
+        left_out={layer: len(lines) for layer, lines in layers_of.items() if layer not in chosen},
     )
 
 
@@ -149,16 +149,16 @@ def _lines(entities: Any, flat: float, layer: str = "", depth: int = 0) -> Itera
 
 
 def _chosen(
-    path: Path, found: dict[str, np.ndarray], others: Counter[tuple[str, str]], layers: Sequence[str] | None, document: Any, shown: Any
+    path: Path, lines: dict[str, np.ndarray], others: Counter[tuple[str, str]], layers: Sequence[str] | None, document: Any, shown: Any
 ) -> list[str]:
     """The names of the layers that are read."""
     if layers is None:
-        return [layer for layer in found if layer.lower() in shown or layer.lower() not in {x.dxf.name.lower() for x in document.layers}]
-    drawn = {layer.lower(): layer for layer in found}
+        return [layer for layer in lines if layer.lower() in shown or layer.lower() not in {x.dxf.name.lower() for x in document.layers}]
+    drawn = {layer.lower(): layer for layer in lines}
     known = drawn | {layer.lower(): layer for layer, _ in others} | {layer.dxf.name.lower(): layer.dxf.name for layer in document.layers}
     for name in layers:
         if name.lower() not in known:
-            there = ", ".join(sorted(found)[:12]) + (f" and {len(found) - 12} more" if len(found) > 12 else "")
+            there = ", ".join(sorted(lines)[:12]) + (f" and {len(lines) - 12} more" if len(lines) > 12 else "")
             raise MapError(f"{shortened(path)}: no layer '{name}'{nearest(name, known.values())}; strokes are on {there or 'no layer'}")
         if name.lower() not in drawn:
             holds = ", ".join(f"{n} {kind}" for (layer, kind), n in others.items() if layer.lower() == name.lower())

@@ -36,7 +36,7 @@ class GeoJson:
 
     def detects(self, file: MapFile) -> bool:
         """A collection whose features are of our kinds."""
-        return _collection(file.document) and any("kind" in given for given in _head(file.document))
+        return _collection(file.document) and any("kind" in properties for properties in _head(file.document))
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """Vertices, lanes and walls."""
@@ -46,18 +46,18 @@ class GeoJson:
             raise fields.fault("coordinates_m", "missing, so these are degrees, which are not read: convert the building to another format")
         walls: dict[str, list[Any]] = {}
         lanes = []
-        for at, given, geometry in _features(fields, file.document):
-            kind = fields.text(given, "kind", f"{at}.properties")
+        for at, properties, geometry in _features(fields, file.document):
+            kind = fields.text(properties, "kind", f"{at}.properties")
             if kind == "vertex":
-                _our_vertex(fields, draft, at, given, geometry)
+                _our_vertex(fields, draft, at, properties, geometry)
             elif kind == "wall":
-                strokes = walls.setdefault(fields.text(given, "level", at, LEVEL), [])
+                strokes = walls.setdefault(fields.text(properties, "level", at, LEVEL), [])
                 for part in _parts(fields, geometry, at):
                     strokes += pairwise(fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(part))
             elif kind == "lane":
-                lanes.append((at, given))
-        for at, given in lanes:
-            _our_lane(fields, draft, at, given)
+                lanes.append((at, properties))
+        for at, properties in lanes:
+            _our_lane(fields, draft, at, properties)
         building: Building | None = building_of_walls(draft, walls) if walls else None
         return draft.to_map(selection.level, building)
 
@@ -71,7 +71,7 @@ class Nav2Graph:
 
     def detects(self, file: MapFile) -> bool:
         """A collection whose features have identifiers."""
-        return _collection(file.document) and any("startid" in given or "id" in given for given in _head(file.document))
+        return _collection(file.document) and any("startid" in properties or "id" in properties for properties in _head(file.document))
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """Nodes and edges."""
@@ -79,67 +79,67 @@ class Nav2Graph:
         fields, draft = Fields(file.source), Draft(file.source)
         edges = []
         known: dict[int, str] = {}
-        for at, given, geometry in _features(fields, file.document):
-            if "startid" in given or "endid" in given:
-                edges.append((at, given, geometry))
+        for at, properties, geometry in _features(fields, file.document):
+            if "startid" in properties or "endid" in properties:
+                edges.append((at, properties, geometry))
                 continue
-            number = _number(fields, given, "id", at)
+            number = _number(fields, properties, "id", at)
             fields.unique(known, number, f"{at}.properties.id")
             known[number] = at
-            about = fields.object(given, "metadata", f"{at}.properties", {})
+            about = fields.object(properties, "metadata", f"{at}.properties", {})
             name = about.get("name") if isinstance(about.get("name"), str) else None
             xy = fields.point(fields.list(geometry, "coordinates", f"{at}.geometry"), f"{at}.geometry.coordinates")
             draft.add_vertex(number, name or f"node_{number}", xy, LEVEL, **plain_options(about, ("name", "mutex", "is_bend", "lift")))
-        for at, given, geometry in edges:
-            _nav2_edge(fields, draft, at, given, geometry)
+        for at, properties, geometry in edges:
+            _nav2_edge(fields, draft, at, properties, geometry)
         return draft.to_map()
 
 
-def _our_vertex(fields: Fields, draft: Draft, at: str, given: Mapping[str, Any], geometry: Mapping[str, Any]) -> None:
-    number = _number(fields, given, "id", at)
+def _our_vertex(fields: Fields, draft: Draft, at: str, properties: Mapping[str, Any], geometry: Mapping[str, Any]) -> None:
+    number = _number(fields, properties, "id", at)
     fields.unique(draft.path_of, number, f"{at}.properties.id")
     draft.path_of[number] = at
     xy = fields.point(fields.list(geometry, "coordinates", f"{at}.geometry"), f"{at}.geometry.coordinates")
-    name, level = fields.text(given, "name", at, ""), fields.text(given, "level", at, LEVEL)
-    draft.add_vertex(number, name, xy, level, **plain_options(given, ("kind", "id", "name", "level")))
+    name, level = fields.text(properties, "name", at, ""), fields.text(properties, "level", at, LEVEL)
+    draft.add_vertex(number, name, xy, level, **plain_options(properties, ("kind", "id", "name", "level")))
 
 
-def _our_lane(fields: Fields, draft: Draft, at: str, given: Mapping[str, Any]) -> None:
+def _our_lane(fields: Fields, draft: Draft, at: str, properties: Mapping[str, Any]) -> None:
     where = f"{at}.properties"
-    numbers = [_number(fields, given, key, at) for key in ("tail", "head")]
+    numbers = [_number(fields, properties, key, at) for key in ("tail", "head")]
     ends = [draft.vertex.get(number, -1) for number in numbers]
     if -1 in ends:
         key = ("tail", "head")[ends.index(-1)]
-        draft.note_nowhere(f"{where}.{key}", f"no vertex {given[key]}")
+        draft.note_nowhere(f"{where}.{key}", f"no vertex {properties[key]}")
         return
-    speed = fields.number(given, "speed_mps", where, math.inf)
-    options = plain_options(given, LANE_KEYS)
-    for tail, head in (ends, ends[::-1]) if given.get("is_bidirectional") is True else (ends,):
+    speed = fields.number(properties, "speed_mps", where, math.inf)
+    options = plain_options(properties, LANE_KEYS)
+    for tail, head in (ends, ends[::-1]) if properties.get("is_bidirectional") is True else (ends,):
         draft.add_lane(tail, head, speed_mps=speed if speed > 0 else math.inf, options=options)
 
 
-def _nav2_edge(fields: Fields, draft: Draft, at: str, given: Mapping[str, Any], geometry: Mapping[str, Any]) -> None:
+def _nav2_edge(fields: Fields, draft: Draft, at: str, properties: Mapping[str, Any], geometry: Mapping[str, Any]) -> None:
     where = f"{at}.properties"
-    numbers = [_number(fields, given, key, at) for key in ("startid", "endid")]
+    numbers = [_number(fields, properties, key, at) for key in ("startid", "endid")]
     ends = [draft.vertex.get(number, -1) for number in numbers]
     if -1 in ends:
         key = ("startid", "endid")[ends.index(-1)]
-        known = nearest(str(given[key]), map(str, draft.vertex)) if len(draft.vertex) < 2000 else ""
-        draft.note_nowhere(f"{where}.{key}", f"no node {given[key]}{known}")
+        known = nearest(str(properties[key]), map(str, draft.vertex)) if len(draft.vertex) < 2000 else ""
+        draft.note_nowhere(f"{where}.{key}", f"no node {properties[key]}{known}")
         return
-    about = fields.object(given, "metadata", where, {})
+    about = fields.object(properties, "metadata", where, {})
     limit = fields.number(about, "abs_speed_limit", f"{where}.metadata", math.inf)  # speed_limit is per cent of the robot's
-    options = {"edge_id": str(given.get("id", ""))} | plain_options(about, ("mutex", "lift", "abs_speed_limit"))
+    options = {"edge_id": str(properties.get("id", ""))} | plain_options(about, ("mutex", "lift", "abs_speed_limit"))
     bends: Any = ()
     try:
         line = np.array([fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(_line(fields, geometry, at))])
     except MapError:
-        draft.notes.add("trajectory_unusable", f"edge {given.get('id')}; read as straight")
+        draft.notes.add("trajectory_unusable", f"edge {properties.get('id')}; read as straight")
         line = np.zeros((0, 2))
     if len(line) > 2:
         off = max(math.dist(line[0], draft.place(ends[0])), math.dist(line[-1], draft.place(ends[1])))
         if off > OFF_END_M:
-            draft.notes.add("trajectory_off_its_nodes", f"edge {given.get('id')}: {off:.2f} m; read as straight")
+            draft.notes.add("trajectory_off_its_nodes", f"edge {properties.get('id')}: {off:.2f} m; read as straight")
         else:
             bends = polyline_bends(line)
     draft.add_lane(ends[0], ends[1], speed_mps=limit if limit > 0 else math.inf, options=options, bends=bends)
@@ -167,9 +167,9 @@ def _parts(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[list[An
     return places if several else [places]
 
 
-def _number(fields: Fields, given: Mapping[str, Any], key: str, at: str) -> int:
+def _number(fields: Fields, properties: Mapping[str, Any], key: str, at: str) -> int:
     """A whole number that identifies something."""
-    value = fields.number(given, key, f"{at}.properties")
+    value = fields.number(properties, key, f"{at}.properties")
     if value != int(value):
         raise fields.fault(f"{at}.properties.{key}", f"found {value:g}, expected a whole number")
     return int(value)

@@ -109,15 +109,15 @@ class _Layouts:
             v = draft.add_vertex(name, name, xy, level)
             draft.path_of[name] = at
             self.usable[v] = set()
-            for where, types, given in self._properties(node, NODE_TYPES, at):
+            for where, types, properties in self._properties(node, NODE_TYPES, at):
                 self.usable[v].update(types)
                 if not self._chosen(types):
                     continue
-                theta = fields.number(given, "theta", where, None)
+                theta = fields.number(properties, "theta", where, None)
                 if theta is not None:
                     degrees = draft.note_angle(f"theta of '{name}'", theta)
                     draft.set_options(v, theta_rad=math.radians(theta) if degrees else theta)
-                draft.set_options(v, **self._of_actions(given, where))
+                draft.set_options(v, **self._of_actions(properties, where))
 
     def _edges(self, layout: Mapping[str, Any], above: str) -> None:
         fields, draft = self.fields, self.draft
@@ -136,66 +136,66 @@ class _Layouts:
 
     def _edge(self, name: str, tail: int, head: int, properties: Iterable[tuple[str, list[str], Mapping[str, Any]]]) -> None:
         """A lane for the chosen types; where they differ, what the first of them says, with the higher limit of speed."""
-        found: tuple[str, Mapping[str, Any]] | None = None
+        first: tuple[str, Mapping[str, Any]] | None = None
         speed = 0.0
         loads: set[str] = set()
-        for where, types, given in properties:
+        for where, types, own in properties:
             barred = [kind for kind in types if kind not in self.usable[tail] or kind not in self.usable[head]]
             if barred:
                 self.draft.notes.add("edge_without_its_nodes", f"'{name}' is for {', '.join(barred)}, one of its nodes is not")
             self.types.update(types)
             if not self._chosen(types) or self.wanted in barred:
                 continue
-            limit = self.fields.number(given, "maxSpeed" if "maxSpeed" in given else "maximumSpeed", where, math.inf)
+            limit = self.fields.number(own, "maxSpeed" if "maxSpeed" in own else "maximumSpeed", where, math.inf)
             if limit <= 0:
                 self.draft.notes.add("speed_of_nothing", f"'{name}': {limit:g} m/s; read as no limit")
                 limit = math.inf
             speed = max(speed, limit)
-            loads.add(self._load(given, where))
-            found = found or (where, given)
-        if found is None:
+            loads.add(self._load(own, where))
+            first = first or (where, own)
+        if first is None:
             return
-        where, given = found
+        where, own = first
         options: dict[str, Any] = {"edge_id": name}
         if len(loads) == 1 and "" not in loads:
             options["load"] = loads.pop()
             self.draft.notes.add("load_dependent_lanes", f"'{name}': only {options['load']}")
-        options |= self._orientation(name, given, where)
-        line = self._line(name, tail, head, given, where)
+        options |= self._orientation(name, own, where)
+        line = self._line(name, tail, head, own, where)
         self.draft.add_lane(tail, head, speed_mps=speed, options=options, bends=line)
 
-    def _orientation(self, name: str, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+    def _orientation(self, name: str, properties: Mapping[str, Any], where: str) -> dict[str, Any]:
         """Options for how vehicles are turned on an edge, and may turn at its ends."""
-        fields, found = self.fields, {}
-        angles = [fields.number(given, "vehicleOrientation", where, None)]
+        fields, options = self.fields, {}
+        angles = [fields.number(properties, "vehicleOrientation", where, None)]
         for key in ("vehicleOrientations", "mobileRobotOrientations"):
-            angles += [fields.finite(a, f"{where}.{key}[{i}]") for i, a in enumerate(fields.list(given, key, where, []))]
+            angles += [fields.finite(a, f"{where}.{key}[{i}]") for i, a in enumerate(fields.list(properties, key, where, []))]
         known = [a for a in angles if a is not None]
-        if known and fields.text(given, "orientationType", where, "TANGENTIAL") == "TANGENTIAL":
+        if known and fields.text(properties, "orientationType", where, "TANGENTIAL") == "TANGENTIAL":
             turned = [math.radians(a) if self.draft.note_angle(f"orientation of '{name}'", a) else a for a in known]
             if all(abs(abs(math.remainder(a, 2 * math.pi)) - math.pi) < 0.01 for a in turned):
-                found["orientation_constraint"] = "backward"
+                options["orientation_constraint"] = "backward"
         for key, option in (("rotationAtStartNodeAllowed", "turns_at_start"), ("rotationAtEndNodeAllowed", "turns_at_end")):
-            allowed = given.get(key)
+            allowed = properties.get(key)
             if isinstance(allowed, bool):  # as older files have it
                 allowed = "BOTH" if allowed else "NONE"
             if allowed not in FREE_TURNS:
-                found[option] = fields.text({key: allowed}, key, where)
-        if "turns_at_start" in found or "turns_at_end" in found:
+                options[option] = fields.text({key: allowed}, key, where)
+        if "turns_at_start" in options or "turns_at_end" in options:
             self.restricted.append(name)
-        return found
+        return options
 
-    def _load(self, given: Mapping[str, Any], where: str) -> str:
+    def _load(self, properties: Mapping[str, Any], where: str) -> str:
         """'loaded' or 'unloaded' where an edge is for these only, else ''."""
-        rule = self.fields.object(given, "loadRestriction", where, None)
+        rule = self.fields.object(properties, "loadRestriction", where, None)
         if rule is None or bool(rule.get("loaded")) == bool(rule.get("unloaded")):
             return ""
         return "loaded" if rule.get("loaded") else "unloaded"
 
-    def _line(self, name: str, tail: int, head: int, given: Mapping[str, Any], where: str) -> Any:
+    def _line(self, name: str, tail: int, head: int, properties: Mapping[str, Any], where: str) -> Any:
         """The places between the ends of an edge's trajectory, where it has one that leads from node to node."""
         fields = self.fields
-        curve = fields.object(given, "trajectory", where, None)
+        curve = fields.object(properties, "trajectory", where, None)
         if curve is None:
             return ()
         at = f"{where}.trajectory"
@@ -243,37 +243,37 @@ class _Layouts:
                 else:
                     draft.add_station(v, name)
 
-    def _of_actions(self, given: Mapping[str, Any], where: str) -> dict[str, Any]:
+    def _of_actions(self, properties: Mapping[str, Any], where: str) -> dict[str, Any]:
         """Options for what vehicles do at a node."""
         kinds: list[str] = []
         for key in ACTIONS:
-            for i, action in enumerate(self.fields.list(given, key, where, [])):
+            for i, action in enumerate(self.fields.list(properties, key, where, [])):
                 at = f"{where}.{key}[{i}]"
                 kinds.append(self.fields.text(self.fields.mapping(action, at), "actionType", at))
-        found: dict[str, Any] = {"actions": ", ".join(kinds)} if kinds else {}
+        options: dict[str, Any] = {"actions": ", ".join(kinds)} if kinds else {}
         if any("charg" in kind.lower() for kind in kinds):
-            found["is_charger"] = True
-        return found
+            options["is_charger"] = True
+        return options
 
     def _properties(self, holder: Mapping[str, Any], keys: tuple[str, ...], at: str) -> Iterator[tuple[str, list[str], Mapping[str, Any]]]:
         """What a node or edge says of types of vehicles: path, the types, and their properties."""
         fields = self.fields
         key = keys[1] if keys[1] in holder else keys[0]
-        for i, given in enumerate(fields.list(holder, key, at)):
+        for i, properties in enumerate(fields.list(holder, key, at)):
             where = f"{at}.{key}[{i}]"
-            fields.mapping(given, where)
-            if "vehicleTypeId" in given:
-                yield where, [fields.text(given, "vehicleTypeId", where)], given
+            fields.mapping(properties, where)
+            if "vehicleTypeId" in properties:
+                yield where, [fields.text(properties, "vehicleTypeId", where)], properties
                 continue
-            several = "mobileRobotTypes" if "mobileRobotTypes" in given else "vehicleTypeIds"
-            names = fields.list(given, several, where) if several in given else [fields.text(given, "vehicleTypeId", where)]
-            yield where, [self._type(kind, f"{where}.{several}[{j}]") for j, kind in enumerate(names)], given
+            several = "mobileRobotTypes" if "mobileRobotTypes" in properties else "vehicleTypeIds"
+            names = fields.list(properties, several, where) if several in properties else [fields.text(properties, "vehicleTypeId", where)]
+            yield where, [self._type(kind, f"{where}.{several}[{j}]") for j, kind in enumerate(names)], properties
 
-    def _type(self, given: Any, at: str) -> str:
+    def _type(self, properties: Any, at: str) -> str:
         """A type by name, or by manufacturer and series."""
-        if isinstance(given, str):
-            return given
-        kind = self.fields.mapping(given, at)
+        if isinstance(properties, str):
+            return properties
+        kind = self.fields.mapping(properties, at)
         return f"{self.fields.text(kind, 'manufacturer', at)}.{self.fields.text(kind, 'seriesName', at)}"
 
     def _chosen(self, types: Iterable[str]) -> bool:

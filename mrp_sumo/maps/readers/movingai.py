@@ -175,11 +175,11 @@ def vertices_at(graph: PlanGraph, cells: IntArray, height: int) -> IntArray:
         For a cell that is blocked.
     """
     number = {tuple(c): v for v, c in enumerate(np.floor(graph.xy / graph.cell_m).astype(np.int64).tolist())}
-    found = [number.get((int(x), height - 1 - int(y)), -1) for x, y in cells]
-    if -1 in found:
-        x, y = cells[found.index(-1)]
+    vertices = [number.get((int(x), height - 1 - int(y)), -1) for x, y in cells]
+    if -1 in vertices:
+        x, y = cells[vertices.index(-1)]
         raise MapError(f"{graph.name}: cell ({x}, {y}) is blocked")
-    return np.array(found, np.int64)
+    return np.array(vertices, np.int64)
 
 
 def write_grid(free: BoolArray, path: Path) -> None:

@@ -129,12 +129,12 @@ def _lines(document: Document) -> Iterator[str]:
     """The YAML text; vertices and lanes without the general emitter, which takes ten times as long for them."""
     flow: dict[str, str] = {"{}": "{}"}
 
-    def options(given: Options) -> str:
-        key = repr(given)
-        if key not in flow and (plain := _plain(given)):
+    def options(mapping: Options) -> str:
+        key = repr(mapping)
+        if key not in flow and (plain := _plain(mapping)):
             return plain
         if key not in flow:  # as deep as in the document, for long lines break by their indentation
-            text = _dumped({"levels": {"L": {"vertices": [[0, given]]}}})
+            text = _dumped({"levels": {"L": {"vertices": [[0, mapping]]}}})
             flow[key] = text.split("      - ", 1)[1].rstrip("\n")
         return flow[key]
 
@@ -153,16 +153,16 @@ def _lines(document: Document) -> Iterator[str]:
     yield _dumped(after)
 
 
-def _plain(given: Options) -> str:
+def _plain(options: Options) -> str:
     """Options that need neither quotes nor a second line; '' for others."""
     parts = []
-    for key in sorted(given):
-        value = given[key]
+    for key in sorted(options):
+        value = options[key]
         if not PLAIN_NAME.match(key) or not (isinstance(value, bool) or (isinstance(value, str) and PLAIN_NAME.match(value))):
             return ""
         parts.append(f"{key}: {str(value).lower() if isinstance(value, bool) else value}")
-    found = ", ".join(parts)
-    return f"{{{found}}}" if 0 < len(found) < SHORT_LINE else ""
+    text = ", ".join(parts)
+    return f"{{{text}}}" if 0 < len(text) < SHORT_LINE else ""
 
 
 def _dumped(document: Document) -> str:
@@ -189,7 +189,7 @@ def _levels(
     levels = document.get("levels")
     if not isinstance(levels, Mapping):
         raise Misplaced("'levels' is no mapping, so this is no nav graph", "levels")
-    found = {}
+    level_of = {}
     for key, level in levels.items():
         name = str(key)
         if wanted is not None and name not in wanted:
@@ -211,8 +211,8 @@ def _levels(
             if not all(0 <= v < len(xy) for v in lane[:2]):
                 raise Misplaced(f"level {name} lane {k} joins vertices {lane[0]} and {lane[1]}, but there are {len(xy)}", *at)
             lanes.append((lane[0], lane[1], _coerced(lane[2] if len(lane) == 3 else None, f"level {name} lane {k}", at)))
-        found[name] = (np.array(xy, np.float64).reshape(-1, 2), options, lanes)
-    return found
+        level_of[name] = (np.array(xy, np.float64).reshape(-1, 2), options, lanes)
+    return level_of
 
 
 def _assemble(
@@ -244,21 +244,21 @@ def _assemble(
         at = [last[(lv, *p)] for lv, p in zip(level, places.tolist())]
         lanes = [(at[a], at[b], o) for a, b, o in lanes]
     origin_m = origin_of_document(documents[0]) if origin_m is None and documents else origin_m or (0.0, 0.0)
-    kept: dict[tuple[int, int], dict[str, Any]] = {}
+    options_of: dict[tuple[int, int], dict[str, Any]] = {}
     for a, b, options in lanes:
-        if (a, b) not in kept and np.hypot(places[a, 0] - places[b, 0], places[a, 1] - places[b, 1]) >= SHORTEST_LANE_M:
-            kept[a, b] = options
-    limits = [o.get("speed_limit", 0.0) for o in kept.values()]
+        if (a, b) not in options_of and np.hypot(places[a, 0] - places[b, 0], places[a, 1] - places[b, 1]) >= SHORTEST_LANE_M:
+            options_of[a, b] = options
+    limits = [o.get("speed_limit", 0.0) for o in options_of.values()]
     return nav_graph(
         name=name,
         xy=places - origin_m,
-        lanes=list(kept),
+        lanes=list(options_of),
         level_names=level_names or ["L1"],
         level=level,
         vertex_name=_names(vertex_options, distinct=not merge),
         vertex_options=vertex_options,
         speed_mps=[limit if limit > 0 else np.inf for limit in limits],
-        lane_options=list(kept.values()),
+        lane_options=list(options_of.values()),
         source=source,
     )
 

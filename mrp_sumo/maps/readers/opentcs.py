@@ -146,9 +146,9 @@ class _Model:
                 options = {"path": name, "orientation_constraint": "backward"}
                 self.draft.add_lane(head, tail, speed_mps=back, options=options, bends=bends[::-1])
             drawn = float(np.hypot(*np.diff(line, axis=0).T).sum())
-            given = path.number("length", 0.0) * MM
-            if given > 0 and abs(given - drawn) > OFF_LENGTH * drawn + OFF_POINT_M:
-                self.draft.notes.add("path_length_disagrees", f"'{name}': {given:.2f} m, drawn {drawn:.2f} m")
+            length_m = path.number("length", 0.0) * MM
+            if length_m > 0 and abs(length_m - drawn) > OFF_LENGTH * drawn + OFF_POINT_M:
+                self.draft.notes.add("path_length_disagrees", f"'{name}': {length_m:.2f} m, drawn {drawn:.2f} m")
 
     def _line(self, path: Element, name: str, tail: int, head: int, scale: tuple[float, float]) -> np.ndarray:
         """The polyline of a path, ends included."""

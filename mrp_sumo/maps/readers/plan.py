@@ -110,9 +110,9 @@ def _plan(file: MapFile, selection: Selection, floor: Floor, walls: FloatArray, 
             f"{selection.robot_radius_m:g} m cannot reach: the inside of racks, or rooms whose doors are drawn shut",
         )
         number = np.cumsum(free.ravel()).reshape(free.shape) - 1
-        kept = free & (nav.component == pieces.argmax())[number]
+        inside = free & (nav.component == pieces.argmax())[number]
         floor = replace(floor, clear=_piece(floor, nav.xy[pieces.argmax() == nav.component][0]))
-        nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m, kept)
+        nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m, inside)
     draft = Draft(file.source, level_names=[LEVEL])
     building = building_of_walls(draft, {LEVEL: walls.tolist()}) if len(walls) else None
     return Map(name=nav.name, path=file.path, nav=nav, building=building, findings=notes.findings(), free=free, floor=floor)

@@ -141,6 +141,6 @@ def refuse_choice(source: Text, selection: Selection, *known: str) -> None:
     names = {"graph": "graph", "level": "level", "meters_per_pixel": "scale in metres per pixel", "vehicle_type": "vehicle types"}
     names |= {"layers": "layers", "unit": "unit"}
     for field, what in names.items():
-        given = getattr(selection, field)
-        if field not in known and given is not None and not (field == "graph" and given in (0, "all")):
+        choice = getattr(selection, field)
+        if field not in known and choice is not None and not (field == "graph" and choice in (0, "all")):
             raise source.fault(f"this kind of map has no {what} to choose")

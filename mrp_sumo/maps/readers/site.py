@@ -90,9 +90,9 @@ class _Site:
                 self.draft.notes.add("several_graphs", f"graph {k}: {name}" + (", which is read" if k == number else ""))
         return order[number] if order else None
 
-    def _included(self, given: Mapping[str, Any], graph: str | None, at: str) -> bool:
+    def _included(self, document: Mapping[str, Any], graph: str | None, at: str) -> bool:
         """Whether a lane or location is in a graph."""
-        rule = given.get("graphs", "All")
+        rule = document.get("graphs", "All")
         if rule == "All" or graph is None:
             return True
         if isinstance(rule, Mapping) and len(rule) == 1:
@@ -201,7 +201,7 @@ class _Site:
         doors: dict[str, list[Any]] = {}
         for key, level in fields.object(self.document, "levels", "").items():
             name = self.level_name[key]
-            for kind, found in (("walls", walls), ("doors", doors)):
+            for kind, lines in (("walls", walls), ("doors", doors)):
                 for of, what in fields.object(level, kind, f"levels.{key}", {}).items():
                     at = f"levels.{key}.{kind}.{of}"
                     ends = [self._flat(str(a)) for a in fields.list(fields.mapping(what, at), "anchors", at)]
@@ -209,19 +209,19 @@ class _Site:
                         self.draft.notes.add("dangling_reference", f"{at}.anchors: expected two anchors that are there")
                         continue
                     title = fields.text(what, "name", at, "")
-                    found.setdefault(name, []).append(ends if kind == "walls" else (*ends, "" if title == UNNAMED else title, _door(what)))
+                    lines.setdefault(name, []).append(ends if kind == "walls" else (*ends, "" if title == UNNAMED else title, _door(what)))
         return walls, doors
 
     def _flat(self, anchor: str) -> tuple[float, float] | None:
         return self.place[anchor][1] if anchor in self.place else self.shared.get(anchor)
 
-    def _anchors(self, given: Mapping[str, Any], at: str) -> Anchors:
-        return {str(key): self._anchor(value, f"{at}.{key}") for key, value in given.items()}
+    def _anchors(self, document: Mapping[str, Any], at: str) -> Anchors:
+        return {str(key): self._anchor(value, f"{at}.{key}") for key, value in document.items()}
 
-    def _anchor(self, given: Any, at: str) -> tuple[float, float]:
+    def _anchor(self, document: Any, at: str) -> tuple[float, float]:
         """The place of an anchor; of one with several for different uses, the general one."""
         fields = self.fields
-        for kind, value in fields.mapping(given, at).items():
+        for kind, value in fields.mapping(document, at).items():
             if kind == "Translate2D":
                 return fields.point(value, f"{at}.Translate2D")
             if kind == "CategorizedTranslate2D":
@@ -232,9 +232,9 @@ class _Site:
         raise fields.fault(at, "an anchor without a place")
 
 
-def _door(given: Mapping[str, Any]) -> str:
+def _door(document: Mapping[str, Any]) -> str:
     """The kind of a door by Open-RMF's older names."""
-    kind = given.get("kind")
+    kind = document.get("kind")
     name = next(iter(kind), "") if isinstance(kind, Mapping) else str(kind or "")
     known = {"SingleSliding": "sliding", "DoubleSliding": "double_sliding", "SingleSwing": "hinged", "DoubleSwing": "double_hinged"}
     return known.get(str(name), "")

@@ -53,13 +53,13 @@ class Element:
         """An attribute as a finite number."""
         if key not in self.attributes and default is not NOTHING:
             return float(default)
-        given = self.text(key)
+        text = self.text(key)
         try:
-            value = float(given)
+            value = float(text)
         except ValueError:
             value = math.nan
         if not abs(value) < FARTHEST:
-            raise self.fault(f"{key} of <{self.name}> is '{given[:40]}', expected a number")
+            raise self.fault(f"{key} of <{self.name}> is '{text[:40]}', expected a number")
         return value
 
     def fault(self, message: str) -> MapError:
@@ -69,8 +69,8 @@ class Element:
 
 def root_name(text: str) -> str:
     """The name of the first element of a text, '' where it is no XML."""
-    found = _ROOT.match(text[:4000])
-    return found[1] if found and text.lstrip()[:1] == "<" else ""
+    match = _ROOT.match(text[:4000])
+    return match[1] if match and text.lstrip()[:1] == "<" else ""
 
 
 def parse_xml(source: Text) -> Element:

@@ -56,11 +56,11 @@ def read_building(path: Path, meters_per_pixel: float | None = None) -> Building
 
 def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
     """The building of a parsed document; see `read_building`."""
-    name, system, reference, given = _header(document, source, meters_per_pixel)
+    name, system, reference, documents = _header(document, source, meters_per_pixel)
     reader = LevelReader(source, Notes())
     parameters = reader.options(document.get("parameters"), "parameters", ("parameters",))
 
-    drafts = {str(key): draft_of(reader, str(key), value, key, system) for key, value in given.items()}
+    drafts = {str(key): draft_of(reader, str(key), value, key, system) for key, value in documents.items()}
     placements = placements_of(reader, drafts, reference, system, meters_per_pixel)
     crs_name, offset = georeference(reader, system, parameters)
     world = {n: project(source, d.raw_xy, crs_name) if system == "wgs84" else placements[n].apply(d.raw_xy) for n, d in drafts.items()}
@@ -93,7 +93,7 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
         offset=offset,
         origin_m=origin,
         findings=reader.notes.findings(),
-        unused=_unused(document, given, system),
+        unused=_unused(document, documents, system),
     )
 
 
@@ -149,23 +149,23 @@ def _header(document: Any, source: Text, meters_per_pixel: float | None) -> tupl
             raise source.fault(f"a scale in metres per pixel has no meaning in coordinate_system {system}")
         if not (math.isfinite(meters_per_pixel) and meters_per_pixel > 0):
             raise source.fault(f"meters per pixel is {meters_per_pixel}, expected a number above 0")
-    given = document.get("levels")
-    if not isinstance(given, Mapping) or not given:
+    levels = document.get("levels")
+    if not isinstance(levels, Mapping) or not levels:
         raise RefusedMap(
             str(source.fault("no levels: nothing to drive on", "levels")),
-            (Finding("no_levels", "refuse", 1, ("levels: {}" if given == {} else "levels",)),),
+            (Finding("no_levels", "refuse", 1, ("levels: {}" if levels == {} else "levels",)),),
         )
-    reference = str(document.get("reference_level_name", next(iter(given))))
-    if reference not in map(str, given):
+    reference = str(document.get("reference_level_name", next(iter(levels))))
+    if reference not in map(str, levels):
         raise source.fault(
-            f"reference_level_name '{reference}' is not a level{nearest(reference, map(str, given))}", "reference_level_name"
+            f"reference_level_name '{reference}' is not a level{nearest(reference, map(str, levels))}", "reference_level_name"
         )
-    return str(name), system, reference, given
+    return str(name), system, reference, levels
 
 
 def _lifts(
     reader: LevelReader,
-    given: Any,
+    document: Any,
     drafts: Mapping[str, Draft],
     placements: Mapping[str, Placement],
     reference: str,
@@ -173,11 +173,11 @@ def _lifts(
     up: float,
 ) -> dict[str, Lift]:
     lifts: dict[str, Lift] = {}
-    if not given:
+    if not document:
         return lifts
-    if not isinstance(given, Mapping):
-        raise reader.source.fault(f"lifts is {shown(given)}, expected a mapping", "lifts")
-    for key, value in given.items():
+    if not isinstance(document, Mapping):
+        raise reader.source.fault(f"lifts is {shown(document)}, expected a mapping", "lifts")
+    for key, value in document.items():
         name, keys = str(key), ("lifts", key)
         if not isinstance(value, Mapping):
             raise reader.source.fault(f"lift '{name}' is {shown(value)}, expected a mapping", *keys)
@@ -188,9 +188,9 @@ def _lifts(
 
         floors = ("reference_floor_name", "lowest_floor", "highest_floor", "initial_floor_name")
         floor, lowest, highest, initial = (str(value.get(k) or "") for k in floors)
-        for k, found in zip(floors[:3], (floor, lowest, highest)):
-            if found and found not in drafts:
-                raise reader.source.fault(f"lift '{name}': {k} '{found}' is not a level{nearest(found, drafts)}", *keys, k)
+        for k, floor_name in zip(floors[:3], (floor, lowest, highest)):
+            if floor_name and floor_name not in drafts:
+                raise reader.source.fault(f"lift '{name}': {k} '{floor_name}' is not a level{nearest(floor_name, drafts)}", *keys, k)
         raw = np.array([[x, up * y]])
         at = project(reader.source, raw, crs_name) if crs_name else placements[floor or reference].apply(raw)
         doors = value.get("level_doors") or {}
@@ -212,13 +212,13 @@ def _lifts(
     return lifts
 
 
-def _door_widths(reader: LevelReader, lift: str, given: Any) -> dict[str, float]:
+def _door_widths(reader: LevelReader, lift: str, document: Any) -> dict[str, float]:
     """By the names of a lift's doors; those without a width are left out."""
-    if not isinstance(given, Mapping):
-        raise reader.source.fault(f"lift '{lift}': doors is {shown(given)}, expected a mapping", "lifts", lift, "doors")
+    if not isinstance(document, Mapping):
+        raise reader.source.fault(f"lift '{lift}': doors is {shown(document)}, expected a mapping", "lifts", lift, "doors")
     return {
         str(name): reader.number(door["width"], f"lift '{lift}': door '{name}': width", ("lifts", lift, "doors", name, "width"))
-        for name, door in given.items()
+        for name, door in document.items()
         if isinstance(door, Mapping) and "width" in door
     }
 

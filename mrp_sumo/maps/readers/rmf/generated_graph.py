@@ -89,7 +89,7 @@ def _doors_on_lanes(level: Level) -> dict[int, Door]:
         return {}
     ends = np.array([(lane.start, lane.end) for lane in level.lanes])
     a, b = level.raw_xy[ends[:, 0]], level.raw_xy[ends[:, 1]]  # [L, 2]
-    found: dict[int, Door] = {}
+    door_of: dict[int, Door] = {}
     for door in level.doors:
         c, d = level.raw_xy[door.start], level.raw_xy[door.end]
         ab, cd, ac = a - b, c - d, a - c
@@ -99,13 +99,13 @@ def _doors_on_lanes(level: Level) -> dict[int, Door]:
         t = (ac[:, 0] * cd[1] - ac[:, 1] * cd[0]) / safe
         u = -(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / safe
         crosses &= (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1)
-        found |= dict.fromkeys(np.flatnonzero(crosses).tolist(), door)
-    return found
+        door_of |= dict.fromkeys(np.flatnonzero(crosses).tolist(), door)
+    return door_of
 
 
 def _lifts_at_vertices(building: Building, level: Level) -> dict[int, str]:
     """The lift around each vertex on a lane; of several, the first in the file."""
-    found: dict[int, str] = {}
+    lift_of: dict[int, str] = {}
     for lift in reversed(list(building.lifts.values())):
-        found |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
-    return found
+        lift_of |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
+    return lift_of

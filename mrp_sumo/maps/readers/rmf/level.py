@@ -115,17 +115,17 @@ class LevelReader:
 _TYPES: Mapping[int, tuple[type, ...]] = {0: (str, int, float, bool, type(None)), 1: (str,), 2: (int,), 3: (float, int), 4: (bool,)}
 
 
-def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) -> Draft:
+def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: str) -> Draft:
     at: tuple[str | int, ...] = ("levels", key)
-    if given is None:
-        given = {}
-    is_mapping = isinstance(given, Mapping)
+    if document is None:
+        document = {}
+    is_mapping = isinstance(document, Mapping)
     if not is_mapping:
-        reader.notes.add("level_not_a_mapping", f"level '{name}' is a {type(given).__name__}")
-        given = {}
+        reader.notes.add("level_not_a_mapping", f"level '{name}' is a {type(document).__name__}")
+        document = {}
     up = -1.0 if system == "reference_image" else 1.0
     xy, names, options = [], [], []
-    for i, value in enumerate(reader.items(given.get("vertices"), f"level {name}: vertices", (*at, "vertices"))):
+    for i, value in enumerate(reader.items(document.get("vertices"), f"level {name}: vertices", (*at, "vertices"))):
         what, keys = f"level {name} vertex {i}", (*at, "vertices", i)
         if not isinstance(value, list) or not 4 <= len(value) <= 5:
             raise reader.source.fault(f"{what} is {shown(value)}, expected [x, y, z, name, {{parameters}}]", *keys)
@@ -139,24 +139,24 @@ def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) 
     num = len(xy)
 
     def edges(kind: str, singular: str) -> Any:
-        for i, value in enumerate(reader.items(given.get(kind), f"level {name}: {kind}", (*at, kind))):
+        for i, value in enumerate(reader.items(document.get(kind), f"level {name}: {kind}", (*at, kind))):
             what, keys = f"level {name} {singular} {i}", (*at, kind, i)
             yield what, keys, reader.edge(value, what, num, keys)
 
     def polygons(kind: str) -> tuple[tuple[int, ...], ...]:
-        found = []
-        for i, value in enumerate(reader.items(given.get(kind), f"level {name}: {kind}", (*at, kind))):
+        outlines = []
+        for i, value in enumerate(reader.items(document.get(kind), f"level {name}: {kind}", (*at, kind))):
             what, keys = f"level {name} {kind[:-1]} {i}", (*at, kind, i)
             if not isinstance(value, Mapping):
                 raise reader.source.fault(f"{what} is {shown(value)}, expected a mapping", *keys)
             corners = reader.items(value.get("vertices"), f"{what}: vertices", keys)
-            found.append(tuple(reader.vertex(v, what, num, keys) for v in corners))
-        return tuple(found)
+            outlines.append(tuple(reader.vertex(v, what, num, keys) for v in corners))
+        return tuple(outlines)
 
     lanes = [_lane(reader, what, keys, *edge) for what, keys, edge in edges("lanes", "lane")]
     return Draft(
         name=name,
-        elevation_m=reader.number(given.get("elevation", 0) or 0, f"level {name}: elevation", (*at, "elevation")),
+        elevation_m=reader.number(document.get("elevation", 0) or 0, f"level {name}: elevation", (*at, "elevation")),
         raw_xy=np.array(xy, np.float64).reshape(-1, 2),
         vertex_name=tuple(names),
         vertex_options=tuple(options),
@@ -169,45 +169,45 @@ def draft_of(reader: LevelReader, name: str, given: Any, key: Any, system: str) 
         floors=polygons("floors"),
         holes=polygons("holes"),
         measurements=tuple(_measurement(reader, *m) for m in edges("measurements", "measurement")),
-        fiducials=_fiducials(reader, name, given.get("fiducials"), (*at, "fiducials"), up),
-        models=_models(given.get("models"), up),
+        fiducials=_fiducials(reader, name, document.get("fiducials"), (*at, "fiducials"), up),
+        models=_models(document.get("models"), up),
         is_mapping=is_mapping,
     )
 
 
-def _models(given: Any, up: float) -> tuple[tuple[str, float, float, float], ...]:
+def _models(document: Any, up: float) -> tuple[tuple[str, float, float, float], ...]:
     """Models with a name and a place; others, which nothing here needs, are left out."""
-    found = []
-    for model in given if isinstance(given, list) else ():
+    models = []
+    for model in document if isinstance(document, list) else ():
         place = [model.get(key, 0.0) for key in ("x", "y", "yaw")] if isinstance(model, Mapping) else []
         if place and "model_name" in model and all(type(v) in (int, float) and abs(v) <= FARTHEST for v in place):
-            found.append((str(model["model_name"]), float(place[0]), up * float(place[1]), float(place[2])))
-    return tuple(found)
+            models.append((str(model["model_name"]), float(place[0]), up * float(place[1]), float(place[2])))
+    return tuple(models)
 
 
-def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: int, end: int, given: dict[str, Any]) -> Lane | None:
-    if "graph_idx" not in given:
+def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: int, end: int, members: dict[str, Any]) -> Lane | None:
+    if "graph_idx" not in members:
         raise reader.source.fault(f"{what} has no graph_idx", *keys)
-    graph = reader.number(given["graph_idx"], f"{what}: graph_idx", keys)
+    graph = reader.number(members["graph_idx"], f"{what}: graph_idx", keys)
     if graph != int(graph):
         raise reader.source.fault(f"{what}: graph_idx is {graph}, expected a whole number", *keys)
     if not 0 <= graph < NUM_GRAPHS:
         reader.notes.add("graph_out_of_range", f"{what}: graph_idx {graph:.0f} is never exported, expected 0 to {NUM_GRAPHS - 1}")
         return None
-    if "bidirectional" not in given:
+    if "bidirectional" not in members:
         reader.notes.add("lane_without_bidirectional", what)
-    both_ways = given.get("bidirectional", False)
+    both_ways = members.get("bidirectional", False)
     if isinstance(both_ways, str) and both_ways.lower() in ("true", "false"):
         both_ways = both_ways.lower() == "true"
     if both_ways not in (True, False):
         raise reader.source.fault(f"{what}: bidirectional is {shown(both_ways)}, expected true or false", *keys)
-    orientation = given.get("orientation", "") or ""
+    orientation = members.get("orientation", "") or ""
     if orientation not in ("", "forward", "backward"):
         raise reader.source.fault(f"{what}: orientation is '{orientation}', expected forward, backward or nothing", *keys)
     options: dict[str, Any] = {"orientation_constraint": orientation} if orientation else {}
-    if reader.number(given.get("speed_limit") or 0, f"{what}: speed_limit", keys) > 0:
-        options["speed_limit"] = given["speed_limit"]
-    options |= {k: given[k] for k in ("mutex", "demo_mock_floor_name", "demo_mock_lift_name") if given.get(k)}
+    if reader.number(members.get("speed_limit") or 0, f"{what}: speed_limit", keys) > 0:
+        options["speed_limit"] = members["speed_limit"]
+    options |= {k: members[k] for k in ("mutex", "demo_mock_floor_name", "demo_mock_lift_name") if members.get(k)}
     return Lane(start, end, int(graph), bool(both_ways), options)
 
 
@@ -220,15 +220,17 @@ def _measurement(
     return start, end, reader.number(options["distance"], f"{what}: distance", keys)
 
 
-def _fiducials(reader: LevelReader, level: str, given: Any, keys: tuple[str | int, ...], up: float) -> tuple[tuple[float, float, str], ...]:
-    found = []
-    for i, value in enumerate(reader.items(given, f"level {level}: fiducials", keys)):
+def _fiducials(
+    reader: LevelReader, level: str, document: Any, keys: tuple[str | int, ...], up: float
+) -> tuple[tuple[float, float, str], ...]:
+    fiducials = []
+    for i, value in enumerate(reader.items(document, f"level {level}: fiducials", keys)):
         what = f"level {level} fiducial {i}"
         if not isinstance(value, list) or len(value) < 3 or isinstance(value[2], list | dict):
             raise reader.source.fault(f"{what} is {shown(value)}, expected [x, y, name]", *keys, i)
         x, y = (reader.number(value[k], f"{what}: {'xy'[k]}", (*keys, i)) for k in (0, 1))
-        found.append((x, up * y, "" if value[2] is None else str(value[2])))
-    return tuple(found)
+        fiducials.append((x, up * y, "" if value[2] is None else str(value[2])))
+    return tuple(fiducials)
 
 
 def shown(value: Any) -> str:

@@ -1,0 +1,33 @@
+"""The private dialect in names, and docstrings that ask instead of naming the thing, become no more."""
+
+from pathlib import Path
+
+import pytest
+from test_docs import tool
+
+WORDS = tool("words")
+
+
+def test_dialect_and_docstrings_that_ask_do_not_rise():
+    counts = WORDS.counts()
+    assert all(count <= WORDS.MOST[kind] for kind, count in counts.items()), counts
+
+
+@pytest.mark.parametrize(
+    ("source", "faults"),
+    [
+        ("found = 1", [("names", "found")]),
+        ("def f(way, *, kept=1): ...", [("names", "way"), ("names", "kept")]),
+        ("class Around:\n    moment: int", [("names", "moment")]),
+        ("for asked in (): ...", [("names", "asked")]),
+        ("print(found, self.found, ways, found_way)", []),
+        ('def f():\n    """What it does."""', [("docstrings", "What")]),
+        ('def _f():\n    """What it does."""', []),
+        ('"""Whether it is."""', [("docstrings", "Whether")]),
+        ('def f():\n    """Callbacks of a running batch."""', []),
+    ],
+)
+def test_what_counts(tmp_path, source, faults):
+    file = Path(tmp_path, "some.py")
+    file.write_text(source)
+    assert sorted((kind, word) for _, _, kind, word in WORDS.faults_of(file)) == sorted(faults)
