@@ -52,7 +52,7 @@ class Cycle:
     drive_s: float  # from full to where it goes to charge, or empty where it cannot
     charge_s: float  # 0 where it cannot
     places: int  # to charge at
-    highest: float = 1.0  # level, as a share of the capacity
+    highest: float = 1.0  # level where orders always wait, as a share of the capacity
 
     @property
     def charging_share(self) -> float:
@@ -147,7 +147,7 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
     else:
         document["open"] = ceil(BACKLOG * trial.robots)
     if question.charging and question.charging.places:
-        document["charging"] = _in_steady_state(document["charging"], question.charging, trial.robots)
+        document["charging"] = _in_steady_state(document["charging"], question.charging, trial)
     return {
         ("robots", "starts"): ("capacity", None),  # drawn: the n-th robot's is the same in every fleet
         ("robots", "goals"): ("capacity", None),
@@ -159,13 +159,14 @@ def values_of(trial: Trial, question: Question, changed: Values) -> Values:
     }
 
 
-def _in_steady_state(charging: Mapping[str, Any], cycle: Cycle, robots: int) -> dict[str, Any]:
+def _in_steady_state(charging: Mapping[str, Any], cycle: Cycle, trial: Trial) -> dict[str, Any]:
     """Charging as it is once it has gone on for long: robots at all points of their cycle, some of them at chargers.
 
     Where orders always wait, `opportunity` calls robots off at the minimum, so that no level is above it.
     """
-    share = min(cycle.charging_share, cycle.places / robots)
-    levels = [charging["critical_low_charging_level"], round(100 * cycle.highest, 6)]
+    share = min(cycle.charging_share, cycle.places / trial.robots)
+    highest = charging["maximum_desired_charging_level"] if trial.kind == DEMAND else round(100 * cycle.highest, 6)
+    levels = [charging["critical_low_charging_level"], highest]
     return {**charging, "start_level": levels, "start_charging": round(100 * share, 1)}
 
 
