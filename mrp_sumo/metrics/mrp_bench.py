@@ -128,6 +128,8 @@ def execution_metrics(
 
 def _least_distances(x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     """[T] the least centre distance of two robots in each message, inf where there are not two."""
+    if x_m.shape[1] < 2:
+        return np.full(len(x_m), np.inf)
     there = np.isfinite(x_m) & np.isfinite(y_m)
     return np.array([least_distance_m(np.column_stack((x[seen], y[seen]))) for x, y, seen in zip(x_m, y_m, there)])
 

@@ -239,12 +239,13 @@ def _next(curve: Curve, effort: Effort) -> dict[int, int]:
     gaps = [(a, b) for a, b in pairwise(sizes) if b > a + 1 and b > effort.gap * a and _middle(a, b) not in curve.unfit]
     at = sizes.index(best)
     around = {pair for pair in pairwise(sizes) if best in pair}  # the peak
-    if best == sizes[-1]:  # there is none
-        gaps = []
     below = [n for n in sizes[:at] if curve.points[n].throughput.value < LEVEL * curve.points[best].throughput.value]
     above = [n for n in sizes[at + 1 :] if curve.points[n].throughput.value < LEVEL * curve.points[best].throughput.value]
     if below:
-        around.add((below[-1], sizes[sizes.index(below[-1]) + 1]))  # the knee
+        knee = below[-1], sizes[sizes.index(below[-1]) + 1]
+        around.add(knee)
+    if best == sizes[-1]:  # no peak is known, only where little is added on the way there
+        gaps = [pair for pair in gaps if below and pair == knee]
     if above:
         around.add((sizes[sizes.index(above[0]) - 1], above[0]))  # the collapse
     if _rises(curve) and (parted := [pair for pair in gaps if pair in around]):

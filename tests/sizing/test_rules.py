@@ -47,6 +47,14 @@ def test_the_knee_begins_above_a_size_only_where_its_interval_is_below_the_level
     assert (found.knee.estimate, found.knee.low, found.knee.high) == (6, low, 6)
 
 
+@pytest.mark.parametrize(("three", "knee"), [(108, 3), (98, None)])
+def test_the_knee_is_looked_for_below_the_largest_fleet_that_is_asked_about_too(three, knee):
+    """A station takes 109 an hour: three robots do as much as four, which the grid of 1, 2 and 4 cannot tell, or do not."""
+    asked = question((1, 4), replace(FEW, growth=2.0, gap=1.1))
+    rates = {1: (43, SURE), 2: (87, SURE), 3: (three, SURE), 4: (109, SURE)}
+    assert limits(coarse(Desk(asked, Known(asked, rates)))).knee.estimate == knee
+
+
 @pytest.mark.parametrize(("mean", "high"), [(198, None), (194, 8)])
 def test_the_peak_may_be_at_a_size_that_is_worse_by_chance(mean, high):
     """2 fewer of 200, with seeds that are 4 off, is p = 0.4; 6 fewer is p = 0.03."""
