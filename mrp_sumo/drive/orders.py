@@ -91,6 +91,11 @@ class Orders:
         return min((self._times["released_s"][k] for k in self._open), default=np.inf)
 
     @property
+    def num_open(self) -> int:
+        """How many are known and have not ended."""
+        return len(self._open)
+
+    @property
     def not_picked(self) -> list[int]:
         """Those that are still to be picked; empty where none is ever cancelled."""
         if not self.rules.cancels:

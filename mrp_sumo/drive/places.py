@@ -36,6 +36,11 @@ class Places:
         known = self._distances(robot)
         return min(int(known.to(v)[at]) for v in stop.places)
 
+    def farthest(self, robot: int, stop: Stop) -> int:
+        """Steps of the longest of the shortest ways to a stop."""
+        steps = np.minimum.reduce([self._distances(robot).to(v) for v in stop.places])
+        return int(steps[steps < UNREACHABLE].max(initial=0))
+
     def way(self, robot: int, at: int, stop: Stop) -> list[int]:
         """The vertices of a shortest way from one to the nearest place of a stop, both included; just the first where there is none."""
         known = self._distances(robot)

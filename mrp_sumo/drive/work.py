@@ -48,7 +48,8 @@ NONE = -1
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
 STALLED_S = 60.0  # for which a robot with work has not got on, nor stood for the work's sake
-FOR_GOOD_S = 300.0  # for which robots have been stalled at the end of a run that counts as one that has
+STANDS_S = 360.0  # for which a robot has not got on, or no stop was made, in a run that counts as stalled
+LATE = 3.0  # so many times the longest way to a stop is more than robots need for it
 SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop without service, its way on is asked for
 LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
@@ -129,6 +130,8 @@ class Work:
         self._since_s = np.zeros(num_robots)  # [R] when it was given the task, or was done with the stop before
         self._earliest_s = np.zeros(num_robots)  # [R] before which the next stop cannot begin
         self._moved_s = np.zeros(num_robots)  # [R] when it last got on, or stood for the work's sake
+        self._made_s = 0.0  # when a stop was last made, or none was to be
+        self._work_stands = False  # whether that is too long ago
         self._resumes = np.full(num_robots, IDLE)  # [R] what a broken robot goes on with
         self._idle = np.zeros((num_robots, 2))  # [R, 2] s that each had stood on its way, and where it was sent, when it set out
         self._row = np.zeros(num_robots, np.int64)  # [R] that of each robot's last stop in the log
@@ -336,12 +339,12 @@ class Work:
         return StopLog(numbers[0], numbers[1], station, numbers[2], *(frozen(np.array(column, np.float64)) for column in times))
 
     def has_stalled(self, now_s: float) -> bool:
-        """Whether orders are open, and a robot has been stalled for long, or nobody has been at work for a while.
+        """Whether orders are open, and no stop was made or a robot stalled for long, or nobody has been at work for a while.
 
         Who charges for it, or is broken for a while only, counts as at work.
         """
         open_since_s = self.orders.open_since_s
-        if (now_s - self._moved_s[self.duties.are(STALLED)] >= STALLED_S + FOR_GOOD_S).any():
+        if self._work_stands or (now_s - self._moved_s[self.duties.are(STALLED)] >= STANDS_S).any():
             return True
         if np.isinf(open_since_s) or (self.duties.are(BROKEN) & (self._resumes < BROKEN)).any():
             return False
@@ -593,6 +596,7 @@ class Work:
         takes_s = self._service_s(r)
         self._until_s[r] = begins_s + takes_s
         self._moved_s[r], self._came_s[r], self._wait_at[r] = begins_s, np.inf, NONE
+        self._made_s = max(self._made_s, begins_s)
         self._note_stop(r, leg.vertex, begins_s, now_s, booked_s)
         if takes_s:
             if self._is_charge(r):
@@ -765,6 +769,7 @@ class Work:
         """Robots with work that have not got on for long, for nothing that the work itself asks for."""
         gets_on = (state.motion.speed_mps > 0) | state.motion.turning | self.serving | (self.current == NONE)
         self._moved_s[gets_on] = now_s
+        self._see_whether_work_stands(now_s)
         lost_at, gone_at = (set(visits.vertex[visits.reached[lost]].tolist()) for lost in (self.out, self._resumes >= BROKEN))
         for r in np.flatnonzero(self.duties.are(TO_STOP, TO_CHARGER, STALLED)).tolist():
             task = NONE if self._is_charge(r) else int(self.current[r])
@@ -783,6 +788,23 @@ class Work:
                     continue
                 doing = "its way to a charger" if task == NONE else f"order '{self.tasks[task].name}'"
                 self._events.append(Event(now_s, "stalled", r, text=f"has not got on with {doing} for {STALLED_S:g} s"))
+
+    def _see_whether_work_stands(self, now_s: float) -> None:
+        """Say once that no stop has been made for long, though robots have orders and none is served or about to be mended."""
+        mended_later = (self.duties.are(BROKEN) & (self._resumes < BROKEN)).any()
+        at_work = np.flatnonzero((self.current != NONE) & ~self.out).tolist()
+        if self.serving.any() or mended_later or np.isinf(self.orders.open_since_s) or not at_work:
+            self._made_s = now_s
+        stood_s = now_s - self._made_s
+        if stood_s < STANDS_S or self._work_stands:
+            self._work_stands &= stood_s >= STANDS_S
+            return
+        stops = (self.tasks[int(self.current[r])].stops[int(self.stop[r])] for r in at_work)
+        drives_s = self.problem.step_s * max(self._places.farthest(r, stop) for r, stop in zip(at_work, stops))
+        if stood_s >= STANDS_S + LATE * drives_s:
+            self._work_stands = True
+            text = f"no stop has been made since {self._made_s:.0f} s, and {self.orders.num_open} orders are open"
+            self._events.append(Event(now_s, "stalled", NOBODY, text=text))
 
     def _waits_for_work(self, robot: int, state: State, lost_at: set[int]) -> bool:
         """Whether a robot that stands will get on by itself: the last of those that it waits for gets on, or is being served."""

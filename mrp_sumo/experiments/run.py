@@ -223,7 +223,7 @@ def finish(
     busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
     names = problem.fleet.robot_name
     flat = ran_empty(execution.batteries, names) if execution and execution.batteries else ""
-    stalled = stalled_robots(execution.robot_states, names, execution.sim_time_s) if execution and execution.robot_states else ""
+    stalled = stalled_robots(execution, names) if execution else ""
     unanswered = _unanswered(execution) if execution else ""
     seen = (at_walls(audited), beside_lifts(audited)) if audited else ()
     note = "; ".join(filter(None, (note, *seen, busy, flat, stalled, unanswered, *setup.notes)))

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
-from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING, RobotStateLog
+from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
 
@@ -95,12 +96,14 @@ def robots_battery_empty(run: Evidence) -> int | None:
     return None if log is None else int((log.level[-1] <= 0).sum())
 
 
-def stalled_robots(log: RobotStateLog, robot_name: Sequence[str], end_s: float) -> str:
-    """A line for people where robots stand stalled at the end of a run, '' elsewhere."""
-    last = np.flatnonzero((log.state == STALLED) & (log.end_s >= end_s - 1e-9))
-    if not len(last):
-        return ""
-    first = min(last.tolist(), key=lambda k: float(log.begin_s[k]))
+def stalled_robots(execution: Execution, robot_name: Sequence[str]) -> str:
+    """A line for people where robots, or all work, stand stalled at the end of a run with orders, '' elsewhere."""
+    log = execution.robot_states
+    last = np.flatnonzero((log.state == STALLED) & (log.end_s >= execution.sim_time_s - 1e-9)).tolist() if log else []
+    if log is None or not last:
+        of_all = (event.text for event in reversed(execution.events) if event.kind == "stalled" and event.robot < 0)
+        return next(of_all, "") if execution.outcome is Outcome.STALLED else ""
+    first = min(last, key=lambda k: float(log.begin_s[k]))
     others = f" and {len(last) - 1} more" if len(last) > 1 else ""
     return f"stalled at the end: {robot_name[log.robot[first]]} since {log.begin_s[first]:.0f} s{others}"
 

@@ -16,10 +16,13 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_states import ROBOT_STATES
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.drive import rolling
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.duties import NAMES
 from mrp_sumo.drive.duties import NEXT as DUTIES
 from mrp_sumo.drive.orders import NEXT, Orders, Rules
+from mrp_sumo.drive.replanning import planned
+from mrp_sumo.errors import PlanError
 from mrp_sumo.metrics.audit import audit
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second
@@ -168,6 +171,34 @@ def test_a_robot_that_is_stalled_for_good_makes_a_run_stalled_though_others_work
     assert run.outcome is Outcome.STALLED and run.tasks.robot.tolist() == [2, 1]
     short = work(tmp_path / "short", line(10), [2, 0, 9], *tasks, broken=[(0, 1.0)], time_limit_s=200.0)
     assert short.outcome is Outcome.TIME_LIMIT
+
+
+@pytest.mark.parametrize(("limit_s", "outcome"), [(435.0, Outcome.STALLED), (425.0, Outcome.TIME_LIMIT)])
+def test_a_run_is_stalled_where_robots_move_but_can_make_no_stop(tmp_path, limit_s, outcome):
+    """Each is on the wrong side of the other: the last service ends at 8 s, and three times seven steps of 3 s are enough for any way."""
+    run = work(tmp_path, line(8), [2, 5], order("a", 3, 7), order("b", 4, 0), time_limit_s=limit_s)
+    assert run.outcome is outcome and run.tasks.status == ("picked", "picked")
+    assert [event.text for event in events(run, "stalled")] == ["no stop has been made since 8 s, and 2 orders are open"] * (limit_s > 431)
+
+
+@pytest.mark.parametrize(("refusals", "outcome", "status"), [(999, Outcome.PLANNER_STALLED, "released"), (3, Outcome.COMPLETED, "done")])
+def test_a_run_whose_planner_refuses_again_and_again_is_stalled_by_it(tmp_path, monkeypatch, refusals, outcome, status):
+    """Also that which stands in for it does: two refusals a request from the second one on, and a request every two seconds."""
+    refused = []
+
+    def refuses(*args):
+        if len(refused) < refusals:
+            refused.append(args[0].now_s)
+            raise PlanError("no plan today")
+        return planned(*args)
+
+    monkeypatch.setattr(rolling, "planned", refuses)
+    run = work(tmp_path, line(6), [0], order("a", 3), time_limit_s=100.0)
+    assert run.outcome is outcome and run.tasks.status == (status,)
+    (no_plan,) = events(run, "no_plan")
+    requests = sorted(set(refused))
+    assert no_plan.t_s == requests[0] == 0.0 and no_plan.text == f"{len(requests)} requests in a row without a plan"
+    assert run.calls.failed == len(requests) and len(refused) == 2 * len(requests) - 1
 
 
 def test_who_waits_for_a_place_is_not_stalled(tmp_path):
