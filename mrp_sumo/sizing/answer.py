@@ -143,6 +143,8 @@ class Answer:
                 f"robots blocked each other for good in {point.num_deadlocked} of {len(point.records)} runs with {point.robots} robots, "
                 "and in none with fewer"
             )
+        if stalled := [f"{p.num_stalled} of {len(p.records)} runs with {_robots(p.robots)}" for p in self.points if p.num_stalled]:
+            found.append(f"work came to a stand for good in {', '.join(stalled)}, which count with what they did until then")
         found += self.of_batteries
         found += [
             f"SUMO does not confirm the {size.name} at {_robots(size.robots)}: {size.difference.second:.4g} instead of "

@@ -170,6 +170,11 @@ class Point:
         return sum(run["deadlocks"] > 0 for run in self.observed)
 
     @property
+    def num_stalled(self) -> int:
+        """Runs in which work came to a stand for good."""
+        return sum(record["status"] == "stalled" for record in self.records)
+
+    @property
     def succeeded(self) -> FloatArray:
         """[R] of one-shot runs: 1 where plans were found and driven in time, else 0."""
         return np.array([float(bool(record["success"])) for record in self.records])

@@ -146,6 +146,19 @@ def test_a_size_of_which_a_run_on_new_seeds_failed_the_operations_audit_does_not
     assert [point.robots for point in answer.unfit] == ([9] if best == 6 else [])
 
 
+@pytest.mark.parametrize("stalls", [False, True])
+def test_runs_in_which_work_came_to_a_stand_are_said(stalls):
+    asked = question((4, 9), FEW)
+    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)})
+
+    def standing(trial):
+        return {**runs(trial), "status": "stalled" if stalls and (trial.robots, trial.seed % 1000) == (6, 2) else "completed"}
+
+    notes = answer_of(asked, standing)[0].notes
+    said = "work came to a stand for good in 1 of 4 runs with 6 robots, which count with what they did until then"
+    assert (said in notes) == stalls and any("came to a stand" in note for note in notes) == stalls
+
+
 def test_a_study_in_whose_runs_no_order_was_done_says_so_instead_of_a_size():
     asked = question((4, 9), FEW)
     answer, _ = answer_of(asked, Known(asked, dict.fromkeys((4, 6, 9), (0.5, (0,)))))
