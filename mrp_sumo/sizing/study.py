@@ -210,8 +210,7 @@ class Study:
         battery, charging = max(batteries, key=lambda battery: battery.charge_s(1.0)), self.setup.settings.charging
         if charging is None:
             return Cycle(battery.energy_j / self.pilot.power_w, 0.0, 0)
-        called_off = charging.opportunity and charging.minimum > charging.critical  # where orders always wait
-        highest = charging.minimum if called_off else charging.maximum
+        highest = charging.minimum if charging.opportunity else charging.maximum  # where orders always wait
         share = highest - charging.critical
         return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(charging.station.places), highest)
 

@@ -1,6 +1,7 @@
 """The `tasks:` of a scenario become streams of tasks; what is wrong is one line with its place."""
 
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,7 +14,7 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario.read import read_scenario
-from mrp_sumo.io.scenario.tasks import TasksChoice
+from mrp_sumo.io.scenario.tasks import ChargingChoice, TasksChoice
 from mrp_sumo.io.tasks import Site, sources_of
 from mrp_sumo.io.tasks_table import read_tasks, write_tasks
 
@@ -199,6 +200,13 @@ def test_what_is_wrong_is_one_line_with_its_place(tmp_path, choice, says):
 def test_what_contradicts_itself_is_refused(choice, says):
     with pytest.raises(ValidationError, match=says):
         TasksChoice.model_validate(choice)
+
+
+@pytest.mark.parametrize(("policy", "minimum", "fits"), [("opportunity", 50, False), ("opportunity", 51, True), ("threshold", 50, True)])
+def test_who_is_called_off_a_charger_need_not_go_back_at_once(policy, minimum, fits):
+    levels = {"critical_low_charging_level": 50, "minimum_desired_charging_level": minimum}
+    with nullcontext() if fits else pytest.raises(ValidationError, match="with policy opportunity a minimum_desired above critical_low"):
+        ChargingChoice.model_validate({"stations": ["c"], "policy": policy, **levels})
 
 
 def test_the_table_keeps_what_became_of_tasks(tmp_path):

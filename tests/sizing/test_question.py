@@ -45,7 +45,7 @@ def test_runs_begin_at_all_points_of_driving_and_charging(tmp_path, robots, shar
     assert charging["stations"] == ["charger_1"]
 
 
-@pytest.mark.parametrize(("minimum", "policy", "highest"), [(50, "threshold", 0.9), (50, "opportunity", 0.5), (20, "opportunity", 0.9)])
+@pytest.mark.parametrize(("minimum", "policy", "highest"), [(50, "threshold", 0.9), (50, "opportunity", 0.5)])
 def test_a_cycle_ends_at_the_level_from_which_robots_are_called_off(tmp_path, monkeypatch, minimum, policy, highest):
     """With orders always waiting `opportunity` never charges to the maximum: a cycle is from the critical level to the minimum."""
     extra = f"{{policy: {policy}, minimum_desired_charging_level: {minimum}, stations"

@@ -133,6 +133,8 @@ class ChargingChoice(Strict):
         levels = [self.critical_low_charging_level, self.minimum_desired_charging_level, self.maximum_desired_charging_level]
         if not levels[0] < levels[2] or not levels[0] <= levels[1] <= levels[2]:
             raise ValueError(f"levels are {levels}, expected critical_low, minimum_desired and maximum_desired in ascending order")
+        if self.policy == "opportunity" and levels[0] == levels[1]:  # who is called off would have to charge again at once
+            raise ValueError(f"levels are {levels}, expected with policy opportunity a minimum_desired above critical_low")
         if self.start_level[0] > self.start_level[1]:
             raise ValueError(f"start_level is {list(self.start_level)}, expected the least and the most")
         return self
