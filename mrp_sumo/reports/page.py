@@ -128,7 +128,8 @@ def _tiles(tiles: Sequence[Tile]) -> str:
     cells = []
     for tile in tiles:
         detail = f" <small>{html.escape(tile.detail)}</small>" if tile.detail else ""
-        cells.append(f'<div class="{tile.mood}"><dt>{html.escape(tile.label)}</dt><dd>{html.escape(tile.value)}{detail}</dd></div>')
+        value = html.escape(tile.value).replace("_", "_<wbr>")  # where long names may break
+        cells.append(f'<div class="{tile.mood}"><dt>{html.escape(tile.label)}</dt><dd>{value}{detail}</dd></div>')
     return f'<dl class="tiles">{"".join(cells)}</dl>'
 
 

@@ -179,7 +179,8 @@ def floor(setup: SetUp, found: Reasons) -> Chart:
 
     def paint(figure: Figure) -> None:
         ax = figure.add_axes((0.01, 0.01, 0.98, 0.98))
-        ax.add_collection(LineCollection(list(graph.xy[np.stack([graph.tail, graph.head], 1)]), colors=SOFT, linewidths=1.6, zorder=1))
+        lanes = np.stack([graph.tail, graph.head], 1)[~graph.is_ride]  # rides are on no floor
+        ax.add_collection(LineCollection(list(graph.xy[lanes]), colors=SOFT, linewidths=1.6, zorder=1))
         if walls is not None:
             ax.add_collection(LineCollection(list(walls), colors=MUTED, linewidths=0.8, zorder=2))
         hot = np.flatnonzero(wait > 0)[np.argsort(wait[wait > 0])]

@@ -155,7 +155,7 @@ def _plan(ax: Axes, record: RunRecord, outline: Outline | None) -> None:
     else:
         ax.set_facecolor(FLOOR)
     nav = record.nav if record.nav is not None else record.graph
-    once = (nav.tail < nav.head) | (nav.reverse < 0)
+    once = ((nav.tail < nav.head) | (nav.reverse < 0)) & (nav.level[nav.tail] == nav.level[nav.head])  # rides are on no floor
     _strokes(ax, np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1), "#a9b4c2", 0.7, 1)
     if outline is not None:
         _strokes(ax, outline.walls, WALL, 1.0, 2)

@@ -168,11 +168,11 @@ def paired(study: Study) -> Table | None:
 
 
 def worst_runs(study: Study, page: Path) -> Table | None:
-    """Runs that did not arrive, then those on invalid plans, then by MRP-Bench's time blocked; with links to what is kept of them."""
+    """Runs that did not arrive, then those on invalid plans, then by the time blocked; with links to what is kept of them."""
     if not study.is_executed or len(study.frame) < 2:
         return None
     frame = study.frame
-    blocked = frame["time_blocked_total_s"].to_numpy(np.float64, na_value=np.nan)
+    blocked = frame["blocked_s"].to_numpy(np.float64, na_value=np.nan)
     ended = frame["_arrived"].to_numpy(np.int64) + frame["_succeeded"].to_numpy(np.int64)
     order = np.lexsort((np.arange(len(frame)), -np.nan_to_num(blocked), ended))
     kept = [i for i in order if str(frame["key"].iloc[i]) in study.folders] if "key" in frame else []
@@ -196,7 +196,7 @@ def worst_runs(study: Study, page: Path) -> Table | None:
                 row["_series"],
                 None if pd.isna(seed) else int(seed),
                 _value(row["goals_reached"]),
-                _value(row["time_blocked_total_s"]),
+                _value(row["blocked_s"]),
                 _value(row["lateness_max_s"]),
                 link,
             ]
@@ -204,12 +204,12 @@ def worst_runs(study: Study, page: Path) -> Table | None:
     return Table(
         "worst_runs",
         "The worst runs",
-        ("run", "status", "map", "robots", "planner", "seed", "goals reached", "time blocked (MRP-Bench) s", "largest lateness s", "kept"),
+        ("run", "status", "map", "robots", "planner", "seed", "goals reached", "blocked s", "largest lateness s", "kept"),
         rows,
-        "Runs that did not arrive first, then those on invalid plans, then by MRP-Bench's time blocked."
+        "Runs that did not arrive first, then those on invalid plans, then by the time that robots were blocked."
         + ("" if kept else " No run folders or replay pages are kept beside these results."),
         folded=len(rows) > 15,
-        digits={"time blocked (MRP-Bench) s": 1, "largest lateness s": 1},
+        digits={"blocked s": 1, "largest lateness s": 1},
     )
 
 
