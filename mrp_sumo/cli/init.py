@@ -41,7 +41,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the scenario (default: the map's name)")
     parser.add_argument("--type", dest="robot_type", default="", metavar="NAME", help="type of robots (default: the largest that fits)")
     parser.add_argument("--robots", dest="num_robots", type=int, metavar="N", help="how many (default: by what fits)")
-    parser.add_argument("--rate", dest="rate_per_h", type=float, metavar="N", help="orders an hour (default: what half of the fleet does)")
+    parser.add_argument(
+        "--rate", dest="rate_per_h", type=float, metavar="N", help="orders an hour (default: a quarter of what the fleet could)"
+    )
     parser.add_argument("--orders", type=int, metavar="N", help=f"write {ORDERS} with N orders, too, to fill with your own")
     parser.add_argument("--interactive", action="store_true", help="ask the five questions that matter most")
     scale_argument(parser)

@@ -29,7 +29,7 @@ MOST_ROBOTS = 8
 MOST_STATIONS = 60  # of a group
 SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
 ORDERS_A_ROBOT = 5  # that a run has time for, at the least
-BUSY = 0.5  # share of their time that robots are to work
+BUSY = 0.25  # share of their time that robots would work if nobody were in their way
 TRIAL_S = 10.0  # simulated
 ENDS = 20  # of each of two groups, whose ways to each other are measured
 LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
@@ -253,7 +253,7 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
     tasks: dict[str, Any] = {"groups": groups, "streams": [stream]}
     why = {
         "cell": f"the least step from 0.4 m on that '{setup.problem.fleet.type_name[0]}' fits on every lane",
-        "orders": f"guessed: a way between stops takes {trip_s:.0f} s, so that robots work about {BUSY:.0%} of their time"
+        "orders": f"guessed: a way between stops takes {trip_s:.0f} s, so robots work {BUSY:.0%} of their time if nobody is in their way"
         if wishes.rate_per_h is None
         else "as you say",
         "service": "guessed: least, usual and most" if wishes.service_s is None else "as you say",

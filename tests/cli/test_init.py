@@ -96,14 +96,14 @@ def test_a_type_of_which_one_alone_fits_is_not_proposed_where_two_smaller_ones_d
     assert yaml.safe_load((tmp_path / "shop" / "scenario.yaml").read_text())["robots"]["type"] == robots
 
 
-def test_orders_come_as_robots_that_drive_as_fast_as_each_lane_allows_can_do_half_of_the_time(shop):
+def test_orders_come_as_robots_that_drive_as_fast_as_each_lane_allows_can_do_a_quarter_of_the_time(shop):
     slow = SHOP.replace("- [1, 3, {", "- [1, 3, {speed_limit: [3, 0.01], ")  # to the charger: no order goes there
     (shop / "slow.building.yaml").write_text(slow)
     rates = []
     for name in ("shop", "slow"):
         assert main(["init", f"{name}.building.yaml", "--type", "turtlebot3", "--robots", "1"]) == 0
         rates.append(yaml.safe_load((shop / name / "scenario.yaml").read_text())["tasks"]["streams"][0]["arrivals"]["rate_per_h"])
-    assert rates[0] == rates[1] == pytest.approx(0.5 * 3600 / (2 * 8 / 0.22 + 2 * 20), rel=0.05)  # 8 m from counter to table
+    assert rates[0] == rates[1] == pytest.approx(0.25 * 3600 / (2 * 8 / 0.22 + 2 * 20), rel=0.05)  # 8 m from counter to table
 
 
 @pytest.mark.parametrize(
