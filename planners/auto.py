@@ -85,11 +85,11 @@ class Auto:
             part = 0 if not effort else effort if last else max(1, int(self.share * effort))
             if name == "pbs" and not self.planners and not problem.window_steps:
                 part = min(part, FIRST_EFFORT) or FIRST_EFFORT
-            asked, given = planner(name, {}), replace(problem, effort=part)
-            supported = as_supported(asked, given)
-            result = asked.plan(supported, left_s if last else self.share * left_s)
+            chosen, bounded = planner(name, {}), replace(problem, effort=part)
+            supported = as_supported(chosen, bounded)
+            result = chosen.plan(supported, left_s if last else self.share * left_s)
             effort -= min(effort, part)
-            proof = result.status is Status.INFEASIBLE and supported is given
+            proof = result.status is Status.INFEASIBLE and supported is bounded
             over = last or until - process_time() <= 0.01 * time_limit_s
             yield k, name, result, proof or over
             if proof or over:

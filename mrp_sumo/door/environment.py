@@ -118,7 +118,7 @@ class StepWiseEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         occupied = np.zeros(self._padded.shape, np.int8)
         occupied[row + n, column + n] = 1
         errands = self._errands()
-        found = {}
+        observations = {}
         for r, agent in enumerate(self.possible_agents):
             window = slice(row[r], row[r] + 2 * n + 1), slice(column[r], column[r] + 2 * n + 1)
             view = np.zeros((3, 2 * n + 1, 2 * n + 1), np.int8)
@@ -129,8 +129,8 @@ class StepWiseEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
                 away = np.array(divmod(int(errands[r]), width)) - (row[r], column[r])
                 if (np.abs(away) <= n).all():
                     view[2, n + away[0], n + away[1]] = 1
-            found[agent] = {"view": view, "errand": (away / self._size).astype(np.float32), "heading": int(world.heading[r])}
-        return found
+            observations[agent] = {"view": view, "errand": (away / self._size).astype(np.float32), "heading": int(world.heading[r])}
+        return observations
 
     def _errands(self) -> IntArray:
         """[R] the cell of each robot's next errand, NOTHING for who has no task."""
@@ -160,11 +160,11 @@ def safe(world: StepWiseWorld, wanted: ActionArray) -> ActionArray:
         action[wrong] = WAIT
 
 
-def drawn(given: StepWiseProblem, rng: np.random.Generator) -> StepWiseProblem:
+def drawn(problem: StepWiseProblem, rng: np.random.Generator) -> StepWiseProblem:
     """A problem on the same map, with as many robots: starts and errands drawn from the cells that are given."""
-    cells = given.errand
-    start, first = rng.permutation(cells)[: given.num_robots], np.arange(NUM_TASKS + 1) * NUM_ERRANDS
-    return StepWiseProblem(given.name, given.free, start, first, rng.choice(cells, NUM_TASKS * NUM_ERRANDS), given.num_revealed)
+    cells = problem.errand
+    start, first = rng.permutation(cells)[: problem.num_robots], np.arange(NUM_TASKS + 1) * NUM_ERRANDS
+    return StepWiseProblem(problem.name, problem.free, start, first, rng.choice(cells, NUM_TASKS * NUM_ERRANDS), problem.num_revealed)
 
 
 def on_map(name: str, free: BoolArray, num_robots: int) -> StepWiseProblem:

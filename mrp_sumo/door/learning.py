@@ -45,13 +45,13 @@ def parallel_env(
     if isinstance(problem, StepWiseProblem) or Path(problem).suffix == ".json":
         if robots is not None:
             raise MrpSumoError("parallel_env: robots is for maps, a problem has its own")
-        given = problem if isinstance(problem, StepWiseProblem) else read_problem(Path(problem))
-        return StepWiseEnv(given, steps, view, drawn=False, render_mode=render_mode)
+        league = problem if isinstance(problem, StepWiseProblem) else read_problem(Path(problem))
+        return StepWiseEnv(league, steps, view, drawn=False, render_mode=render_mode)
     bundled = bundled_folder("networks") / str(problem) / f"{problem}.map"
     path = bundled if bundled.is_file() else find_map(str(problem), Path())
     if path.suffix != ".map":
         raise MrpSumoError(f"parallel_env: '{path.name}' is neither a problem (.json) nor a MovingAI map (.map)")
-    given = on_map(path.stem, read_map(path), robots or 0)
-    if not robots or robots > len(given.errand):
-        raise MrpSumoError(f"parallel_env: robots is {robots}, expected 1 to {len(given.errand)} on '{path.name}'")
-    return StepWiseEnv(given, steps, view, drawn=True, render_mode=render_mode)
+    league = on_map(path.stem, read_map(path), robots or 0)
+    if not robots or robots > len(league.errand):
+        raise MrpSumoError(f"parallel_env: robots is {robots}, expected 1 to {len(league.errand)} on '{path.name}'")
+    return StepWiseEnv(league, steps, view, drawn=True, render_mode=render_mode)

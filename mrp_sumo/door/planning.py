@@ -273,17 +273,17 @@ class _Own:
     def plan(self, problem: core.Problem, time_limit_s: float) -> PlanResult:
         began = perf_counter()
         assert isinstance(problem, Problem)  # the caller's, with the goals assigned
-        found = self.function(problem, time_limit_s)
+        answer = self.function(problem, time_limit_s)
         time_s = perf_counter() - began
-        if isinstance(found, PlanResult):
-            return replace(found, planning_time_s=time_s)
-        if isinstance(found, Plan):
-            return PlanResult(Status.SOLVED, found, planning_time_s=time_s)
-        if isinstance(found, Iterable) and not isinstance(found, str | Mapping):
-            plan = plan_of_paths([np.asarray(path) for path in found], problem.step_s)
+        if isinstance(answer, PlanResult):
+            return replace(answer, planning_time_s=time_s)
+        if isinstance(answer, Plan):
+            return PlanResult(Status.SOLVED, answer, planning_time_s=time_s)
+        if isinstance(answer, Iterable) and not isinstance(answer, str | Mapping):
+            plan = plan_of_paths([np.asarray(path) for path in answer], problem.step_s)
             return PlanResult(Status.SOLVED, plan, planning_time_s=time_s)
         name = getattr(self.function, "__qualname__", "the planner").rpartition("<locals>.")[2]
-        raise PlanError(f"{name} returned {type(found).__name__}, expected a PlanResult, a Plan, or a path for each robot")
+        raise PlanError(f"{name} returned {type(answer).__name__}, expected a PlanResult, a Plan, or a path for each robot")
 
 
 def _with_own(setup: SetUp, planner: Planner | Function) -> SetUp:

@@ -209,8 +209,8 @@ class Run:
 
     @property
     def _summary(self) -> Summary:
-        found = run_summary(self.result)
-        return summary(f"Run {found.title}", [*found.rows, ("folder", self.folder)])
+        lines = run_summary(self.result)
+        return summary(f"Run {lines.title}", [*lines.rows, ("folder", self.folder)])
 
     def __repr__(self) -> str:
         m, result = self.metrics, self.result
@@ -298,8 +298,8 @@ def simulate(
     for key in SHAPES_PROBLEM:
         if key in execution:
             raise PlanError(f"simulate: {key} decides what there is to plan; give it to the scenario")
-    given: Mapping[str, Any] = execution if policy is None else {"policy": policy, **execution}
-    places: dict[Place, tuple[str, Any]] = {("execution", key): (f"simulate: {key}", value) for key, value in given.items()}
+    keys: Mapping[str, Any] = execution if policy is None else {"policy": policy, **execution}
+    places: dict[Place, tuple[str, Any]] = {("execution", key): (f"simulate: {key}", value) for key, value in keys.items()}
     setup = driven_as(solution.setup, changed(solution.setup.file, places))
     return Run(finish(setup, solution, shared_maps(), progress=progress))
 

@@ -71,7 +71,7 @@ class Scenario:
         folder: str | Path = ".",
         **unknown: Never,
     ) -> None:
-        given = {
+        sections = {
             "name": name,
             "map": map.choice.model_dump() if isinstance(map, Site) else map,
             "robots": robots,
@@ -83,7 +83,7 @@ class Scenario:
             "record": record,
             **unknown,
         }
-        values = {key: value for key, value in plain(given).items() if value is not None}
+        values = {key: value for key, value in plain(sections).items() if value is not None}
         file = scenario_of(values, Path(folder).resolve(), name)
         if not name:
             chosen = file.scenario

@@ -178,9 +178,9 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
         t, after = execution.t_s, min(int(k) + 1, len(execution.t_s) - 1)
         return float(t[int(k)] + share * (t[after] - t[int(k)]))
 
-    found = sorted((time(k, share), int(a), int(b)) for k, share, a, b in hits.tolist())
+    pairs = sorted((time(k, share), int(a), int(b)) for k, share, a, b in hits.tolist())
     overlaps = []
-    for t_s, a, b in found:
+    for t_s, a, b in pairs:
         (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
         x_m = float(xs[a] + xs[b]) / 2
         place = {"x_m": x_m if execution.level is None else x_m - FAR_M * round(x_m / FAR_M), "y_m": float(ys[a] + ys[b]) / 2}
@@ -249,15 +249,15 @@ def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
 def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """What the kernel finds; robots are looked at with the walls of the square that they are in, and farther ones where there are none."""
     x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
-    if not len(walls) or (found := _extent(x, y)) is None:
+    if not len(walls) or (extent := _extent(x, y)) is None:
         return np.inf, np.zeros(4), np.zeros((0, 5))
-    low, high, moved_m = found
+    low, high, moved_m = extent
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
     side_m = max(PLACE_M, float((high - low).max()) / MOST_PLACES)
     cell, corner = _squares(x, y, low, high, side_m)
-    way = walls[:, 1] - walls[:, 0]
-    bearing = np.arctan2(way[:, 1], way[:, 0])
-    strokes = np.column_stack([walls.mean(axis=1), bearing, np.hypot(*way.T) / 2, np.cos(bearing), np.sin(bearing)])
+    along = walls[:, 1] - walls[:, 0]
+    bearing = np.arctan2(along[:, 1], along[:, 0])
+    strokes = np.column_stack([walls.mean(axis=1), bearing, np.hypot(*along.T) / 2, np.cos(bearing), np.sin(bearing)])
     boxes = np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1)
     around_m = float(np.hypot(half_length, half_width).max()) + moved_m
     everything = np.concatenate([[low, high], walls.reshape(-1, 2)])
@@ -328,11 +328,11 @@ def _elsewhere(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]]
     x, y, _ = positions_at(execution, execution.sumo_t_s)
     apart = np.hypot(execution.sumo_xy_m[..., 0] - x, execution.sumo_xy_m[..., 1] - y)  # [K, R]
     away = apart > ELSEWHERE_M
-    found = [
+    jumps = [
         {"robot": fleet.robot_name[r], "t_s": float(execution.sumo_t_s[k]), "apart_m": float(apart[k, r])}
         for k, r in sorted((int(away[:, r].argmax()), r) for r in np.flatnonzero(away.any(0)).tolist())
     ]
-    return found, float(np.nanmax(apart)) if np.isfinite(apart).any() else None
+    return jumps, float(np.nanmax(apart)) if np.isfinite(apart).any() else None
 
 
 def _rows(values: FloatArray) -> FloatArray:

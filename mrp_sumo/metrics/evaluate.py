@@ -76,9 +76,9 @@ def evaluate(
         time_limit_s=time_limit_s,
         zones=zones,
     )
-    found = {}
+    values = {}
     for metric in metrics:
-        found[metric.name] = metric(evidence)
+        values[metric.name] = metric(evidence)
         if execution is not None:
             let_go_of_samples(execution)
-    return found
+    return values

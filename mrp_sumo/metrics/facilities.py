@@ -56,7 +56,7 @@ class LiftUse:
 
 def lift_use(execution: Execution, graph: NavGraph, since_s: float = 0.0) -> list[LiftUse]:
     """What the lifts of a run had to do from a time on."""
-    log, found = execution.facilities, []
+    log, parts = execution.facilities, []
     over_s = execution.sim_time_s - since_s
     if log is None or over_s <= 0:
         return []
@@ -69,8 +69,8 @@ def lift_use(execution: Execution, graph: NavGraph, since_s: float = 0.0) -> lis
         waits = [e for e in execution.events if e.kind == "waited" and e.t_s >= since_s and e.vertex >= 0 and cabin[e.vertex] == name]
         changes = sorted([(e.t_s, 1) for e in waits] + [(e.t_s + e.duration_s, -1) for e in waits])
         queue = int(np.cumsum([step for _, step in changes]).max(initial=0))
-        found.append(LiftUse(name, busy_s / over_s, sum(e.duration_s for e in waits), queue))
-    return found
+        parts.append(LiftUse(name, busy_s / over_s, sum(e.duration_s for e in waits), queue))
+    return parts
 
 
 def _use(run: Evidence) -> list[LiftUse] | None:

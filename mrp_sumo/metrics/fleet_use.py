@@ -141,7 +141,7 @@ def _shares(run: Evidence) -> dict[str, float]:
     ordered = (states.state == STALLED) & (states.task >= 0)
     spent_s = np.bincount(np.where(ordered, WORKING, states.state), states.end_s - states.begin_s, minlength=len(ROBOT_STATES))
     blocked_s = min(float(logs[1].stood_s.sum()), float(spent_s[WORKING]))
-    found = {
+    seconds = {
         "working": spent_s[WORKING] - blocked_s,
         "blocked": blocked_s,
         "charging": spent_s[CHARGING] + spent_s[STALLED],
@@ -149,7 +149,7 @@ def _shares(run: Evidence) -> dict[str, float]:
         "lost": spent_s[EMPTY] + spent_s[BROKEN],
         "stalled": (states.end_s - states.begin_s)[states.state == STALLED].sum(),
     }
-    return {name: float(share_s / whole_s) for name, share_s in found.items()}
+    return {name: float(share_s / whole_s) for name, share_s in seconds.items()}
 
 
 def _driven_m(run: Evidence) -> tuple[float, float]:
@@ -177,7 +177,7 @@ def _queues(run: Evidence) -> list[tuple[float, int]]:
     logs, execution = run.once(_logs), run.execution
     if logs is None or execution is None or not execution.sim_time_s:
         return []
-    stops, found = logs[1], []
+    stops, queues = logs[1], []
     for name in dict.fromkeys(stops.station):
         here = np.array([station == name for station in stops.station])
         begin_s, queued_s = stops.begin_s[here], stops.queued_s[here]
@@ -185,5 +185,5 @@ def _queues(run: Evidence) -> list[tuple[float, int]]:
         change = np.concatenate([np.ones(waits.sum()), -np.ones(waits.sum())])
         at_s = np.concatenate([(begin_s - queued_s)[waits], begin_s[waits]])
         order = np.lexsort((change, at_s))  # who comes to a place makes room first
-        found.append((float(queued_s.sum() / execution.sim_time_s), int(change[order].cumsum().max(initial=0))))
-    return found
+        queues.append((float(queued_s.sum() / execution.sim_time_s), int(change[order].cumsum().max(initial=0))))
+    return queues

@@ -59,8 +59,8 @@ class Evidence:
         """What `work` finds in this evidence, worked out the first time: several metrics may share it."""
         if work not in self._found:
             self._found[work] = work(self)
-        found: T = self._found[work]
-        return found
+        value: T = self._found[work]
+        return value
 
 
 Function = Callable[[Evidence], Any]

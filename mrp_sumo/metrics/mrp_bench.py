@@ -163,11 +163,11 @@ def smoothed_counts(paths: Sequence[Sequence[int]], cell: IntArray) -> tuple[int
     for path in paths:
         step = np.abs(cell[np.asarray(path[2:], np.int64)] - cell[np.asarray(path[:-2], np.int64)])
         skips = [*(step[:, 0] == step[:, 1]).tolist(), False, False]
-        i = kept = 0
+        i = num_kept = 0
         while i < len(path):
-            kept += 1
+            num_kept += 1
             i += 2 if skips[i] else 1
-        lengths.append(kept)
+        lengths.append(num_kept)
     return max(lengths, default=0), sum(lengths)
 
 
@@ -271,8 +271,8 @@ def time_blocked_total_s(run: Evidence) -> float | None:
     one_goal=True,
 )
 def time_blocked_s(run: Evidence) -> list[float] | None:
-    found = run.once(_analysed)
-    return [found["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if found else None
+    analysed = run.once(_analysed)
+    return [analysed["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if analysed else None
 
 
 @metric(YES_NO, "less", "some robot never had a message that counts, or never appeared (`invalidRun`)", one_goal=True)
@@ -292,9 +292,9 @@ def _analysed(run: Evidence) -> dict[str, Any]:
 
 def _distance(run: Evidence, which: str) -> float | None:
     """A least distance; None where there never are two robots."""
-    found = run.once(_analysed)
-    met = found.get("minDistanceBetweenTwoAgents", NO_PAIR_M) != NO_PAIR_M
-    return found[f"minDistanceBetweenTwoAgents{which}"] if met else None
+    analysed = run.once(_analysed)
+    met = analysed.get("minDistanceBetweenTwoAgents", NO_PAIR_M) != NO_PAIR_M
+    return analysed[f"minDistanceBetweenTwoAgents{which}"] if met else None
 
 
 def _smoothed(run: Evidence) -> tuple[int, int] | None:

@@ -52,20 +52,20 @@ def guarded(name: str, beside: Path | None, report: Callable[[PlugInError], None
     def value(evidence: Evidence) -> Any:
         try:
             with limited():
-                found = metric(evidence)
+                plain = metric(evidence)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             report(blamed(error, source, metric.function))
             return None
-        found = found.tolist() if isinstance(found, np.ndarray | np.generic) else found
-        if not is_value(found):
+        plain = plain.tolist() if isinstance(plain, np.ndarray | np.generic) else plain
+        if not is_value(plain):
             report(
                 PlugInError(
-                    f"{place_of(metric.function)}: {metric.name} is {found!r:.60}, expected a finite number, true or false, a list, or None"
+                    f"{place_of(metric.function)}: {metric.name} is {plain!r:.60}, expected a finite number, true or false, a list, or None"
                 )
             )
             return None
-        return list(found) if isinstance(found, tuple) else found
+        return list(plain) if isinstance(plain, tuple) else plain
 
     return replace(metric, function=value)

@@ -124,11 +124,11 @@ def judge_in_seconds(problem: Problem, plan: Plan, step_length_s: float = 0.1) -
     apart, kind = problem.fleet.apart_m, problem.fleet.kind
     cells = _Cells(max(float(apart.max()), float(np.median(runs.length_m))), float(apart.max()))
     pieces = _pieces(problem, plan, runs, cells)
-    found = _too_close(plan, pieces, apart - CLOSE_M, kind, cells)
-    found += _in_groups(problem, plan, runs, pieces, step_length_s)
+    meetings_ = _too_close(plan, pieces, apart - CLOSE_M, kind, cells)
+    meetings_ += _in_groups(problem, plan, runs, pieces, step_length_s)
     faults = [_fault(problem, plan, k, int(runs.verdict[k])) for k in np.flatnonzero(runs.verdict).tolist()]
     faults += _last_turns(problem, plan)
-    return Drivability(tuple(faults), tuple(sorted(found, key=lambda m: (m.t_s, m.robot, m.other))))
+    return Drivability(tuple(faults), tuple(sorted(meetings_, key=lambda m: (m.t_s, m.robot, m.other))))
 
 
 def prepare() -> None:
@@ -170,9 +170,9 @@ def _runs(problem: Problem, plan: Plan, step_length_s: float) -> _Runs:
     stop = decel * step_length_s + np.sqrt(2 * decel * ARRIVES_M)
     low, high, verdict = np.zeros(num_visits), np.zeros(num_visits), np.zeros(num_visits, np.int64)
     early, late = np.zeros((num_visits, 3, 6)), np.zeros((num_visits, 3, 6))
-    given = plan.first, begin_s, plan.arrive_s, stands, length_m, top_mps, accel, decel
-    kernels.speeds(*given, slack, stop, low, high, verdict)
-    kernels.motions(*given, low, high, verdict, early, late)
+    inputs = plan.first, begin_s, plan.arrive_s, stands, length_m, top_mps, accel, decel
+    kernels.speeds(*inputs, slack, stop, low, high, verdict)
+    kernels.motions(*inputs, low, high, verdict, early, late)
     return _Runs(lane, length_m, top_mps, begin_s, stands, leave_s, verdict, early, late)
 
 
@@ -264,7 +264,7 @@ def _pieces(problem: Problem, plan: Plan, runs: _Runs, cells: _Cells) -> Pieces:
 
 def _room_m(graph: NavGraph, lane: IntArray, long: IntArray, reach_m: float) -> FloatArray:
     """[P] how far before its head a robot on some long lanes is out of reach of the head and of all other lanes there; inf on others."""
-    found = np.full(len(lane), np.inf)
+    room_m = np.full(len(lane), np.inf)
     by_head = np.argsort(graph.head, kind="stable")
     into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
     backwards = graph.xy[graph.tail] - graph.xy[graph.head]
@@ -281,21 +281,21 @@ def _room_m(graph: NavGraph, lane: IntArray, long: IntArray, reach_m: float) -> 
         beside = np.divide(reach_m, aside, out=np.full(len(aside), np.inf), where=aside > 0)
         clear = np.where(along <= 0, reach_m, np.where(beside * along <= length, beside, past_end))
         room[k] = float(clear.max(initial=reach_m))
-    found[long] = [room[k] for k in lane[long].tolist()]
-    return found
+    room_m[long] = [room[k] for k in lane[long].tolist()]
+    return room_m
 
 
 def _too_close(plan: Plan, pieces: Pieces, apart: FloatArray, kind: IntArray, cells: _Cells) -> list[Meeting]:
     order, cell = _in_cells(pieces, cells)
     room = ROOM
     while True:
-        found, found_s, found_m = np.zeros((room, 2), np.int64), np.zeros(room), np.zeros(room)
-        count = kernels.meetings(order, cell, pieces, apart, kind, found, found_s, found_m)
+        pairs, found_s, found_m = np.zeros((room, 2), np.int64), np.zeros(room), np.zeros(room)
+        count = kernels.meetings(order, cell, pieces, apart, kind, pairs, found_s, found_m)
         if count <= room:
             break
         room = count
     first: dict[tuple[int, int, int, int], Meeting] = {}
-    for (e, f), t_s, distance_m in zip(found[:count].tolist(), found_s[:count].tolist(), found_m[:count].tolist()):
+    for (e, f), t_s, distance_m in zip(pairs[:count].tolist(), found_s[:count].tolist(), found_m[:count].tolist()):
         e, f = (e, f) if pieces.robot[e] < pieces.robot[f] else (f, e)
         a, b = int(plan.vertex[pieces.visit[e]]), int(plan.vertex[pieces.visit[f]])
         key = int(pieces.robot[e]), int(pieces.robot[f]), int(pieces.visit[e]), int(pieces.visit[f])
@@ -324,7 +324,7 @@ def _in_groups(problem: Problem, plan: Plan, runs: _Runs, pieces: Pieces, step_l
     held: dict[str, list[tuple[float, float, int, int]]] = {}
     for group, begin_s, end_s, visit in _stays(problem.fleet, plan, runs, pieces, of_vertex, of_lane):
         held.setdefault(group, []).append((begin_s, end_s, int(plan.robot[visit]), visit))
-    found: dict[tuple[int, int, str], Meeting] = {}
+    meetings_: dict[tuple[int, int, str], Meeting] = {}
     for group, times in held.items():
         times.sort()
         for i, (_, end_s, robot, visit) in enumerate(times):
@@ -333,8 +333,8 @@ def _in_groups(problem: Problem, plan: Plan, runs: _Runs, pieces: Pieces, step_l
                     break
                 if other != robot:
                     (a, v), (b, w) = sorted([(robot, int(plan.vertex[visit])), (other, int(plan.vertex[other_visit]))])
-                    found.setdefault((a, b, group), Meeting(a, b, v, w, begin, np.nan, group))
-    return list(found.values())
+                    meetings_.setdefault((a, b, group), Meeting(a, b, v, w, begin, np.nan, group))
+    return list(meetings_.values())
 
 
 def _groups(graph: NavGraph) -> tuple[dict[int, set[str]], dict[int, set[str]]]:
@@ -347,8 +347,8 @@ def _groups(graph: NavGraph) -> tuple[dict[int, set[str]], dict[int, set[str]]]:
     of_vertex = {v: set(names) for v, options in enumerate(graph.vertex_options) if (names := groups_of(options))}
     if of_lane:
         for v in np.unique(graph.head[list(of_lane)]).tolist():
-            around = np.flatnonzero((graph.tail == v) | (graph.head == v)).tolist()
-            of_vertex.setdefault(v, set()).update(set.intersection(*(of_lane.get(k, set()) for k in around)))
+            lanes = np.flatnonzero((graph.tail == v) | (graph.head == v)).tolist()
+            of_vertex.setdefault(v, set()).update(set.intersection(*(of_lane.get(k, set()) for k in lanes)))
     return of_vertex, of_lane
 
 

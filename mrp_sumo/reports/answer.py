@@ -45,10 +45,10 @@ def _about_values(study: Study, best: str, others: list[str]) -> str:
     """The second sentence."""
     of = study.by_instance
     for column, what in MEASURES if study.is_executed else PLANNED:
-        found = {name: there for name in others if (there := _beside(of[best], of[name], study.outcome, column)) is not None}
-        if not found:
+        compared = {name: there for name in others if (there := _beside(of[best], of[name], study.outcome, column)) is not None}
+        if not compared:
             continue
-        name, (ratio, p_value) = min(found.items(), key=lambda item: item[1][0].value)
+        name, (ratio, p_value) = min(compared.items(), key=lambda item: item[1][0].value)
         both = f"Where {best} and {name} both succeed ({ratio.count} instances)"
         if p_value > SURE or ratio.low <= 0 <= ratio.high:
             return f"{both}, it is undecided who has the lower {what}: that of {name} differs from that of {best} by {_signed(ratio)}."

@@ -110,10 +110,10 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
 def _kept_runs(study: Study) -> list[Section]:
     """Sections about run folders that are kept with the results, the worst first."""
     keys = [str(k) for k in study.frame["key"]] if "key" in study.frame else []
-    kept = [k for k in keys if k in study.folders]
+    drawn = [k for k in keys if k in study.folders]
     blocked = dict(zip(keys, study.frame["time_blocked_total_s"].to_numpy(np.float64, na_value=0.0)))
     succeeded = dict(zip(keys, study.frame["_succeeded"]))
-    chosen = sorted(kept, key=lambda k: (bool(succeeded[k]), -blocked[k], k))[:MAX_RUNS]
+    chosen = sorted(drawn, key=lambda k: (bool(succeeded[k]), -blocked[k], k))[:MAX_RUNS]
     sections = []
     for key in chosen:
         run = study.folders[key]
@@ -248,9 +248,9 @@ def _about(study: Study) -> list[str]:
     lines = []
     for column, word in (("code", "mrp_sumo"), ("libsumo", "SUMO"), ("machine", "Made on")):
         if column in study.frame:
-            found = [str(v) for v in dict.fromkeys(study.frame[column].dropna())]
-            if found:
-                lines.append(f"{word} {'; '.join(found[:4])}{' and others' if len(found) > 4 else ''}")
+            values = [str(v) for v in dict.fromkeys(study.frame[column].dropna())]
+            if values:
+                lines.append(f"{word} {'; '.join(values[:4])}{' and others' if len(values) > 4 else ''}")
     lines.append(f"Written by mrp-sumo {__version__}. Colours after Okabe and Ito; intervals are of 95 %.")
     return lines
 

@@ -72,22 +72,22 @@ def write_rmf_plans(path: Path, record: RunRecord) -> None:
 def _blockers(schedule: Schedule, robot: np.ndarray) -> dict[int, dict[int, int]]:
     """Visit that must not be left -> other robot -> the visit that it has to come to first; without those that earlier ones imply."""
     after, left_at = waits(schedule)
-    found: dict[int, dict[int, int]] = {}
+    blockers: dict[int, dict[int, int]] = {}
     for passage, until in zip(after.tolist(), left_at.tolist()):
         visit = int(schedule.visit[passage])
         if until < len(robot) and visit and robot[visit - 1] == robot[visit]:
-            of_visit = found.setdefault(visit - 1, {})
+            of_visit = blockers.setdefault(visit - 1, {})
             other = int(robot[until])
             of_visit[other] = max(of_visit.get(other, 0), until)
     known: dict[tuple[int, int], int] = {}
-    for visit in sorted(found):
-        for other, until in list(found[visit].items()):
+    for visit in sorted(blockers):
+        for other, until in list(blockers[visit].items()):
             pair = (int(robot[visit]), other)
             if known.get(pair, -1) >= until:
-                del found[visit][other]
+                del blockers[visit][other]
             else:
                 known[pair] = until
-    return found
+    return blockers
 
 
 def _waypoint(record: RunRecord, vertex: int, progress: float, blockers: list[Json]) -> Json:
@@ -128,8 +128,8 @@ def _time(t_s: float) -> Json:
 
 def _ascending(arrive_s: np.ndarray, first: np.ndarray) -> np.ndarray:
     """[N] the times of arrival, each after the one before of its robot, as progress has to be."""
-    found = np.array(arrive_s, np.float64)
+    times_s = np.array(arrive_s, np.float64)
     for begin, end in zip(first[:-1].tolist(), first[1:].tolist()):
         for k in range(begin + 1, end):
-            found[k] = max(found[k], np.nextafter(np.float32(found[k - 1]), np.float32(np.inf)))
-    return found
+            times_s[k] = max(times_s[k], np.nextafter(np.float32(times_s[k - 1]), np.float32(np.inf)))
+    return times_s

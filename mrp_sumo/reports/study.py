@@ -93,9 +93,9 @@ class Study:
 
     def groups(self, *by: str) -> list[tuple[tuple[Any, ...], pd.DataFrame]]:
         """Rows by some of `_map`, `_robots`, `_series` and factors, in the order of the study."""
-        found = dict(iter(self.frame.groupby(list(by), sort=False, dropna=False)))
+        groups = dict(iter(self.frame.groupby(list(by), sort=False, dropna=False)))
         order = {"_map": self.maps, "_series": self.series}
-        return sorted(found.items(), key=lambda item: tuple(order[k].index(v) if k in order else v for k, v in zip(by, item[0])))
+        return sorted(groups.items(), key=lambda item: tuple(order[k].index(v) if k in order else v for k, v in zip(by, item[0])))
 
 
 def short_key(key: str) -> str:
@@ -153,16 +153,16 @@ def numbers(runs: pd.DataFrame, column: str) -> FloatArray:
 
 def _run_folders(path: Path, gaps: list[str]) -> dict[str, RunFolder]:
     """Run folders one or two levels below, by name."""
-    found = {}
+    folders = {}
     places = [p for pattern in (f"*/{RESULT}", f"*/*/{RESULT}") for p in sorted(path.glob(pattern))]
     if len(places) > MAX_FOLDERS:
         gaps.append(f"{len(places)} run folders, the first {MAX_FOLDERS} are used")
     for place in places[:MAX_FOLDERS]:
         try:
-            found[place.parent.name] = load_run(place.parent)
+            folders[place.parent.name] = load_run(place.parent)
         except MrpSumoError as error:
             gaps.append(f"{error}; left out")
-    return found
+    return folders
 
 
 def _row(key: str, run: RunFolder) -> dict[str, Any]:

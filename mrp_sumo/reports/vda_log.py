@@ -150,8 +150,8 @@ class Vehicle:
         send, end_s = self.sender.message, float(self.execution.t_s[-1])
         happenings = self._happenings()
         yield 0.0, "connection", send("connection", 0.0, {"connectionState": "ONLINE"})
-        asked = action("factsheetRequest", f"{self.sender.serial}-factsheet")
-        yield 0.0, "instantActions", send("instantActions", 0.0, {"actions": [asked]})
+        request = action("factsheetRequest", f"{self.sender.serial}-factsheet")
+        yield 0.0, "instantActions", send("instantActions", 0.0, {"actions": [request]})
         yield 0.0, "factsheet", send("factsheet", 0.0, factsheet(self.dialect, self.record.fleet, self.robot))
         for t_s, together in groupby(happenings, key=lambda h: h.t_s):
             kinds = set()
@@ -172,54 +172,54 @@ class Vehicle:
         plan, execution, r = self.record.plan, self.execution, self.robot
         assert plan is not None
         mine = slice(int(plan.first[r]), int(plan.first[r + 1]))
-        way = tuple(Visit(v, t, -1) for v, t in zip(plan.vertex[mine].tolist(), execution.arrived_s[mine].tolist()))
-        found = [Happening(0.0, WAY, 0, way)]
+        visits = tuple(Visit(v, t, -1) for v, t in zip(plan.vertex[mine].tolist(), execution.arrived_s[mine].tolist()))
+        happenings = [Happening(0.0, WAY, 0, visits)]
         for n, reply in enumerate(execution.replies):
             for k in np.flatnonzero(reply.robot == r).tolist():
                 new = slice(int(reply.first[k]), int(reply.first[k + 1]))
                 more = tuple(Visit(v, t, n) for v, t in zip(reply.vertex[new].tolist(), reply.arrived_s[new].tolist()))
-                way = way[: int(reply.since[k]) + 1] + more
-                found.append(Happening(float(reply.t_s), WAY, 0, way))
+                visits = visits[: int(reply.since[k]) + 1] + more
+                happenings.append(Happening(float(reply.t_s), WAY, 0, visits))
         rows = np.flatnonzero(self.grants.robot == r)
         may = self.grants.visit[rows] + self.grants.enters[rows]  # an order's base ends at a node: that of the lane which is entered
-        found += [Happening(t, GRANT, v) for t, v in zip(self.grants.t_s[rows].tolist(), may.tolist())]
+        happenings += [Happening(t, GRANT, v) for t, v in zip(self.grants.t_s[rows].tolist(), may.tolist())]
         end_s = float(execution.t_s[-1])
-        if self.record.goal_heading_rad is not None and len(way) > 1 and execution.goal_s[r] > way[-1].arrived_s:
-            way = (*way[:-1], way[-1]._replace(arrived_s=float(execution.goal_s[r])))  # it is there once it faces as it is to
-        found += [Happening(v.arrived_s, ARRIVE, k) for k, v in enumerate(way) if k and v.arrived_s <= end_s]
-        self._note_actions(way)
+        if self.record.goal_heading_rad is not None and len(visits) > 1 and execution.goal_s[r] > visits[-1].arrived_s:
+            visits = (*visits[:-1], visits[-1]._replace(arrived_s=float(execution.goal_s[r])))  # it is there once it faces as it is to
+        happenings += [Happening(v.arrived_s, ARRIVE, k) for k, v in enumerate(visits) if k and v.arrived_s <= end_s]
+        self._note_actions(visits)
         for begin_s, until_s in [when[1:] for when in self.actions.values()]:
-            found += [Happening(t, ACT) for t in (begin_s, until_s) if t <= end_s]
+            happenings += [Happening(t, ACT) for t in (begin_s, until_s) if t <= end_s]
         for event in execution.events:
             if event.kind in ERRORS and event.robot == r:
                 until_s = event.t_s + event.duration_s if event.duration_s > 0 else np.inf
                 self.errors.append((event.t_s, until_s, event.kind, event.text or event.kind.replace("_", " ")))
-                found += [Happening(t, ERROR) for t in (event.t_s, until_s) if t <= end_s]
+                happenings += [Happening(t, ERROR) for t in (event.t_s, until_s) if t <= end_s]
         there = np.isfinite(execution.x_m[:, r])
         drives = (np.abs(execution.speed_mps[:, r]) >= STANDING_MPS) & there
-        found += [Happening(t, DRIVE) for t in execution.t_s[1:][drives[1:] != drives[:-1]].tolist()]
-        found += [Happening(float(t), ALIVE) for t in np.arange(0.0, end_s + 1e-9, KEEP_ALIVE_S)] + [Happening(end_s, ALIVE)]
+        happenings += [Happening(t, DRIVE) for t in execution.t_s[1:][drives[1:] != drives[:-1]].tolist()]
+        happenings += [Happening(float(t), ALIVE) for t in np.arange(0.0, end_s + 1e-9, KEEP_ALIVE_S)] + [Happening(end_s, ALIVE)]
         period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
         every = max(1, round(1 / (MOST_HZ * period_s)))
-        found += [Happening(t, SHOW) for t in execution.t_s[::every][there[::every]].tolist()]
-        return sorted((h._replace(t_s=round(h.t_s, 9)) for h in found), key=lambda h: (h.t_s, h.kind))
+        happenings += [Happening(t, SHOW) for t in execution.t_s[::every][there[::every]].tolist()]
+        return sorted((h._replace(t_s=round(h.t_s, 9)) for h in happenings), key=lambda h: (h.t_s, h.kind))
 
-    def _note_actions(self, way: tuple[Visit, ...]) -> None:
+    def _note_actions(self, visits: tuple[Visit, ...]) -> None:
         """Stops become actions of the nodes at which they were made."""
         stops, tasks = self.execution.stops, self.execution.tasks
         if stops is None or tasks is None:
             return
-        arrived = np.array([v.arrived_s for v in way])
+        arrived = np.array([v.arrived_s for v in visits])
         for s in np.flatnonzero(stops.robot == self.robot).tolist():
             begin_s, end_s, task = round(float(stops.begin_s[s]), 9), round(float(stops.end_s[s]), 9), int(stops.task[s])
             k = int(np.flatnonzero(~(arrived > begin_s + 1e-6) & np.isfinite(arrived))[-1])
-            if way[k].vertex != stops.vertex[s] or not np.isfinite(end_s):
+            if visits[k].vertex != stops.vertex[s] or not np.isfinite(end_s):
                 continue
             of_task = np.flatnonzero(stops.task == task)
             is_order = bool(tasks.is_order[task])
             kind = ("pick" if s == of_task[0] else "drop" if s == of_task[-1] else "service") if is_order else "startCharging"
             made = action(kind, f"{self.sender.serial}-{s}", "HARD", station=stops.station[s], duration=round(end_s - begin_s, 3))
-            self.actions[k, way[k].reply] = (made, begin_s, end_s)
+            self.actions[k, visits[k].reply] = (made, begin_s, end_s)
             if not is_order:
                 self.charging.append((begin_s, end_s))
 
@@ -266,7 +266,7 @@ class Vehicle:
         nodes, edges = states_of(self.orders.document, sequence)
         pose, velocity, driving = self._motion(t_s)
         away_m = float(np.hypot(*(graph.xy[at] - self.record.shift_m[graph.level[at]] - (pose["x"], pose["y"])))) if pose else 0.0
-        asked = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
+        request = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
         return state(
             self.dialect,
             order=(self.orders.name, self.orders.update),
@@ -278,7 +278,7 @@ class Vehicle:
             driving=driving,
             away_m=away_m,
             actions=[self._action_state(made, t_s) for made in self._of_order()],
-            instants=[asked],
+            instants=[request],
             power=(self._percent(t_s), any(a <= t_s < b for a, b in self.charging)),
             errors=[
                 error(kind, ERRORS[kind][self.dialect.is_new], text, {})
@@ -289,13 +289,13 @@ class Vehicle:
 
     def _of_order(self) -> list[tuple[Json, float, float]]:
         """The actions in the order."""
-        sent = {given["actionId"] for one in self.orders.nodes for given in one["actions"]}
+        sent = {one_action["actionId"] for one in self.orders.nodes for one_action in one["actions"]}
         return [made for made in self.actions.values() if made[0]["actionId"] in sent]
 
     def _action_state(self, made: tuple[Json, float, float], t_s: float) -> Json:
-        given, begin_s, end_s = made
+        document, begin_s, end_s = made
         status = "WAITING" if t_s < begin_s else "RUNNING" if t_s < end_s else "FINISHED"
-        return {"actionId": given["actionId"], "actionType": given["actionType"], "actionStatus": status}
+        return {"actionId": document["actionId"], "actionType": document["actionType"], "actionStatus": status}
 
     def _view(self, t_s: float) -> Json:
         pose, velocity, _ = self._motion(t_s)

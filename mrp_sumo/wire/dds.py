@@ -95,8 +95,8 @@ class DdsView:
             Policy.DataRepresentation(use_cdrv0_representation=True),  # what ROS 2 reads
             Policy.Userdata(f"typehash={store.hash_rihs01(typename)};".encode()),  # as nodes from Iron on have it
         )
-        found = self._dds.topic.Topic(self._participant, f"rt{topic}", _struct(typename, store))
-        return self._dds.pub.DataWriter(self._participant, found, qos)
+        topic_ = self._dds.topic.Topic(self._participant, f"rt{topic}", _struct(typename, store))
+        return self._dds.pub.DataWriter(self._participant, topic_, qos)
 
 
 @dataclass
@@ -106,17 +106,17 @@ class Publishing:
     view: DdsView
     live: LiveMessages
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, state: Moment) -> None:
         """See Listener."""
-        for topic, typename, message in self.live.of(moment):
+        for topic, typename, message in self.live.of(state):
             self.view.publish(topic, typename, message, self.live.messages.typestore)
 
 
 def _check_interface(address: str) -> None:
     """Raise MrpSumoError where this machine has no interface of an address: DDS says so in lines of its own."""
     try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
-            found.bind((str(IPv4Address(address)), 0))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind((str(IPv4Address(address)), 0))
     except (OSError, ValueError):
         expected = f"expected the IPv4 address of a network interface of this machine, such as {LOOPBACK}"
         raise MrpSumoError(f"--interface {address[:80]}: {expected}") from None

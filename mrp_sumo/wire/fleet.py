@@ -116,13 +116,13 @@ class GraphSite:
 
     def _longer_route(self, a: int, b: int) -> tuple[int, ...] | None:
         graph = self._graph
-        found = shortest_route(graph, self._open, a, b)
-        if found is None:
+        route = shortest_route(graph, self._open, a, b)
+        if route is None:
             return None
-        lanes = [graph.lane_between(tail, head) for tail, head in pairwise(found)]
+        lanes = [graph.lane_between(tail, head) for tail, head in pairwise(route)]
         straight_m = float(np.hypot(*(graph.xy[b] - graph.xy[a])))
         within = float(graph.length_m[lanes].sum()) <= DETOUR * straight_m + DETOUR_M or bool(graph.is_ride[lanes].any())
-        return tuple(found[1:]) if within else None
+        return tuple(route[1:]) if within else None
 
 
 @dataclass
@@ -267,16 +267,16 @@ class VirtualFleet:
             vehicle.body = Body(xy[r][0], xy[r][1], yaw[r], graph.level_names[levels[r]], speed[r], spin)
             if self.batteries is not None:
                 vehicle.percent = float(100 * self.batteries.level[r])
-            way = self._ways[r]
+            path = self._ways[r]
             passed = 0
-            while passed < len(way.rank) and way.rank[passed] <= rank[r]:
-                if passed == len(way.rank) - 1 and not way.node[passed].is_faced(yaw[r], FACES_RAD):
+            while passed < len(path.rank) and path.rank[passed] <= rank[r]:
+                if passed == len(path.rank) - 1 and not path.node[passed].is_faced(yaw[r], FACES_RAD):
                     break
                 passed += 1
             if passed:
-                vehicle.reach(way.sequence[passed - 1], now_s)
-                del way.rank[:passed], way.sequence[:passed], way.limit_mps[:passed], way.node[:passed]
-            vehicle.blocked_by = self._blocked_by(other[r]) if stuck[r] and way.rank and not vehicle.holds else ""
+                vehicle.reach(path.sequence[passed - 1], now_s)
+                del path.rank[:passed], path.sequence[:passed], path.limit_mps[:passed], path.node[:passed]
+            vehicle.blocked_by = self._blocked_by(other[r]) if stuck[r] and path.rank and not vehicle.holds else ""
             if vehicle.cancels and ends[r] and visits.next[visits.granted[r]] < 0:
                 vehicle.stand(graph.label(int(visits.vertex[visits.reached[r]])))
                 self._ways[r] = Way()
@@ -305,7 +305,7 @@ class VirtualFleet:
 
     def _longer(self, robot: int, vehicle: Vehicle, new: Sequence[tuple[Node, Edge]]) -> Reroute:
         """A robot's way beyond what it has been granted, with more nodes at its end."""
-        visits, way = self.ledger.visits, self._ways[robot]
+        visits, path = self.ledger.visits, self._ways[robot]
         granted = int(visits.granted[robot])
         vertices = self.ledger.column("vertex")[self.ledger.ids(robot, granted)[1:]].tolist()
         rank, at = int(visits.rank[granted]) + len(vertices), int(visits.vertex[visits.last[robot]])
@@ -316,10 +316,10 @@ class VirtualFleet:
             vertices += route
             rank += len(route)
             at = route[-1] if route else at
-            way.rank.append(rank)
-            way.sequence.append(node.sequence)
-            way.limit_mps.append(edge.limit_mps)
-            way.node.append(node)
+            path.rank.append(rank)
+            path.sequence.append(node.sequence)
+            path.limit_mps.append(edge.limit_mps)
+            path.node.append(node)
         return _way_along(vertices, self.now_s)
 
     def _cut(self, robot: int) -> Reroute | None:
@@ -327,13 +327,13 @@ class VirtualFleet:
         visits, grants = self.ledger.visits, self.ledger.state.grants
         granted = int(visits.granted[robot])
         ahead = self.ledger.ids(robot, granted)[1:]
-        kept = ahead[: int(grants.on_lane[robot])]
-        return None if len(kept) == len(ahead) else _way_along(self.ledger.column("vertex")[kept].tolist(), self.now_s)
+        base = ahead[: int(grants.on_lane[robot])]
+        return None if len(base) == len(ahead) else _way_along(self.ledger.column("vertex")[base].tolist(), self.now_s)
 
     def _append(self, ways: Mapping[int, Reroute]) -> None:
-        ends = {r: int(way.vertex[-1]) for r, way in ways.items() if len(way.vertex)}
+        ends = {r: int(path.vertex[-1]) for r, path in ways.items() if len(path.vertex)}
         at = self.ledger.visits.vertex[self.ledger.visits.granted]
-        ends |= {r: int(at[r]) for r, way in ways.items() if not len(way.vertex)}
+        ends |= {r: int(at[r]) for r, path in ways.items() if not len(path.vertex)}
         self.ledger.append(Replan(ways, "replan", ends=ends), self.policy, self.now_s)
 
     def _hold(self) -> None:

@@ -152,11 +152,11 @@ class Showing:
     name: str
     until_s: float
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, state: Moment) -> None:
         """See Listener."""
-        if moment.step == 1:  # all that is said at the beginning has been said
+        if state.step == 1:  # all that is said at the beginning has been said
             self.view.start(self.name, self.until_s, self.playback)
-        self.say(self.bag.of(moment), round(moment.now_s * 1e9))
+        self.say(self.bag.of(state), round(state.now_s * 1e9))
 
     def say(self, messages: Iterable[Said], now_ns: int) -> None:
         """Say something at a time of the run."""

@@ -46,9 +46,9 @@ class Loopback:
 
     def receive(self, wait_s: float) -> list[Received]:
         """See Link."""
-        found = list(self.inbox)
+        messages = list(self.inbox)
         self.inbox.clear()
-        return found
+        return messages
 
     def close(self) -> None:
         """See Link."""

@@ -82,13 +82,13 @@ class DrivenVehicles(KinematicEngine):
         ExecutionError
             For the first that is not.
         """
-        until, asked = time.monotonic() + PATIENCE_S, -math.inf
+        until, asked_s = time.monotonic() + PATIENCE_S, -math.inf
         while any(vehicle.state is None for vehicle in self.vehicles.values()) and time.monotonic() < until:
-            if time.monotonic() >= asked + ASK_EVERY_S:
-                asked = time.monotonic()
+            if time.monotonic() >= asked_s + ASK_EVERY_S:
+                asked_s = time.monotonic()
                 for serial, vehicle in self.vehicles.items():
                     if vehicle.state is None:
-                        self._send(serial, "instantActions", {"actions": [action("stateRequest", f"{serial}-{asked:.3f}")]})
+                        self._send(serial, "instantActions", {"actions": [action("stateRequest", f"{serial}-{asked_s:.3f}")]})
             self._take(self._link.receive(0.1))
         for r, (serial, vehicle) in enumerate(self.vehicles.items()):
             if vehicle.state is None:
@@ -241,9 +241,9 @@ def _is_about(error: Json, orders: Orders) -> bool:
     return bool(orders.name) and named.get("orderId") == orders.name and same_update
 
 
-def _objects(found: object) -> list[Json]:
+def _objects(value: object) -> list[Json]:
     """The objects of an array that may be anything."""
-    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 @contextmanager

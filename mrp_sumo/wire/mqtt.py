@@ -153,8 +153,8 @@ class Connections:
             for client in self._clients.values():
                 client.loop_misc()
             self._return(now)
-        found, self._inbox = self._inbox, []
-        return found
+        messages, self._inbox = self._inbox, []
+        return messages
 
     def close(self) -> None:
         """See Link."""
@@ -188,10 +188,10 @@ class Connections:
     def _connect(self, name: str) -> None:
         client = self._clients[name]
         client.connect(self.broker.host, self.broker.port, KEEP_ALIVE_S)
-        found: Any = client.socket()
-        found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._names[found.fileno()] = name
-        self._selector.register(found, selectors.EVENT_READ)
+        socket_: Any = client.socket()
+        socket_.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._names[socket_.fileno()] = name
+        self._selector.register(socket_, selectors.EVENT_READ)
 
     def _read(self, wait_s: float) -> None:
         """Read what sockets have, waiting for the first so long; a client reads a packet at a time."""
@@ -206,9 +206,9 @@ class Connections:
     def _read_one(self, fd: int) -> None:
         client = self._clients[self._names[fd]]
         client.loop_read()
-        while (found := client.socket()) is not None and getattr(found, "pending", int)():  # TLS has read more than it has handed over
+        while (socket_ := client.socket()) is not None and getattr(socket_, "pending", int)():  # TLS has read more than it has handed over
             client.loop_read()
-        if found is None or found.fileno() != fd:
+        if socket_ is None or socket_.fileno() != fd:
             self._forget(fd)
 
     def _write(self) -> None:
@@ -280,7 +280,7 @@ class VehicleLink:
 
     def receive(self, wait_s: float) -> list[Received]:
         """See Link."""
-        return [found for found in self.connections.receive(wait_s) if found.serial in self.serials and found.kind in TO_VEHICLES]
+        return [message for message in self.connections.receive(wait_s) if message.serial in self.serials and message.kind in TO_VEHICLES]
 
     def close(self) -> None:
         """See Link."""
@@ -306,7 +306,7 @@ class MasterLink:
 
     def receive(self, wait_s: float) -> list[Received]:
         """See Link."""
-        return [found for found in self.connections.receive(wait_s) if found.serial in self.serials]
+        return [message for message in self.connections.receive(wait_s) if message.serial in self.serials]
 
     def close(self) -> None:
         """See Link."""

@@ -28,13 +28,13 @@ class Pace:
     def wait(self, now_s: float, receive: Callable[[float], list[Received]]) -> list[Received]:
         """What comes in before the step at a simulated time is due."""
         due = self.begun_s + now_s / self.speed
-        found = receive(0.0)
+        messages = receive(0.0)
         while (left := due - time.monotonic()) > 0:
-            found += receive(left)
+            messages += receive(left)
         self.behind_s = max(self.behind_s, -left)
         if -left > MOST_BEHIND_S:
             self.begun_s += -left
-        return found
+        return messages
 
 
 @dataclass
@@ -43,9 +43,9 @@ class Paced:
 
     pace: Pace
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, state: Moment) -> None:
         """See Listener."""
-        self.pace.wait(moment.now_s, _sleep)
+        self.pace.wait(state.now_s, _sleep)
 
 
 def _sleep(wait_s: float) -> list[Received]:
@@ -70,10 +70,10 @@ class Logged:
 
     def receive(self, wait_s: float) -> list[Received]:
         """See Link."""
-        found = self.link.receive(wait_s)
-        for one in found:
+        messages = self.link.receive(wait_s)
+        for one in messages:
             self.note(*one)
-        return found
+        return messages
 
     def close(self) -> None:
         """See Link."""

@@ -129,28 +129,28 @@ class Logging:
         if self.record.plan is not None:
             self._plan(self.record.plan)
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, state: Moment) -> None:
         """See Listener."""
-        for event in moment.events:
+        for event in state.events:
             self._at(event.t_s)
             robot = self.record.fleet.robot_name[event.robot] if event.robot >= 0 else ""
             words = " ".join(part for part in (robot, WORDS.get(event.kind, event.kind.replace("_", " ")), event.text) if part)
             self.recording.log(
                 "events", self.rerun.TextLog(words, level="WARN" if event.kind.startswith(("blocked", "deadlock")) else "INFO")
             )
-        if not moment.is_sample or moment.now_s < self.due_s - 1e-9:
+        if not state.is_sample or state.now_s < self.due_s - 1e-9:
             return
-        self.due_s = moment.now_s + PERIOD_S
-        self._at(moment.now_s)
-        self._robots(moment)
-        if len(moment.ledger.entries) > self.num_entries:
-            self.num_entries = len(moment.ledger.entries)
-            self._plan(ways_ahead(moment.ledger))
+        self.due_s = state.now_s + PERIOD_S
+        self._at(state.now_s)
+        self._robots(state)
+        if len(state.ledger.entries) > self.num_entries:
+            self.num_entries = len(state.ledger.entries)
+            self._plan(ways_ahead(state.ledger))
 
-    def _robots(self, moment: Moment) -> None:
+    def _robots(self, shown: Moment) -> None:
         """Bodies, whom the blocked wait for, and how many are in which state."""
         rr, fleet = self.rerun, self.record.fleet
-        now = self.bag.robots(self.bag.live.now(moment), moment)
+        now = self.bag.robots(self.bag.live.now(shown), shown)
         state, xy = now.state[0], np.column_stack([now.x[0], now.y[0]])
         half, height = now.yaw[0] / 2, fleet.width_m / 2
         turn = np.column_stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)])
@@ -164,13 +164,13 @@ class Logging:
             fill_mode="solid",
         )
         self.recording.log("robots", bodies)
-        waits = moment.ledger.state.waits.stuck & (moment.ledger.state.grants.other >= 0)
-        lines = np.stack([xy[waits], xy[moment.ledger.state.grants.other[waits]]], 1)
+        waits = shown.ledger.state.waits.stuck & (shown.ledger.state.grants.other >= 0)
+        lines = np.stack([xy[waits], xy[shown.ledger.state.grants.other[waits]]], 1)
         if len(lines) or self.num_waits:
             self.recording.log("waits", rr.LineStrips3D(_flat(lines), colors=WAIT, radii=0.04))
         self.num_waits = len(lines)
-        if moment.now_s >= self.due_figures_s - 1e-9:
-            self.due_figures_s = moment.now_s + 1.0
+        if shown.now_s >= self.due_figures_s - 1e-9:
+            self.due_figures_s = shown.now_s + 1.0
             for k, name in enumerate(STATE_NAMES):
                 self.recording.log(_figure(name), rr.Scalars(float((state == k).sum())))
 

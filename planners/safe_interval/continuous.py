@@ -126,13 +126,13 @@ def _of_lacam(problem: Problem, began: float, time_limit_s: float, work: int) ->
     if left_s <= 0:
         return PlanResult(Status.TIMED_OUT, planning_time_s=process_time() - began, message=f"no plan within {time_limit_s:g} s")
     left = max(1, problem.effort - work) if problem.effort else 0
-    found = planner("lacam", {}).plan(replace(problem.for_any(), drivable=True, effort=left), left_s)
-    message = f"robots found no ways one by one; lacam: {found.message}" if found.plan is None else ""
-    of_fewer_lanes = found.status is Status.INFEASIBLE and problem.barred is not None
+    result = planner("lacam", {}).plan(replace(problem.for_any(), drivable=True, effort=left), left_s)
+    message = f"robots found no ways one by one; lacam: {result.message}" if result.plan is None else ""
+    of_fewer_lanes = result.status is Status.INFEASIBLE and problem.barred is not None
     return PlanResult(
-        Status.GAVE_UP if of_fewer_lanes else found.status,
-        plan=found.plan,
+        Status.GAVE_UP if of_fewer_lanes else result.status,
+        plan=result.plan,
         planning_time_s=process_time() - began,
-        stats={**found.stats, "from_lacam": 1.0},
+        stats={**result.stats, "from_lacam": 1.0},
         message=message,
     )

@@ -124,9 +124,9 @@ def first_conflict(ways: "list[Way]") -> tuple[int, int] | None:
     for i, one in enumerate(ways):
         for j in range(i + 1, len(ways)):
             other = ways[j]
-            found = first_overlap(one.resource, one.begin, one.end, other.resource, other.begin, other.end)
-            if found < earliest:
-                earliest, pair = found, (i, j)
+            overlap = first_overlap(one.resource, one.begin, one.end, other.resource, other.begin, other.end)
+            if overlap < earliest:
+                earliest, pair = overlap, (i, j)
     return pair
 
 

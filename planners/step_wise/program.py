@@ -98,22 +98,22 @@ class Conversation:
         if not isinstance(answer, dict) or "actions" not in answer:
             text = line.decode(errors="replace").strip()[:80]
             raise self._fault(f"answers {text!r}, expected a JSON object with actions", seen.time)
-        given, num_robots = answer["actions"], seen.problem.num_robots
-        actions = self._numbers([LETTERS.get(a, -1) for a in given] if isinstance(given, str) else given, "actions", 3, seen)
+        chosen, num_robots = answer["actions"], seen.problem.num_robots
+        actions = self._numbers([LETTERS.get(a, -1) for a in chosen] if isinstance(chosen, str) else chosen, "actions", 3, seen)
         if answer.get("tasks") is None:
             return Decision(actions.astype(np.int8), tasks_in_turn(seen))
         tasks = self._numbers(answer["tasks"], f"tasks (-1 for none) of {num_robots} robots", np.iinfo(np.int64).max, seen, least=-1)
         return Decision(actions.astype(np.int8), tasks)
 
-    def _numbers(self, given: Any, what: str, most: int, seen: Observation, least: int = 0) -> np.ndarray:
+    def _numbers(self, numbers: Any, what: str, most: int, seen: Observation, least: int = 0) -> np.ndarray:
         num_robots = seen.problem.num_robots
-        if not isinstance(given, list) or len(given) != num_robots:
-            found = f"{len(given)} of them" if isinstance(given, list) else type(given).__name__
-            raise self._fault(f"{what}: found {found}, expected {num_robots}", seen.time)
-        wrong = next((r for r, v in enumerate(given) if isinstance(v, bool) or not isinstance(v, int) or not least <= v <= most), None)
+        if not isinstance(numbers, list) or len(numbers) != num_robots:
+            shape = f"{len(numbers)} of them" if isinstance(numbers, list) else type(numbers).__name__
+            raise self._fault(f"{what}: found {shape}, expected {num_robots}", seen.time)
+        wrong = next((r for r, v in enumerate(numbers) if isinstance(v, bool) or not isinstance(v, int) or not least <= v <= most), None)
         if wrong is not None:
             raise self._fault(f"{what}: robot {wrong} has none that there is", seen.time)
-        return np.array(given, np.int64)
+        return np.array(numbers, np.int64)
 
     def _send(self, document: dict[str, Any], time: int) -> None:
         assert self._process.stdin is not None

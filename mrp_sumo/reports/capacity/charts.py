@@ -165,17 +165,17 @@ def flow(points: Sequence[Point]) -> Chart:
     return draw("flow", "Flow over density", caption, paint, size=HALF)
 
 
-def floor(setup: SetUp, found: Reasons) -> Chart:
+def floor(setup: SetUp, reasons: Reasons) -> Chart:
     """The floor with the waiting of every vertex, and the places that bind."""
     graph, building = setup.problem.graph, setup.map.building
     walls = standing_walls(building, setup.map.nav.level_names) if building else None
     wait = np.zeros(graph.num_vertices)
-    for vertex, seconds in found.vertices:
+    for vertex, seconds in reasons.vertices:
         wait[vertex] = seconds
     drawn = graph.xy if walls is None else np.concatenate([graph.xy, walls.reshape(-1, 2)])
     low, high = drawn.min(0) - 0.5, drawn.max(0) + 0.5
     tall = float(np.clip(FLOOR[0] * (high[1] - low[1]) / (high[0] - low[0]), 2.0, 4.2))
-    spots = [(share, _where(setup, share.name)) for share in found.worst]
+    spots = [(share, _where(setup, share.name)) for share in reasons.worst]
 
     def paint(figure: Figure) -> None:
         ax = figure.add_axes((0.01, 0.01, 0.98, 0.98))
@@ -193,7 +193,9 @@ def floor(setup: SetUp, found: Reasons) -> Chart:
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         ax.axis("off")
 
-    caption = f"With {found.robots} robots: the larger the dot, the longer robots wait for others there. The numbers are those of the list."
+    caption = (
+        f"With {reasons.robots} robots: the larger the dot, the longer robots wait for others there. The numbers are those of the list."
+    )
     return draw("floor", "Where robots wait", caption, paint, size=(FLOOR[0], tall))
 
 

@@ -28,7 +28,7 @@ PAGE, DOCUMENT = "capacity.html", "answer.json"
 STYLE_SHEET = Path(__file__).with_name("page.css")
 
 
-def write_capacity_page(study: Study, answer: Answer, folder: Path, kept: Sequence[Kept] = ()) -> Path:
+def write_capacity_page(study: Study, answer: Answer, folder: Path, made: Sequence[Kept] = ()) -> Path:
     """Write the page, and the answer as JSON, into the folder of a study; replay pages of the runs that are kept, which it links.
 
     Raises
@@ -37,7 +37,7 @@ def write_capacity_page(study: Study, answer: Answer, folder: Path, kept: Sequen
         As the system reports it.
     """
     write_whole(folder / DOCUMENT, (json.dumps(answer.document, indent=2) + "\n").encode())
-    replays = [(run, write_replay(run.folder).relative_to(folder).as_posix()) for run in kept]
+    replays = [(run, write_replay(run.folder).relative_to(folder).as_posix()) for run in made]
     write_whole(folder / PAGE, capacity_page(study, answer, replays).encode())
     return folder / PAGE
 
@@ -59,15 +59,15 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, st
 
 
 def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]]) -> list[str]:
-    found = answer.at_peak
+    reasons = answer.at_peak
     lines = [*(_charts([throughput(answer)]) if answer.points else []), *_table(answer)]
     if limit := answer.limit:
         lines += ["<h2>What binds</h2>", f"<p>{_text(_sentence(in_words(limit)))}</p>"]
-    if found:
-        if found.worst:
-            lines.append(f"<p>With {found.robots} robot{'s' * (found.robots > 1)} most time is lost to:</p>")
-            lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in found.worst) + "</ol>")
-        lines += _charts([parts(answer.points), floor(study.setup, found)])
+    if reasons:
+        if reasons.worst:
+            lines.append(f"<p>With {reasons.robots} robot{'s' * (reasons.robots > 1)} most time is lost to:</p>")
+            lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in reasons.worst) + "</ol>")
+        lines += _charts([parts(answer.points), floor(study.setup, reasons)])
     if replays:
         links = (f'<a href="{_text(path)}#t={run.at_s:.0f}">at the {run.name}, {run.robots} robots</a>' for run, path in replays)
         lines.append(f"<p>Replays, from the slowest minute on: {', '.join(links)}.</p>")
@@ -75,7 +75,7 @@ def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]])
         lines.append('<h2 class="second">How it got there</h2>')
         lines += _charts([chart for chart in (service(answer), flow(answer.points)) if chart])
     if answer.gains:
-        lines += ["<h2>What would help</h2>", *_help(answer.gains, found.robots if found else 0)]
+        lines += ["<h2>What would help</h2>", *_help(answer.gains, reasons.robots if reasons else 0)]
     return lines
 
 
@@ -131,13 +131,13 @@ def _tiles(answer: Answer) -> str:
     return f'<dl class="tiles">{"".join(tiles)}</dl>'
 
 
-def _bracketed(found: Bracket) -> str:
+def _bracketed(bracket: Bracket) -> str:
     """An interval, and its best guess where they differ."""
-    if found.estimate is None:
-        return "not found" if found.low is None else f"above {found.low - 1}" if found.high is None else "not found"
-    low, high = found.low, found.high
+    if bracket.estimate is None:
+        return "not found" if bracket.low is None else f"above {bracket.low - 1}" if bracket.high is None else "not found"
+    low, high = bracket.low, bracket.high
     if low is None and high is None:
-        return f"{found.estimate} robot{'s' * (found.estimate > 1)}"
+        return f"{bracket.estimate} robot{'s' * (bracket.estimate > 1)}"
     span = f"{low} or more" if high is None else f"up to {high}" if low is None else f"{low} to {high}" if low < high else f"{low}"
     return f"{span} robot{'s' * (span != '1')}"
 

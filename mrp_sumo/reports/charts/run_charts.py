@@ -200,13 +200,13 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
             ax.axhline(a, color=GRID, lw=0.7, zorder=0)
         ax.grid(axis="y", visible=False)
         room = along[-1] / 18
-        kept: list[tuple[float, str]] = []
+        labels: list[tuple[float, str]] = []
         for a, name in stations:
-            if name and (not kept or a - kept[-1][0] > room):
-                kept.append((a, printable(name, 18)))
-        if kept:
+            if name and (not labels or a - labels[-1][0] > room):
+                labels.append((a, printable(name, 18)))
+        if labels:
             right = ax.secondary_yaxis("right")
-            right.set_yticks([a for a, _ in kept], [name for _, name in kept])
+            right.set_yticks([a for a, _ in labels], [name for _, name in labels])
             right.spines["right"].set_visible(False)
             right.tick_params(length=0, labelsize=8)
         late = max(5.0, 0.04 * (span[1] - span[0]))

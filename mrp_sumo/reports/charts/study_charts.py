@@ -44,7 +44,7 @@ Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x,
 
 def study_charts(study: Study) -> dict[str, list[Chart]]:
     """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution', 'tasks'."""
-    found: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": [], "tasks": []}
+    by_section: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": [], "tasks": []}
     if not study.is_planned:
         return {}
     series = study.series[:MAX_SERIES]
@@ -56,21 +56,21 @@ def study_charts(study: Study) -> dict[str, list[Chart]]:
         tag = file_name(i, name)[:40]
         for x in ("_robots", *study.factors):
             if runs[x].nunique() > 1:
-                found["tasks"] += [_tasks_against(runs, here, x, tag, where, *of) for of in OF_TASKS]
-                found["success"].append(_success(study, runs, here, x, tag, where))
-                found["planning"].append(_planning_time(runs, here, x, tag, where))
+                by_section["tasks"] += [_tasks_against(runs, here, x, tag, where, *of) for of in OF_TASKS]
+                by_section["success"].append(_success(study, runs, here, x, tag, where))
+                by_section["planning"].append(_planning_time(runs, here, x, tag, where))
                 if study.is_executed and x != "_robots":
-                    found["execution"].append(_lateness_against(runs, here, x, tag, where))
+                    by_section["execution"].append(_lateness_against(runs, here, x, tag, where))
         if not any(runs[x].nunique() > 1 for x in ("_robots", *study.factors)) and len(runs) > 1:
-            found["success"].append(_success_rows(study, runs, here, tag, where))
-        found["tasks"] += [_tasks(runs, here, tag, where, *of) for of in OF_TASKS]
-        found["planning"].append(_cactus(runs, here, tag, where))
-        found["cost"].append(_suboptimality(runs, here, tag, where))
+            by_section["success"].append(_success_rows(study, runs, here, tag, where))
+        by_section["tasks"] += [_tasks(runs, here, tag, where, *of) for of in OF_TASKS]
+        by_section["planning"].append(_cactus(runs, here, tag, where))
+        by_section["cost"].append(_suboptimality(runs, here, tag, where))
         if study.is_executed:
-            found["cost"].append(_driven_planned(runs, here, tag, where))
-            found["execution"].append(_lateness(runs, here, tag, where))
-            found["execution"].append(_clearance(runs, here, tag, where))
-    return {section: [c for c in charts if c is not None] for section, charts in found.items()}
+            by_section["cost"].append(_driven_planned(runs, here, tag, where))
+            by_section["execution"].append(_lateness(runs, here, tag, where))
+            by_section["execution"].append(_clearance(runs, here, tag, where))
+    return {section: [c for c in charts if c is not None] for section, charts in by_section.items()}
 
 
 def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart:

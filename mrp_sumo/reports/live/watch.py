@@ -48,9 +48,9 @@ class LiveView:
 
     def watch(self, setup: SetUp, solution: Solution) -> Listener:
         """The listener of a run that is about to be driven; from now on there is a page."""
-        told = Telling(self.broadcast, setup, solution)
-        self.server.page = told.page.encode()
-        return told
+        telling = Telling(self.broadcast, setup, solution)
+        self.server.page = telling.page.encode()
+        return telling
 
     def steer(self, setup: SetUp) -> Steering:
         """Who steps in as viewers ask for it."""
@@ -128,29 +128,29 @@ class Telling:
         self._next_report = 0.0
         broadcast.begin(SAMPLE.itemsize * problem.num_robots)
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, state: Moment) -> None:
         """See Listener."""
-        if moment.events:
-            self._broadcast.say("events", [_event_document(event, moment.now_s) for event in moment.events])
-        if not moment.is_sample:
+        if state.events:
+            self._broadcast.say("events", [_event_document(event, state.now_s) for event in state.events])
+        if not state.is_sample:
             return
         self._count += 1
-        if time.monotonic() >= self._next_report or moment.is_last:
+        if time.monotonic() >= self._next_report or state.is_last:
             self._next_report = time.monotonic() + REPORT_S
-            self._report(moment)
+            self._report(state)
         if (self._count - 1) % self._every == 0:
-            self._broadcast.sample(self._sample(moment), self._period_s)
+            self._broadcast.sample(self._sample(state), self._period_s)
 
-    def _sample(self, moment: Moment) -> bytes:
-        state, frame = moment.ledger.state, self._frame
+    def _sample(self, shown: Moment) -> bytes:
+        state, frame = shown.ledger.state, self._frame
         row = np.zeros(len(state.motion.s_m), SAMPLE)
-        cells = frame.cells(moment.bodies.positions())
+        cells = frame.cells(shown.bodies.positions())
         row["x"], row["y"] = cells[:, 0], cells[:, 1]
         row["yaw"] = np.rint(np.nan_to_num(state.motion.yaw_rad) * (128 / np.pi)).astype(np.int64) % 256
         moving = (np.abs(state.motion.speed_mps) >= STANDING_MPS) | state.motion.turning
         row["state"] = np.where(moving, MOVING, np.where(state.waits.stuck, BLOCKED, WAITING))
         if self._has_tasks:
-            tasks = moment.tasks
+            tasks = shown.tasks
             row["state"][(row["state"] == WAITING) & ((tasks.current < 0) | tasks.serving)] = AT_GOAL
         else:
             row["state"][~moving & np.isfinite(state.waits.goal_s)] = AT_GOAL
@@ -159,12 +159,12 @@ class Telling:
             row["waits"][(state.grants.cause == cause) & (state.grants.other < 0)] = code
         return row.tobytes()
 
-    def _report(self, moment: Moment) -> None:
+    def _report(self, state: Moment) -> None:
         """What changes more slowly: tasks, or which visits of the plan have been reached."""
         if self._has_tasks:
-            self._report_tasks(task_document(moment.tasks.log(), moment.tasks.stops_made()))
+            self._report_tasks(task_document(state.tasks.log(), state.tasks.stops_made()))
             return
-        arrived = planned_arrivals(moment.ledger)
+        arrived = planned_arrivals(state.ledger)
         new = np.flatnonzero(np.isfinite(arrived) & np.isnan(self._arrived))
         self._arrived = arrived
         if len(new):

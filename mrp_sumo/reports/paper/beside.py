@@ -93,7 +93,7 @@ class Ordered:
 
 def table_1(study: Study) -> list[Beside]:
     """Facts of the maps; the paper's are of cells of 0.4 m."""
-    found = []
+    rows = []
     for name in study.maps:
         runs = study.frame[(study.frame["_map"] == name) & study.frame["_succeeded"]]
         for _, run in runs.iterrows():
@@ -101,76 +101,76 @@ def table_1(study: Study) -> list[Beside]:
             for column, quantity in zip(COUNTED, PRINTED):
                 value = float(run[column])
                 theirs = printed("table_1", map_of_paper(name), quantity) if cell_m == 0.4 else None
-                found.append(Beside({"map": name, "cell_m": cell_m}, quantity, Interval(value, value, value, 1), theirs))
-    return found
+                rows.append(Beside({"map": name, "cell_m": cell_m}, quantity, Interval(value, value, value, 1), theirs))
+    return rows
 
 
 def table_2(study: Study) -> list[Beside]:
     """Share of the experiments with a plan, valid or not, within the limit; the paper's are of 5 and 9 robots together."""
-    found = []
+    rows = []
     for labels, runs, together in _experiments(study):
         rate = wilson(int(runs["_planned"].sum()), len(runs))
         theirs = printed("table_2", map_of_paper(labels["map"]), labels["planner"]) if together else None
-        found.append(Beside(labels, "planned_percent", _percent(rate), theirs))
-    return found
+        rows.append(Beside(labels, "planned_percent", _percent(rate), theirs))
+    return rows
 
 
 def table_3(study: Study) -> list[Beside]:
     """Share of the experiments in which all robots reach their goals; the paper's robots yield locally."""
-    found = []
+    rows = []
     for how, driven in ways(study):
         for labels, runs, together in _experiments(driven):
             common, _ = commonly_solved(driven.frame[driven.frame["_map"] == labels["map"]])
             for rate, of in (("normalised", runs[runs.index.isin(common.index)]), ("overall", runs)):
                 arrived = wilson(int((of["_planned"] & arrivals(of)).sum()), len(of))
                 theirs = printed("table_3", rate, map_of_paper(labels["map"]), labels["planner"])
-                found.append(
+                rows.append(
                     Beside(
                         {"execution": how, **labels}, f"{rate}_percent", _percent(arrived), theirs if together and how == YIELDING else None
                     )
                 )
-    return found
+    return rows
 
 
 def table_4(study: Study) -> list[Beside]:
     """Mean makespan and cost of what every planner solved, in cells with the start included."""
     common, _ = commonly_solved(study.frame)
-    found = []
+    rows = []
     for planner in _planners(study.frame):
         runs = common[common["planner"] == planner]
         for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
             mean = bootstrap_mean(numbers(runs, column))
-            found.append(Beside({"planner": planner}, quantity, mean, printed("table_4", quantity, planner)))
-    return found
+            rows.append(Beside({"planner": planner}, quantity, mean, printed("table_4", quantity, planner)))
+    return rows
 
 
 def figure_5(study: Study) -> list[Beside]:
     """Planning time of the scenarios with a plan: mean and standard deviation; quartiles and what the paper says stand beside them."""
-    found = []
+    rows = []
     for planner in _planners(study.frame):
         runs = study.frame[study.frame["planner"] == planner]
         time_s = numbers(runs[runs["_planned"]], "planning_time_s")
         five = [float(q) for q in np.quantile(time_s, (0, 0.25, 0.5, 0.75, 1))] if len(time_s) else None
         says = numbers_of_paper()["figure_5"]["says"].get(planner)
         labels = {"planner": planner, "scenarios": len(runs), "solved": len(time_s), "five_numbers_s": five, "paper_says": says}
-        found.append(Beside(labels, "mean_s", bootstrap_mean(time_s), printed("figure_5", "mean_s", planner)))
+        rows.append(Beside(labels, "mean_s", bootstrap_mean(time_s), printed("figure_5", "mean_s", planner)))
         spread = printed("figure_5", "standard_deviation_s", planner)
-        found.append(Beside(labels, "standard_deviation_s", bootstrap_deviation(time_s), spread))
-    return found
+        rows.append(Beside(labels, "standard_deviation_s", bootstrap_deviation(time_s), spread))
+    return rows
 
 
 def replicability(single: Study, five: Study | None, kinds: Kinds) -> list[Beside]:
     """The paper's three studies of a hundred runs each: one robot, and scenarios of its two kinds."""
-    found = _repeated(single.frame, {"study": "one_robot", "robots": 1}, "one_robot")
+    rows = _repeated(single.frame, {"study": "one_robot", "robots": 1}, "one_robot")
     if five is None:
-        return found
+        return rows
     for study, seeds in (("hard", kinds.hard), ("easy", kinds.easy)):
         for seed in seeds:
             of = five.frame[five.frame["seed"] == seed]
             for planner in _planners(of):
                 labels = {"study": study, "robots": kinds.robots, "seed": seed, "planner": planner, "survivors": kinds.survivors[seed]}
-                found += _repeated(of[of["planner"] == planner], labels, study)
-    return found
+                rows += _repeated(of[of["planner"] == planner], labels, study)
+    return rows
 
 
 def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Beside]:
@@ -196,7 +196,7 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
 
 def order(executed: Study, costs: Study) -> list[Ordered]:
     """Whether the paper's order of planners is ours: every two on the same runs, Table III by McNemar's test, Table IV by Wilcoxon's."""
-    found: list[Ordered] = []
+    rows: list[Ordered] = []
     driven = dict(ways(executed)).get(YIELDING)
     for name in driven.maps if driven else ():
         assert driven is not None
@@ -207,7 +207,7 @@ def order(executed: Study, costs: Study) -> list[Ordered]:
             a, b = pairs(runs, "planner", first, second)
             test = mcnemar(arrivals(a), arrivals(b))
             tests.append((first, second, _percent(test.difference), test.p_value))
-        found += _adjusted({"table": "table_3", "map": name, "quantity": "overall_percent"}, tests, printed_of)
+        rows += _adjusted({"table": "table_3", "map": name, "quantity": "overall_percent"}, tests, printed_of)
     common, _ = commonly_solved(costs.frame)
     for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
         tests = []
@@ -215,16 +215,16 @@ def order(executed: Study, costs: Study) -> list[Ordered]:
             a, b = pairs(common, "planner", first, second)
             values = wilcoxon(*(runs[column].to_numpy(np.float64, na_value=np.nan) for runs in (a, b)))
             tests.append((first, second, values.difference, values.p_value))
-        found += _adjusted({"table": "table_4", "map": costs.maps[0], "quantity": quantity}, tests, numbers_of_paper()["table_4"][quantity])
-    return found
+        rows += _adjusted({"table": "table_4", "map": costs.maps[0], "quantity": quantity}, tests, numbers_of_paper()["table_4"][quantity])
+    return rows
 
 
 def ways(study: Study) -> Iterator[tuple[str, Study]]:
     """The runs of Table III by how they were driven."""
     frame = study.frame
     ordered = (frame["execution.policy"] == "adg").to_numpy(np.bool_)
-    asked = frame["execution.recovery.replanner"].notna().to_numpy(np.bool_)
-    for how, chosen in ((YIELDING, ~ordered & ~asked), (REPLANNING, ~ordered & asked), (ORDERED, ordered)):
+    replans = frame["execution.recovery.replanner"].notna().to_numpy(np.bool_)
+    for how, chosen in ((YIELDING, ~ordered & ~replans), (REPLANNING, ~ordered & replans), (ORDERED, ordered)):
         if chosen.any():
             runs = frame[chosen].copy()
             runs["_series"] = [PLANNER_NAMES.get(str(planner), str(planner)) for planner in runs["planner"]]
@@ -262,11 +262,11 @@ def _two_of(names: Sequence[str]) -> Iterator[tuple[str, str]]:
 def _adjusted(labels: dict[str, Any], tests: list[tuple[str, str, Interval, float]], theirs: dict[str, float]) -> list[Ordered]:
     """The tests of one table, their p-values adjusted together."""
     adjusted = holm([p for *_, p in tests])
-    found = []
+    rows = []
     for (first, second, difference, _), p_value in zip(tests, adjusted):
         both = first in theirs and second in theirs
-        found.append(Ordered(labels, first, second, difference, p_value, round(theirs[second] - theirs[first], 6) if both else None))
-    return found
+        rows.append(Ordered(labels, first, second, difference, p_value, round(theirs[second] - theirs[first], 6) if both else None))
+    return rows
 
 
 def _percent(rate: Interval) -> Interval:

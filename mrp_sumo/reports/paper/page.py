@@ -63,7 +63,7 @@ def compare_with_paper(campaign: Campaign) -> Comparison:
     studies = {name: read_study(campaign.results(name)) for name in SUITES if (campaign.results(name) / PLAN).exists()}
     maps, plans, driven, costs, times, single = (studies[name] for name in SUITES[:6])
     kinds = kinds_of(driven.frame)
-    found = Comparison(
+    comparison = Comparison(
         beside.table_1(maps),
         beside.table_2(plans),
         beside.table_3(driven),
@@ -77,19 +77,19 @@ def compare_with_paper(campaign: Campaign) -> Comparison:
     one = plain_tables.table_1(maps)
     sections = [
         Section("maps", "Table I: maps", parts=[replace(one, title="Table I", note="")] if one else []),
-        Section("planning", "Table II: planning", parts=[_table_2(found.table_2)]),
-        Section("execution", "Table III: execution", parts=[*arrivals_charts(found.table_3), _table_3(found.table_3)]),
-        Section("times", "Figure 5: planning time", parts=[*figure_5(times), _figure_5(found.figure_5)]),
-        Section("cost", "Table IV: makespan and cost", parts=[_table_4(found.table_4)]),
-        Section("replicability", "Replicability", _kinds_in_words(kinds), [_replicability(found.replicability)]),
-        Section("causes", "Why numbers differ", parts=[causes(studies, found.table_3, found.table_2)]),
-        Section("order", "The order of the planners", parts=[_order(found.order)]),
+        Section("planning", "Table II: planning", parts=[_table_2(comparison.table_2)]),
+        Section("execution", "Table III: execution", parts=[*arrivals_charts(comparison.table_3), _table_3(comparison.table_3)]),
+        Section("times", "Figure 5: planning time", parts=[*figure_5(times), _figure_5(comparison.figure_5)]),
+        Section("cost", "Table IV: makespan and cost", parts=[_table_4(comparison.table_4)]),
+        Section("replicability", "Replicability", _kinds_in_words(kinds), [_replicability(comparison.replicability)]),
+        Section("causes", "Why numbers differ", parts=[causes(studies, comparison.table_3, comparison.table_2)]),
+        Section("order", "The order of the planners", parts=[_order(comparison.order)]),
         Section("blocked", "Execution and blocked time", parts=[*(execution_violins(yielding) if yielding else [])]),
     ]
-    return replace(found, sections=sections)
+    return replace(comparison, sections=sections)
 
 
-def write_paper(campaign: Campaign, found: Comparison, made: Made) -> Path:
+def write_paper(campaign: Campaign, comparison: Comparison, made: Made) -> Path:
     """Write page, document, tables and figures into the folder of a campaign. Returns the page.
 
     Raises
@@ -97,11 +97,11 @@ def write_paper(campaign: Campaign, found: Comparison, made: Made) -> Path:
     OSError
         As the system reports it.
     """
-    for section in found.sections:
+    for section in comparison.sections:
         for part in section.parts:
             write_part(campaign.folder, part)
-    write_whole(campaign.folder / DOCUMENT, (json.dumps(_document(campaign, found, made), indent=1) + "\n").encode())
-    write_whole(campaign.folder / MARKDOWN, _markdown(found.sections).encode())
+    write_whole(campaign.folder / DOCUMENT, (json.dumps(_document(campaign, comparison, made), indent=1) + "\n").encode())
+    write_whole(campaign.folder / MARKDOWN, _markdown(comparison.sections).encode())
     source = " ".join(numbers_of_paper()["source"].split())
     where = "MRP-Bench’s own maps" if campaign.maps else "our drawings of its maps"
     lead = f"{source}. Its numbers beside ours, on {where}; ours with intervals of 95 %."
@@ -109,11 +109,11 @@ def write_paper(campaign: Campaign, found: Comparison, made: Made) -> Path:
         f"mrp_sumo {code_version()}, {', '.join(f'{name} {v}' for name, v in library_versions().items())}",
         f"Written by mrp-sumo {__version__}.",
     ]
-    write_whole(campaign.folder / PAGE, page(TITLE, lead, _tiles(found, made), _gaps(campaign), found.sections, about).encode())
+    write_whole(campaign.folder / PAGE, page(TITLE, lead, _tiles(comparison, made), _gaps(campaign), comparison.sections, about).encode())
     return campaign.folder / PAGE
 
 
-def _document(campaign: Campaign, found: Comparison, made: Made) -> dict[str, Any]:
+def _document(campaign: Campaign, comparison: Comparison, made: Made) -> dict[str, Any]:
     rows = ("table_1", "table_2", "table_3", "table_4", "figure_5", "replicability", "order")
     return {
         "source": " ".join(numbers_of_paper()["source"].split()),
@@ -123,7 +123,7 @@ def _document(campaign: Campaign, found: Comparison, made: Made) -> dict[str, An
         "runs_made": made.num_made,
         "seconds": round(made.seconds, 1),
         "code": code_version(),
-        **{name: [row.document for row in getattr(found, name)] for name in rows},
+        **{name: [row.document for row in getattr(comparison, name)] for name in rows},
     }
 
 
@@ -146,13 +146,13 @@ def _gaps(campaign: Campaign) -> list[str]:
     return [f"Only the first {campaign.num_seeds} seeds of every study were run: intervals are wide."]
 
 
-def _tiles(found: Comparison, made: Made) -> list[Tile]:
-    agree = sum(bool(row.agrees) for row in found.compared)
-    order = [row for row in found.order if row.paper_difference is not None]
+def _tiles(comparison: Comparison, made: Made) -> list[Tile]:
+    agree = sum(bool(row.agrees) for row in comparison.compared)
+    order = [row for row in comparison.order if row.paper_difference is not None]
     against = sum(row.verdict == "the other way round" for row in order)
     return [
         Tile("runs", f"{made.num_runs:,}"),
-        Tile("of the paper's numbers in our intervals", f"{agree} of {len(found.compared)}"),
+        Tile("of the paper's numbers in our intervals", f"{agree} of {len(comparison.compared)}"),
         Tile("pairs of planners in another order", f"{against} of {len(order)}", mood="bad" if against else "good"),
     ]
 
@@ -175,8 +175,8 @@ def _range(row: Beside | None) -> Range | None:
 
 def _verdict(*rows: Beside | None) -> str | None:
     """Whether the paper's numbers lie in our intervals."""
-    found = [row.agrees for row in rows if row and row.agrees is not None]
-    return None if not found else "yes" if all(found) else "no"
+    verdicts = [row.agrees for row in rows if row and row.agrees is not None]
+    return None if not verdicts else "yes" if all(verdicts) else "no"
 
 
 def _find(rows: Sequence[Beside], quantity: str, **labels: Any) -> Beside | None:

@@ -45,10 +45,10 @@ def table_1(study: Study) -> Table | None:
 def _facts(study: Study, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None:
     keys = ("num_vertices", "num_edges", "num_components", "extent_x_m", "extent_y_m", "num_cells_total", "num_cells_free")
     if study.until == "map":
-        found = runs[runs["_succeeded"]]
-        if not len(found) or any(k not in found for k in keys):
+        map_facts = runs[runs["_succeeded"]]
+        if not len(map_facts) or any(k not in map_facts for k in keys):
             return None
-        values = [float(found.iloc[0][k]) for k in keys]
+        values = [float(map_facts.iloc[0][k]) for k in keys]
     else:
         from mrp_sumo.maps.catalogue import bundled_maps
         from mrp_sumo.maps.facts import facts
@@ -61,11 +61,11 @@ def _facts(study: Study, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None
         graph, level = row.get("map.graph"), row.get("map.level")
         index: Any = None if pd.isna(graph) else "all" if graph == "all" else int(graph)
         try:
-            found = facts(load_map(path, graph=index, level=None if pd.isna(level) else level), cell_m)
+            map_facts = facts(load_map(path, graph=index, level=None if pd.isna(level) else level), cell_m)
         except (MrpSumoError, ValueError):
             return None
-        grid = found["grid"] or {}
-        values = [found[k] for k in ("vertices", "edges", "components")] + list(found["extent_m"])
+        grid = map_facts["grid"] or {}
+        values = [map_facts[k] for k in ("vertices", "edges", "components")] + list(map_facts["extent_m"])
         values += [float(grid.get(k, math.nan)) for k in ("total", "free")]
     return [float(v) if i in (3, 4) or not math.isfinite(v) else int(v) for i, v in enumerate(values)]
 

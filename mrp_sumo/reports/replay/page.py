@@ -339,13 +339,13 @@ def _add_motion(columns: Columns, execution: Execution, frame: Frame) -> dict[st
     """Poses and states, robot by robot."""
     stride = math.ceil(execution.x_m.size / MAX_POSES)
     state = view_states(execution)
-    kept = slice(None, None, stride)
-    columns.add("x", frame.cells(execution.x_m[kept].T, 0), "<u2", 2)
-    columns.add("y", frame.cells(execution.y_m[kept].T, 1), "<u2", 2)
-    yaw = np.nan_to_num(execution.yaw_rad[kept].T)
+    shown = slice(None, None, stride)
+    columns.add("x", frame.cells(execution.x_m[shown].T, 0), "<u2", 2)
+    columns.add("y", frame.cells(execution.y_m[shown].T, 1), "<u2", 2)
+    yaw = np.nan_to_num(execution.yaw_rad[shown].T)
     columns.add("yaw", np.rint(yaw * (128 / np.pi)).astype(np.int64) % 256, "<u1", 1)
-    columns.add("state", state[kept].T, "<u1", 1)
-    t_s = execution.t_s[kept]
+    columns.add("state", state[shown].T, "<u1", 1)
+    t_s = execution.t_s[shown]
     period_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1) if len(t_s) > 1 else 0.1
     return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": frame.unit_m}
 
@@ -355,12 +355,12 @@ def _add_people(columns: Columns, log: PeopleLog, frame: Frame, num_kept: int, n
     stride = math.ceil(num_samples / max(1, num_kept))
     every = math.ceil(len(log.person) / stride / MAX_SIGHTINGS) or 1
     sample = np.repeat(np.arange(num_samples), np.diff(log.first))
-    kept = np.flatnonzero(sample % (stride * every) == 0)
-    kept = kept[np.lexsort((sample[kept], log.person[kept]))]
-    _, begin, count = np.unique(log.person[kept], return_index=True, return_counts=True)
-    columns.add("people_x", frame.cells(log.x_m[kept].astype(np.float64), 0), "<u2", 2)
-    columns.add("people_y", frame.cells(log.y_m[kept].astype(np.float64), 1), "<u2", 2)
-    columns.add("people_since", sample[kept][begin] // (stride * every), "<u4", 1)
+    shown = np.flatnonzero(sample % (stride * every) == 0)
+    shown = shown[np.lexsort((sample[shown], log.person[shown]))]
+    _, begin, count = np.unique(log.person[shown], return_index=True, return_counts=True)
+    columns.add("people_x", frame.cells(log.x_m[shown].astype(np.float64), 0), "<u2", 2)
+    columns.add("people_y", frame.cells(log.y_m[shown].astype(np.float64), 1), "<u2", 2)
+    columns.add("people_since", sample[shown][begin] // (stride * every), "<u4", 1)
     columns.add("people_count", count, "<u4", 1)
     return {"every": every, "size_m": 2 * log.radius_m}
 

@@ -45,12 +45,12 @@ def capacity(study: Study, enough: float = 0.95) -> Table | None:
 def statuses(study: Study) -> Table:
     """How runs ended, by series."""
     order = {status: i for i, status in enumerate(("completed", "planned", "loaded"))}
-    found = study.frame["status"].astype(str).value_counts(sort=False)
-    names = sorted(found.index, key=lambda s: (order.get(s, len(order)), -found[s], s))
+    ended = study.frame["status"].astype(str).value_counts(sort=False)
+    names = sorted(ended.index, key=lambda s: (order.get(s, len(order)), -ended[s], s))
     counts = study.frame.groupby(["_series", "status"], sort=False).size()
     rows: list[list[Cell]] = [[s, *(int(counts.get((s, status), 0)) for status in names)] for s in study.series]
     if len(rows) > 1:
-        rows.append(["all", *(int(found[status]) for status in names)])
+        rows.append(["all", *(int(ended[status]) for status in names)])
     return Table("statuses", "How the runs ended", ("planner", *(n.replace("_", " ") for n in names)), rows)
 
 
@@ -175,8 +175,8 @@ def worst_runs(study: Study, page: Path) -> Table | None:
     blocked = frame["blocked_s"].to_numpy(np.float64, na_value=np.nan)
     ended = frame["_arrived"].to_numpy(np.int64) + frame["_succeeded"].to_numpy(np.int64)
     order = np.lexsort((np.arange(len(frame)), -np.nan_to_num(blocked), ended))
-    kept = [i for i in order if str(frame["key"].iloc[i]) in study.folders] if "key" in frame else []
-    chosen = list(dict.fromkeys([*order[:WORST], *kept[: WORST // 2]]))
+    linked = [i for i in order if str(frame["key"].iloc[i]) in study.folders] if "key" in frame else []
+    chosen = list(dict.fromkeys([*order[:WORST], *linked[: WORST // 2]]))
     rows: list[list[Cell]] = []
     for i in chosen:
         row = frame.iloc[i]
@@ -207,7 +207,7 @@ def worst_runs(study: Study, page: Path) -> Table | None:
         ("run", "status", "map", "robots", "planner", "seed", "goals reached", "blocked s", "largest lateness s", "kept"),
         rows,
         "Runs that did not arrive first, then those on invalid plans, then by the time that robots were blocked."
-        + ("" if kept else " No run folders or replay pages are kept beside these results."),
+        + ("" if linked else " No run folders or replay pages are kept beside these results."),
         folded=len(rows) > 15,
         digits={"blocked s": 1, "largest lateness s": 1},
     )

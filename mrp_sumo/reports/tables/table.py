@@ -97,8 +97,8 @@ class Table:
 
     def without_empty(self) -> "Table":
         """The table without empty columns."""
-        kept = [i for i in range(len(self.columns)) if i < self.labels or any(row[i] is not None for row in self.rows)]
-        return replace(self, columns=tuple(self.columns[i] for i in kept), rows=[[row[i] for i in kept] for row in self.rows])
+        columns = [i for i in range(len(self.columns)) if i < self.labels or any(row[i] is not None for row in self.rows)]
+        return replace(self, columns=tuple(self.columns[i] for i in columns), rows=[[row[i] for i in columns] for row in self.rows])
 
     def to_html(self) -> str:
         """A `table` element."""

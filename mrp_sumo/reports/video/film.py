@@ -109,10 +109,10 @@ class Film:
     def draw(self, moments: Sequence[Moment]) -> Pixels:
         """The frame of a moment of each run."""
         self.canvas.clear()
-        for pane, moment in zip(self.panes, moments):
-            _draw_robots(self.canvas, pane, moment)
-            self._write_counts(pane, moment)
-            self._draw_track(pane, moment.t_s)
+        for pane, state in zip(self.panes, moments):
+            _draw_robots(self.canvas, pane, state)
+            self._write_counts(pane, state)
+            self._draw_track(pane, state.t_s)
         self._write_clock(moments[0].t_s)
         return self.canvas.pixels
 
@@ -173,12 +173,12 @@ class Film:
         self.canvas.fill(_rectangle(right - length * pane.scale, y - 1.5 * u, length * pane.scale, 3 * u), LIGHT["muted"])
         self.canvas.write(f"{length:g} m", right - length * pane.scale - 8 * u, y, 16 * u, LIGHT["muted"], align="right")
 
-    def _write_counts(self, pane: Pane, moment: Moment) -> None:
+    def _write_counts(self, pane: Pane, scene: Moment) -> None:
         """How many robots are in which state, in places that do not move, and in runs with tasks how many are done."""
-        u, counts = self.unit, np.bincount(moment.state, minlength=5)
+        u, counts = self.unit, np.bincount(scene.state, minlength=5)
         x, y = pane.left, pane.bottom + pane.foot_px - 28 * u
         room = len(str(pane.scene.record.fleet.num_robots)) * font(round(18 * u), True).getlength("0")
-        tasks = pane.scene.tasks_at(moment.t_s)
+        tasks = pane.scene.tasks_at(scene.t_s)
         for state, name in enumerate(state_names(tasks is not None)):
             self.canvas.fill(_rectangle(x, y - 8 * u, 16 * u, 16 * u), STATES[state])
             self.canvas.write(str(counts[state]), x + 24 * u + room, y, 18 * u, LIGHT["ink"], bold=True, align="right")
@@ -304,8 +304,8 @@ def _write_names(canvas: Canvas, pane: Pane, xy: FloatArray, robots: FloatArray,
         fitting = None
         others = xy[robots[robots != robot]]
         for choice in dict.fromkeys((int(pane.place[robot]), *range(len(PLACES)))):
-            way = np.array(PLACES[choice])
-            at = xy[robot] + way * (reach[robot] * (0.75 if way.all() else 1) + 2 * u + half[robot])
+            direction = np.array(PLACES[choice])
+            at = xy[robot] + direction * (reach[robot] * (0.75 if direction.all() else 1) + 2 * u + half[robot])
             x, y = at
             w, h = half[robot]
             covers = any(abs(x - a) < w + b and abs(y - d) < h + e for a, d, b, e in taken)

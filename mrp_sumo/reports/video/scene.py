@@ -78,17 +78,17 @@ class Scene:
 
     def ahead(self, robot: int, t_s: float) -> FloatArray:
         """[K, 2] where a robot's plan goes on."""
-        way = next((way for way in reversed(self.ways[robot]) if way.since_s <= t_s), None)
-        return way.ahead(t_s) if way else np.zeros((0, 2))
+        path = next((path for path in reversed(self.ways[robot]) if path.since_s <= t_s), None)
+        return path.ahead(t_s) if path else np.zeros((0, 2))
 
-    def waited_for(self, moment: Moment) -> list[tuple[int, int]]:
+    def waited_for(self, state: Moment) -> list[tuple[int, int]]:
         """Who waits for whom."""
-        found = []
-        for robot in np.flatnonzero((moment.state == WAITING) | (moment.state == BLOCKED)).tolist():
-            others = [other for a, b, other in self.waits[robot] if a <= moment.t_s + 1e-6 and b >= moment.t_s]
+        pairs = []
+        for robot in np.flatnonzero((state.state == WAITING) | (state.state == BLOCKED)).tolist():
+            others = [other for a, b, other in self.waits[robot] if a <= state.t_s + 1e-6 and b >= state.t_s]
             if others:
-                found.append((robot, others[-1]))
-        return found
+                pairs.append((robot, others[-1]))
+        return pairs
 
     def tasks_at(self, t_s: float) -> tuple[int, int] | None:
         """How many tasks are done and open; None in runs without tasks."""
@@ -161,15 +161,15 @@ def _extent_of_level(record: RunRecord, outline: Outline | None, level: str, sou
 def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[Way, ...], ...]:
     """What each robot was to do, by time: the plan, and what came instead while it drove."""
     num_robots, execution, xy = record.fleet.num_robots, record.execution, record.graph.xy
-    found: list[list[Way]] = [[] for _ in range(num_robots)]
+    paths: list[list[Way]] = [[] for _ in range(num_robots)]
     columns: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
     if plan is None or len(execution.arrived_s) != len(plan.vertex):
         return tuple(() for _ in range(num_robots))
     for a, b in pairwise(plan.first.tolist()):
         columns.append((plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]))
     begin = [0] * num_robots  # number of each robot's first visit that is still kept
-    for robot, way in enumerate(columns):
-        found[robot].append(_way(0.0, *way, xy))
+    for robot, path in enumerate(columns):
+        paths[robot].append(_way(0.0, *path, xy))
     for reply in execution.replies:
         for k, robot in enumerate(reply.robot.tolist()):
             new = slice(int(reply.first[k]), int(reply.first[k + 1]))
@@ -178,8 +178,8 @@ def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[Way, ...], ...]:
             begin[robot] += done
             parts = zip((column[done:] for column in old), (reply.vertex[new], reply.arrive_s[new], reply.arrived_s[new]))
             columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
-            found[robot].append(_way(reply.t_s, *columns[robot], xy))
-    return tuple(map(tuple, found))
+            paths[robot].append(_way(reply.t_s, *columns[robot], xy))
+    return tuple(map(tuple, paths))
 
 
 def _way(since_s: float, vertex: NDArray[np.int64], arrive_s: FloatArray, arrived_s: FloatArray, xy: FloatArray) -> Way:
@@ -190,11 +190,11 @@ def _way(since_s: float, vertex: NDArray[np.int64], arrive_s: FloatArray, arrive
 def _waits(record: RunRecord) -> tuple[tuple[tuple[float, float, int], ...], ...]:
     """By robot, whom it waited for, and when."""
     num_robots = record.fleet.num_robots
-    found: list[list[tuple[float, float, int]]] = [[] for _ in range(num_robots)]
+    waits: list[list[tuple[float, float, int]]] = [[] for _ in range(num_robots)]
     for event in record.execution.events:
         if event.duration_s > 0 and 0 <= event.robot < num_robots and 0 <= event.other < num_robots:
-            found[event.robot].append((event.t_s, event.t_s + event.duration_s, event.other))
-    return tuple(tuple(sorted(of)) for of in found)
+            waits[event.robot].append((event.t_s, event.t_s + event.duration_s, event.other))
+    return tuple(tuple(sorted(of)) for of in waits)
 
 
 def _short_names(names: Sequence[str]) -> tuple[str, ...]:
