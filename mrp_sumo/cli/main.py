@@ -59,6 +59,10 @@ COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and
 
 COMPLAINTS = (  # of argparse, and what is said instead
     (r"argument (.*): invalid int value: (.*)", "{0}: found {1}, expected a whole number"),
+    (
+        r"argument (.*): invalid float value: ('\d+(?:\.\d+)?\s*(?:s|sec|min|h)')",
+        "{0}: found {1}, expected a number of seconds, such as 300",
+    ),
     (r"argument (.*): invalid float value: (.*)", "{0}: found {1}, expected a number"),
     (r"argument (.*): expected one argument", "{0}: expected a value after it"),
     (r"argument (.*): invalid choice: (.*) \(choose from (.*)\)", "{0}: found {1}, expected one of {2}"),

@@ -3,6 +3,7 @@
 Needs the extra `rerun`. The viewer keeps what it has been shown, and goes back in it by itself; nothing comes back from there.
 """
 
+import os
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +50,7 @@ class RerunView:
         MrpSumoError
             Without the extra `rerun`, when no viewer is there, and when the file cannot be written.
         """
+        os.environ.setdefault("RUST_LOG", "off")  # or its threads print what is said here in a line
         try:
             import rerun
         except ImportError:
@@ -73,6 +75,8 @@ class RerunView:
                 self._recording.flush()
                 self._recording.disconnect()
             except RuntimeError as fault:  # such as a full disk
+                if self.is_file:
+                    Path(self.to).unlink(missing_ok=True)
                 if error is None:
                     raise MrpSumoError(f"{self.to}: {first_line(fault)}") from None
 

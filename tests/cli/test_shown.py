@@ -97,7 +97,8 @@ def test_line_about_a_value_says_what_to_write(tmp_path, monkeypatch, capsys, te
     ("line", "told"),
     [
         ("run office_5 --robots four", "--robots: found 'four', expected a whole number"),
-        ("run office_5 --time-limit 5min", "--time-limit: found '5min', expected a number"),
+        ("run office_5 --time-limit 5min", "--time-limit: found '5min', expected a number of seconds, such as 300"),
+        ("vda5050 office_5 --broker x --duration soon", "--duration: found 'soon', expected a number;"),
         ("run office_5 --planner", "--planner: expected a value after it"),
         ("run office_5 -planner cbs", "unrecognized arguments: -planner cbs (did you mean '--planner'?)"),
         ("generate wherehouse --out x", "kind: found 'wherehouse', expected one of 'warehouse', 'grid', 'ring', 'random'"),

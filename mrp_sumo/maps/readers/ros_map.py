@@ -24,6 +24,8 @@ from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
 
 MAX_PIXELS = 50_000_000
+MAX_CELLS = 2_000_000
+MAX_RESOLUTION_M = 5.0  # maps of sites have 0.02 to 0.1
 MODES = ("trinary", "scale")
 
 
@@ -60,8 +62,10 @@ def read_ros_map(
     """The grid of a map with cells of `cell_m`, in the map's own frame, and its free cells [H, W]."""
     check_cell(cell_m)
     resolution_m = _number(document, "resolution", source, None)
-    if not 1e-4 <= resolution_m <= 100:
-        raise source.fault(f"resolution is {resolution_m:g} m, expected a number above 0", "resolution")
+    if not 1e-4 <= resolution_m <= MAX_RESOLUTION_M:
+        raise source.fault(
+            f"resolution is {resolution_m:g} m, expected metres a pixel, above 0 and at most {MAX_RESOLUTION_M:g}", "resolution"
+        )
     origin = document.get("origin", [0, 0, 0])
     if not isinstance(origin, list) or not 2 <= len(origin) <= 3 or not all(_is_finite(value) for value in origin):
         raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
@@ -80,6 +84,8 @@ def floor_grid(
     height, width = (max(int(n * resolution_m / cell_m + 1e-9), 0) for n in clear.shape)
     if not width or not height:
         raise source.fault(f"the map is smaller than a cell of {cell_m:g} m")
+    if width * height > MAX_CELLS:
+        raise source.fault(f"cells of {cell_m:g} m would make a grid of {width} x {height}; more than {MAX_CELLS:.0e} are not made")
     per_cell = cell_m / resolution_m
     rows, columns = ((np.arange(n) + 0.5) * per_cell for n in (height, width))
     free = _reach_at(reach, rows, columns) >= robot_radius_m

@@ -53,6 +53,7 @@ def test_png_with_transparency_and_negation(room):
         ("room.pgm", "hall.pgm", "room.yaml:1: image 'hall.pgm' is not there"),
         ("room.pgm", "room.yaml", "image 'room.yaml' cannot be read"),
         ("0.1\n", "fine\n", "room.yaml:2: resolution is fine, expected a number"),
+        ("0.1\n", "0x1F\n", "room.yaml:2: resolution is 31 m, expected metres a pixel, above 0 and at most 5"),
         ("0.0]", "1.5]", "origin has a yaw of 1.5: turn the image instead"),
         ("trinary", "raw", "mode is 'raw', expected trinary or scale"),
         ("0.1\n", "0.001\n", "the map is smaller than a cell of 0.4 m"),
