@@ -137,6 +137,9 @@ def _require_robot(path: Path, k: int, robot: Any) -> None:
     turned_s = robot.get("turned_s", 0.0)
     if isinstance(turned_s, bool) or not isinstance(turned_s, int | float) or not abs(turned_s) < FARTHEST:
         raise PlanError(f"{path}: damaged: robots[{k}].turned_s is {turned_s!r:.40}, expected a time in s")
+    heading = robot.get("goal_heading_rad") or 0.0
+    if isinstance(heading, bool) or not isinstance(heading, int | float) or not abs(heading) < FARTHEST:
+        raise PlanError(f"{path}: damaged: robots[{k}].goal_heading_rad is {heading!r:.40}, expected an angle in rad")
     if fault := fault_of(robot["name"]):
         raise PlanError(f"{path}: robots[{k}].name: {fault}")
     for i, visit in enumerate(robot["visits"]):
@@ -165,6 +168,7 @@ def _fault(visit: Any) -> str:
         if not isinstance(value, kinds) or isinstance(value, bool) or (value is not None and not abs(value) < FARTHEST):
             return f"has the {key} {value!r:.40}, expected {expected}"
     steps = [visit[key] for key in STEPS if key in visit]
-    if steps and (len(steps) < 2 or any(not isinstance(step, int | None) or isinstance(step, bool) for step in steps) or steps[0] is None):
+    odd = any(not isinstance(step, int | None) or isinstance(step, bool) or abs(step or 0) >= FARTHEST for step in steps)
+    if steps and (len(steps) < 2 or odd or steps[0] is None):
         return f"has the {' and '.join(STEPS)} {steps!r:.40}, expected numbers of steps, or null where it stays"
     return ""

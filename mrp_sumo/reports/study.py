@@ -242,7 +242,7 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
 
 def _map_names(frame: pd.DataFrame) -> list[str]:
     """A short name for each map; maps with the same file name keep their folders."""
-    files = frame["map"].astype(str)
+    files = frame["map"].astype(object).fillna("no map").astype(str)
     short = {file: re.sub(r"\.(building\.yaml|yaml|yml|map|json|geojson)$", "", file.rsplit("/", 1)[-1]) for file in files.unique()}
     if len(set(short.values())) < len(short):
         short = {file: file for file in short}

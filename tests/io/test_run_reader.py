@@ -99,6 +99,13 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
             "plan",
             "robot 'robot_0' is not in both",
         ),
+        (
+            "plan.json",
+            '{"schema_version": 1, "step_s": 1, "robots": [{"name": "x", "visits": '
+            '[{"vertex": 0, "arrive_s": 0, "depart_s": 1, "arrive_step": 0, "depart_step": 1' + "0" * 400 + "}]}]}",
+            "plan",
+            r"visits\[0\] has the arrive_step and depart_step .*, expected numbers of steps",
+        ),
         ("events.jsonl", '{"t_s": 1}\nnonsense\n', "events", r"events\.jsonl:2: not JSON"),
         ("events.jsonl", '{"t_s": 99999999999999999999}\n', "events", r"events\.jsonl:1: t_s is 99999999999999999999, expected a time"),
         ("events.jsonl", "[1]\n", "execution", r"events\.jsonl:1: found '\[1\]', expected an object"),
