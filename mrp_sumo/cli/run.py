@@ -238,7 +238,7 @@ def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> 
         if other := other_planner(asked["name"]):
             lines.insert(0, _again(options, "--planner", other))
     else:
-        lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.mp4", f"mrp-sumo report {folder}"]
+        lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.gif --to 20", f"mrp-sumo report {folder}"]
         if result.status == "deadlock":
             lines[2] = _again(options, "--set", "execution.on_deadlock=resolve")
     print("next: " + "\n      ".join(lines))
