@@ -24,12 +24,12 @@ PLUGINS = {
     },
     "step_planners": {
         "epibt": "planners.step_wise.epibt:Epibt",
-        "program": "planners.step_wise.program:Program",
+        "program": "planners.step_wise.program:StepProgram",
     },
     "assigners": {
         "cp_sat": "planners.assigners.cp_sat:CpSat",
         "linear_sum_assignment": "planners.assigners.linear_sum_assignment:LinearSumAssignment",
-        "min_cost_flow": "planners.assigners.min_cost_flow:MinCostFlow",
+        "min_cost_flow": "planners.assigners.min_cost_flow:MinCostFlowAssigner",
         "mip": "planners.assigners.mip:Mip",
     },
 }

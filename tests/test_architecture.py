@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import networkx as nx
@@ -160,3 +161,13 @@ def test_sources_name_no_path_of_a_machine():
         if path.is_file():
             text = path.read_text()
             assert not [w for w in ("/home/", "/root/", "/work/", "C:\\") if w in text], path
+
+
+def test_no_two_classes_share_a_name():
+    homes = defaultdict(list)
+    for path in sources():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                homes[node.name].append(path)
+    shared = {name: paths for name, paths in homes.items() if len(paths) > 1}
+    assert set(shared) == {"Problem"}, shared  # the one of the scripting interface has a scenario, the planners' has none

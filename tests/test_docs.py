@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from test_architecture import FLOORS
 
 from mrp_sumo.cli.main import COMMANDS
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from planners import PLUGINS
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -181,7 +181,7 @@ def place_of(key):
 
 
 def test_every_key_of_scenarios_is_documented():
-    assert undocumented([place_of(key) for key in keys_of_model(Scenario)], PAGES_OF_KEYS) == []
+    assert undocumented([place_of(key) for key in keys_of_model(ScenarioModel)], PAGES_OF_KEYS) == []
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ EXAMPLES = ("name", "map.file", "robots.count", "robots.starts", "robots.goals",
 def test_documented_defaults_are_those_of_the_code():
     block = re.search(r"^```yaml\n(name:.*?)^```$", PAGES_OF_KEYS[0], re.M | re.S)[1]
     shown = yaml.safe_load(block)
-    code = Scenario.model_validate({"map": "office", "robots": 9}).model_dump(mode="json")
+    code = ScenarioModel.model_validate({"map": "office", "robots": 9}).model_dump(mode="json")
     assert list(differing(shown, code)) == []
     shown["execution"]["goal_tolerance_m"] = 0.5
     assert list(differing(shown, code)) == ["execution.goal_tolerance_m"]

@@ -6,7 +6,7 @@ import random
 import pytest
 from campaigns import keys as campaign
 
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 
 EVERYTHING = campaign.Keys(seed=0)
 LATELY_MENDED = [  # each ended in a traceback once
@@ -21,7 +21,7 @@ def test_every_key_has_sample_values():
     keys = campaign.keys()
     assert all(keys.values())
     sections = {key.split(".")[0] for key in keys}
-    assert sections == set(Scenario.model_fields)
+    assert sections == set(ScenarioModel.model_fields)
 
 
 def test_new_key_without_sample_values_is_noticed(monkeypatch):

@@ -16,7 +16,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_folder import write_run
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.lifts import with_rides
@@ -199,7 +199,7 @@ def run_of_four(out, network, *, executed=True, **changes):
     given = {
         "status": "completed",
         "note": "",
-        "scenario": Scenario.model_validate(
+        "scenario": ScenarioModel.model_validate(
             {"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}, "execution": {"time_limit_s": 300}}
         ),
         "problem": problem,

@@ -27,7 +27,7 @@ from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor
 from mrp_sumo.io.run_folder import plain
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.trajectory import write_trajectory
 from mrp_sumo.io.visits import write_visits
 from mrp_sumo.maps.grid import grid_graph
@@ -108,7 +108,7 @@ def make_run(folder: Path, num_robots: int, duration_s: float) -> None:
     write_trajectory(folder / "trajectory.parquet", execution, fleet.robot_name, {})
     write_visits(folder / "visits.parquet", problem, plan, execution)
     write_events(folder / "events.jsonl", execution, fleet, graph)
-    scenario = Scenario.model_validate(
+    scenario = ScenarioModel.model_validate(
         {
             "name": f"bench_{num_robots}",
             "map": "warehouse",

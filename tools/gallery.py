@@ -17,7 +17,7 @@ import networkx as nx
 import yaml
 
 import mrp_sumo as ms
-from mrp_sumo.reports.tour import Stop, tour_page
+from mrp_sumo.reports.tour import TourPage, tour_page
 
 PROJECT = Path(__file__).resolve().parents[1]
 SIDE_M = 1.0  # between vertices of the drawn maps
@@ -193,7 +193,7 @@ def main() -> int:
             links = [("scenario", f"{entry.name}/{entry.name}.yaml"), ("picture", f"{entry.name}/picture.png")]
             if video.is_file():
                 links.append((f"video, {video.stat().st_size / 1e6:.1f} MB", f"{entry.name}/video.mp4"))
-            stops.append(Stop(entry.title, entry.see, f"{entry.name}/run/replay.html", f"{entry.name}/picture.png", links=tuple(links)))
+            stops.append(TourPage(entry.title, entry.see, f"{entry.name}/run/replay.html", f"{entry.name}/picture.png", links=tuple(links)))
         else:
             failed += 1
     lead = "Each opens as a page to play with; the run folder lies beside it."

@@ -42,7 +42,7 @@ class _Sightings:
         return velocities
 
 
-class People(_Sightings):
+class PeopleTopic(_Sightings):
     """/people."""
 
     def message(self, k: int) -> bytes:

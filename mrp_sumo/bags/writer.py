@@ -203,7 +203,7 @@ def _makers(
     makers += [(topic(f"/{messages.robots[r]}/odom", "nav_msgs/Odometry"), fast_ns, partial(say.odometry, robot=r)) for r in chosen]
     if record.execution.people is not None:
         people_ns = np.arange(0, end_ns + 1, people.PERIOD_NS, dtype=np.int64)
-        makers += [(topic(*people.PEOPLE), people_ns, people.People), (topic(*people.MARKERS), people_ns, people.Markers)]
+        makers += [(topic(*people.PEOPLE), people_ns, people.PeopleTopic), (topic(*people.MARKERS), people_ns, people.Markers)]
     return makers
 
 

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.suite import read_suite
     from mrp_sumo.reports.replay.page import write_page
     from mrp_sumo.reports.report import write_report
-    from mrp_sumo.reports.tour import Stop, tour_page
+    from mrp_sumo.reports.tour import TourPage, tour_page
 
     out = Path(options.out)
     out.mkdir(parents=True, exist_ok=True)
@@ -51,14 +51,14 @@ def run(options: argparse.Namespace) -> int:
     write_report(out / "planners", None)
     done = warehouse.metrics
     stops = (
-        Stop(
+        TourPage(
             "Nine robots in an office",
             f"Planned and driven: all at their goals after {office.metrics['driven_makespan_s']:.1f} s, and no two of them touched.",
             "office/replay.html",
             "office/still.png",
             f"mrp-sumo replay {out / 'office'} --serve",
         ),
-        Stop(
+        TourPage(
             "Orders in a warehouse",
             f"In five minutes {done['tasks_done']} orders were done, {done['throughput_per_h']:.0f} an hour; "
             f"{done['tasks_open']} were open in the end.",
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
             "warehouse/still.png",
             f"mrp-sumo render {out / 'warehouse'} --video warehouse.mp4",
         ),
-        Stop(
+        TourPage(
             "Two planners compared",
             f"CBS and LaCAM on the same draws, {len(batch.runs)} runs. So few say little: the report says what is certain.",
             "planners/report/index.html",

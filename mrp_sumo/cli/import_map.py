@@ -26,7 +26,7 @@ from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:
     from mrp_sumo.core.fleet import RobotType
-    from mrp_sumo.maps.finding import Finding
+    from mrp_sumo.maps.finding import MapFinding
     from mrp_sumo.maps.map import Map
 
 DEFAULT_ROBOT = "turtlebot3"
@@ -274,7 +274,7 @@ def _shortened(notes: tuple[str, ...]) -> tuple[str, ...]:
     return notes if len(notes) <= NOTES else (*notes[:NOTES], f"and {len(notes) - NOTES} more; --check lists them")
 
 
-def _shown(finding: "Finding") -> tuple[str, str]:
+def _shown(finding: "MapFinding") -> tuple[str, str]:
     from rich.markup import escape
 
     colour = "yellow" if finding.severity == "warn" else "dim"

@@ -51,12 +51,12 @@ def _serve(page: bytes, port: int) -> None:
 
     from mrp_sumo.wire.gate import LocalHandler, LocalServer
 
-    class Handler(LocalHandler):
+    class ReplayHandler(LocalHandler):
         def do_GET(self) -> None:
             if self.place() is not None:
                 self.answer(200, "text/html; charset=utf-8", page)
 
-    with LocalServer(port, Handler) as server:
+    with LocalServer(port, ReplayHandler) as server:
         try:
             print(f"{server.address} (Ctrl+C ends)", flush=True)
             webbrowser.open(server.address)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
-    from mrp_sumo.experiments.reproduce import Comparison
+    from mrp_sumo.experiments.reproduce import Reproduction
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,13 +51,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace) -> "Comparison":
+def _run(options: argparse.Namespace) -> "Reproduction":
     from mrp_sumo.experiments.reproduce import reproduce_run
 
     return reproduce_run(options.folder, options.base)
 
 
-def _batch(options: argparse.Namespace) -> "tuple[Comparison, str]":
+def _batch(options: argparse.Namespace) -> "tuple[Reproduction, str]":
     from mrp_sumo.experiments.reproduce import reproduce_batch
     from mrp_sumo.io.results import records_in
 

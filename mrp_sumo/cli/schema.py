@@ -10,8 +10,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the schema."""
-    from mrp_sumo.io.scenario.model import Scenario
+    from mrp_sumo.io.scenario.model import ScenarioModel
 
-    schema = Scenario.model_json_schema()
+    schema = ScenarioModel.model_json_schema()
     print(json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2))
     return 0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.staging.set_up import SetUp
     from mrp_sumo.formats.vda.messages import Dialect
-    from mrp_sumo.wire.fleet import Fault
+    from mrp_sumo.wire.fleet import InjectedFault
     from mrp_sumo.wire.link import Link
     from mrp_sumo.wire.mqtt import Broker, Connections
 
@@ -201,11 +201,11 @@ def _broker(options: argparse.Namespace) -> "Broker":
     return broker_at(options.broker, tls=options.tls, user=options.user, password=password_of(options.password_file), **files)
 
 
-def _fault(text: str, setup: "SetUp") -> "Fault":
+def _fault(text: str, setup: "SetUp") -> "InjectedFault":
     """A fault that `ROBOT:KIND@S[+S]` asks for."""
     from mrp_sumo.errors import MrpSumoError, nearest
     from mrp_sumo.formats.vda.abilities import FAULTS
-    from mrp_sumo.wire.fleet import Fault
+    from mrp_sumo.wire.fleet import InjectedFault
 
     names = setup.problem.fleet.robot_name
     robot, _, rest = text.rpartition("@")[0].rpartition(":")
@@ -220,4 +220,4 @@ def _fault(text: str, setup: "SetUp") -> "Fault":
         raise MrpSumoError(f"--fault {text[:80]}: '{robot[:40]}' is not a robot{nearest(robot, names)}")
     if rest not in FAULTS:
         raise MrpSumoError(f"--fault {text[:80]}: '{rest[:40]}' is no fault{nearest(rest, FAULTS)}")
-    return Fault(names.index(robot), rest, begin_s, begin_s + lasts_s)
+    return InjectedFault(names.index(robot), rest, begin_s, begin_s + lasts_s)

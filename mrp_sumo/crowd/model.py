@@ -31,7 +31,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Fields:
+class ProtectiveFields:
     """The warning and protective fields of robots.
 
     At speed v the protective field reaches S_L = S_A + TZ + Z_R + Z_F + Z_B with S_A = v^2 / (2 d) + v (t_control + t_scanner), where d is
@@ -63,7 +63,7 @@ class People:
     count: int = 0
     flows: tuple[Flow, ...] = ()
     groups: tuple[Group, ...] = (Group(1.0),)
-    fields: Fields | None = Fields()  # None: robots take no notice of people
+    fields: ProtectiveFields | None = ProtectiveFields()  # None: robots take no notice of people
     seed: int = 0
 
 

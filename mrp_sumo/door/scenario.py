@@ -188,7 +188,7 @@ def places_of(changes: Section) -> dict[Place, Any]:
     for key, value in changes.items():
         if isinstance(value, Site):
             places[key,] = value.choice.model_dump()
-        elif isinstance(value, Mapping) and key in model.Scenario.model_fields:
+        elif isinstance(value, Mapping) and key in model.ScenarioModel.model_fields:
             places |= {(key, inner): plain(part) for inner, part in value.items()}
         elif key in SHORT and isinstance(value, str | Path | int):
             places[key, SHORT[key]] = plain(value)
@@ -210,7 +210,7 @@ def required(value: object, kind: type, call: str, hint: str) -> None:
         raise MrpSumoError(f"{call}: found {type(value).__name__}, expected {hint}")
 
 
-def _map_name(chosen: model.Scenario) -> str:
+def _map_name(chosen: model.ScenarioModel) -> str:
     return Path(chosen.map.file).name.split(".")[0]
 
 

@@ -25,7 +25,7 @@ class Net(NamedTuple):
     begin: np.ndarray  # [E] first place in the order of the passage's resource
 
 
-class Scratch(NamedTuple):
+class SwitchScratch(NamedTuple):
     """What a look at an order leaves behind."""
 
     arrive_s: np.ndarray  # [N]

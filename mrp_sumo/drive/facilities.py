@@ -9,7 +9,7 @@ from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.listeners import Moment
-from mrp_sumo.drive.state import Facilities, Wishes
+from mrp_sumo.drive.state import Facilities, RideRequests
 from mrp_sumo.traffic.resources import Resources, cabin_group
 
 DOORS_MOVE, OPEN = 1, 2  # of `core.facilities.LIFT_DOORS`
@@ -95,10 +95,10 @@ def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
     )
 
 
-def _nobody(num_lifts: int) -> Wishes:
+def _nobody(num_lifts: int) -> RideRequests:
     """No people who want to ride."""
     begin, end, stage = (np.zeros(num_lifts, np.int64) for _ in range(3))
-    return Wishes(np.full(num_lifts, np.inf), begin, end, np.zeros(num_lifts), stage)
+    return RideRequests(np.full(num_lifts, np.inf), begin, end, np.zeros(num_lifts), stage)
 
 
 def _numbered(names: list[str | None], known: list[str], count: int) -> IntArray:

@@ -39,7 +39,7 @@ NEXT = {  # what may come after what
 
 
 @dataclass(frozen=True)
-class Rules:
+class OrderRules:
     """When orders are withdrawn, and what becomes of those whose robot is lost with them on board."""
 
     cancel_overdue: bool = False  # those that nobody has picked when they are due
@@ -53,13 +53,13 @@ class Rules:
         return self.cancel_overdue or self.cancel_after_s < np.inf
 
 
-KEPT = Rules()  # nothing is withdrawn, and what is lost has failed
+KEPT = OrderRules()  # nothing is withdrawn, and what is lost has failed
 
 
 class Orders:
     """Tasks by release; their numbers are those of the log."""
 
-    def __init__(self, sources: Sequence[TaskSource], rules: Rules = KEPT) -> None:
+    def __init__(self, sources: Sequence[TaskSource], rules: OrderRules = KEPT) -> None:
         self.rules = rules
         self.tasks: list[Task] = []
         self.status: list[str] = []

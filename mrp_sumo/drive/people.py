@@ -15,26 +15,25 @@ from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.crowd._walk import BIN_M
 from mrp_sumo.crowd.crowd import Crowd
-from mrp_sumo.crowd.model import Fields, LaneSpeeds
-from mrp_sumo.crowd.model import People as Scene
+from mrp_sumo.crowd.model import LaneSpeeds, People, ProtectiveFields
 from mrp_sumo.crowd.state import BODY_M
 from mrp_sumo.drive import _people
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Moment
-from mrp_sumo.drive.state import People
+from mrp_sumo.drive.state import PeopleState
 from mrp_sumo.engines.sumo.engine import SumoEngine
 
 LANE_SPEEDS = 56  # purpose of the stream of chance
 
 
-def nobody(num_robots: int) -> People:
+def nobody(num_robots: int) -> PeopleState:
     """No people at all."""
-    return _people_of(num_robots, None, None, None, Fields(), watches=False)
+    return _people_of(num_robots, None, None, None, ProtectiveFields(), watches=False)
 
 
 def _people_of(
-    num_robots: int, graph: PlanGraph | None, fleet: Fleet | None, crowd: Crowd | None, fields: Fields, *, watches: bool
-) -> People:
+    num_robots: int, graph: PlanGraph | None, fleet: Fleet | None, crowd: Crowd | None, fields: ProtectiveFields, *, watches: bool
+) -> PeopleState:
     def of(value: float) -> FloatArray:
         return np.full(num_robots, value)
 
@@ -43,7 +42,7 @@ def _people_of(
     if graph is not None:
         along = (graph.xy[graph.head] - graph.xy[graph.tail]) / np.maximum(graph.length_m, 1e-9)[:, None]
     robots = crowd.robots if crowd else None
-    return People(
+    return PeopleState(
         any=graph is not None,
         watches=watches,
         halted=robots.is_halted if robots else np.zeros(num_robots, np.bool_),
@@ -87,16 +86,16 @@ def _people_of(
 class Bystanders:
     """People of one execution, as the loop uses them. Costs nothing where there are none."""
 
-    def __init__(self, what: Scene | LaneSpeeds | None, graph: PlanGraph, fleet: Fleet) -> None:
+    def __init__(self, what: People | LaneSpeeds | None, graph: PlanGraph, fleet: Fleet) -> None:
         num_robots = fleet.num_robots
         self.any = what is not None
         self._graph, self._what = graph, what
-        self.crowd = Crowd(what, fleet.length_m / 2, fleet.width_m / 2) if isinstance(what, Scene) else None
+        self.crowd = Crowd(what, fleet.length_m / 2, fleet.width_m / 2) if isinstance(what, People) else None
         if what is None:
             self.seen = nobody(num_robots)
             return
-        fields = what.fields if isinstance(what, Scene) else None
-        self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or Fields(), watches=fields is not None)
+        fields = what.fields if isinstance(what, People) else None
+        self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or ProtectiveFields(), watches=fields is not None)
         self._was_halted = self.seen.halted.copy()
         self.stops: list[tuple[int, float, float, bool]] = []  # robot, since, duration, whether it was in motion
         if isinstance(what, LaneSpeeds):

@@ -21,7 +21,7 @@ from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 
 
-class Places:
+class RobotPlaces:
     """Where the robots of a problem can go."""
 
     def __init__(self, problem: Problem, parking: Sequence[int] = ()) -> None:

@@ -22,7 +22,7 @@ from mrp_sumo.drive import _causes
 from mrp_sumo.drive.deadlock import DeadlockWatch
 from mrp_sumo.drive.giving_way import GivingWay, still_to_pass, who_gives_way
 from mrp_sumo.drive.ledger import Ledger
-from mrp_sumo.drive.replanning import Limits, lanes_needing, replan, request_for, situation
+from mrp_sumo.drive.replanning import AnswerLimits, lanes_needing, replan, request_for, situation
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import NEVER
@@ -106,7 +106,7 @@ class Recovery:
             return self._drive_around(now_s, robots, around)
         try:
             found = situation(now_s, around, self.world.broken | around.work.serving, self.ledger.end_of_tasks)
-            answer = replan(found, around, self.settings.replanner, {}, Limits())
+            answer = replan(found, around, self.settings.replanner, {}, AnswerLimits())
         except PlanError as error:
             self.refused(error, now_s)
             return None

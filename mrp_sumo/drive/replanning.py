@@ -32,7 +32,7 @@ class LatePlanError(PlanError):
 
 
 @dataclass(frozen=True)
-class Limits:
+class AnswerLimits:
     """Of an answer; the same on every machine."""
 
     effort: int = EFFORT  # labels, for planners that support it
@@ -121,7 +121,9 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
 
 
-def planned(request: Request, begin_s: float, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Replan:
+def planned(
+    request: Request, begin_s: float, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits
+) -> Replan:
     """The answer of a planner to a request, from where robots are committed to be.
 
     Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too.
@@ -159,7 +161,7 @@ def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:
     return cast(Collection[str], getattr(make(planner, parameters), "supports", ()))
 
 
-def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: Limits) -> Replan:
+def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> Replan:
     """Ask a planner.
 
     Raises
@@ -197,7 +199,7 @@ def replan(found: Situation, around: Surroundings, planner: str, parameters: Map
     return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone, planner=by)
 
 
-def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: Limits) -> PlanResult:
+def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> PlanResult:
     """The answer of a registered planner to a request, with a plan in seconds since it was made.
 
     Raises

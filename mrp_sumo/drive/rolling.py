@@ -19,7 +19,7 @@ import numpy as np
 from mrp_sumo.core.execution import Event, PlannerCalls
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.dispatcher import Dispatcher
-from mrp_sumo.drive.replanning import LatePlanError, Limits, planned, supports_of
+from mrp_sumo.drive.replanning import AnswerLimits, LatePlanError, planned, supports_of
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Kinematics
@@ -33,7 +33,7 @@ STEPWISE = "pibt"  # what answers where the planner has failed twice running
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class WindowAnswer:
     """Ways that are to take effect at `ready_s`; None: there are none."""
 
     request: Request
@@ -47,7 +47,7 @@ class Rolling:
     def __init__(self, settings: ExecutionSettings, around: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
         self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
         self.calls = PlannerCalls(cpu_time_s=0.0 if _is_in_this_process(settings.planner) else None)
-        self.answer: Answer | None = None  # that has not taken effect yet
+        self.answer: WindowAnswer | None = None  # that has not taken effect yet
         self._window_steps = window_of(settings, around.ledger.problem.step_s)
         self._next_s = 0.0  # no request before
         self._window_over_s = np.inf  # a new plan is to be there by then
@@ -84,13 +84,15 @@ class Rolling:
         self._count(asked=1, wall_time_s=perf_counter() - began)
         if self.calls.cpu_time_s is not None:
             self._count(cpu_time_s=_cpu_s() - cpu_began_s)
-        self.answer = Answer(request, ways, now_s + planning.budget_s)
+        self.answer = WindowAnswer(request, ways, now_s + planning.budget_s)
         self._next_s = now_s + planning.period_s
 
     def plan(self, request: Request, begin_s: float) -> Replan:
         """The answer of the planner of this run; of PIBT where that has failed before, and fails again. Raises PlanError."""
         settings, around = self._settings, self._around
-        limits = Limits(settings.planning.effort if settings.tasks else Limits().effort, self._window_steps if settings.tasks else 0)
+        limits = AnswerLimits(
+            settings.planning.effort if settings.tasks else AnswerLimits().effort, self._window_steps if settings.tasks else 0
+        )
         begin_s += settings.planning.budget_s
         try:
             return planned(request, begin_s, around, settings.planner, settings.planner_parameters, limits)
@@ -107,12 +109,12 @@ class Rolling:
         self._count(stepped=1)
         return ways
 
-    def due(self, now_s: float) -> Answer | None:
+    def due(self, now_s: float) -> WindowAnswer | None:
         """The answer that is to take effect now."""
         answer = self.answer
         return answer if answer is not None and now_s >= answer.ready_s - 1e-9 else None
 
-    def taken(self, answer: Answer, now_s: float) -> None:
+    def taken(self, answer: WindowAnswer, now_s: float) -> None:
         """The ledger has an answer."""
         self.answer, work = None, self._around.work
         self._end_series(now_s)

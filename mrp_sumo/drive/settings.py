@@ -10,7 +10,7 @@ from mrp_sumo.core.battery import Battery, Charging
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.drive.disturbances import NONE, Disturbances
-from mrp_sumo.drive.orders import KEPT, Rules
+from mrp_sumo.drive.orders import KEPT, OrderRules
 from mrp_sumo.errors import ExecutionError, nearest
 
 ON_DEADLOCK = ("report", "stop", "resolve")
@@ -54,7 +54,7 @@ class ExecutionSettings:
     planner: str = "lacam"  # that the dispatcher asks for more plans
     planner_parameters: Mapping[str, Any] = field(default_factory=dict)
     tasks: tuple[TaskSource, ...] = ()
-    rules: Rules = KEPT  # of orders that nobody picks, or whose robot is lost
+    rules: OrderRules = KEPT  # of orders that nobody picks, or whose robot is lost
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
     batteries: tuple[Battery, ...] = ()  # of each type of robots, if they have some; in runs with tasks
     charging: Charging | None = None

@@ -113,7 +113,7 @@ class Rules(NamedTuple):
     asks_late: bool  # whether robots claim no more than they need to drive on, so that the order of more passages may change
 
 
-class Wishes(NamedTuple):
+class RideRequests(NamedTuple):
     """People who want to ride, [F]: the next of each lift. Written by the world; `_facilities` writes how far they are."""
 
     since_s: FloatArray  # inf: nobody
@@ -149,7 +149,7 @@ class Facilities(NamedTuple):
     since_s: FloatArray  # [F] when it asked, below 0: it may enter
     service: IntArray  # [F] whether it is in service. Written by the world
     recall: IntArray  # [F] the level to which it goes when there is a fire
-    wish: Wishes
+    wish: RideRequests
     lane_door: IntArray  # [L] the door that a lane leads through or near, -1: none
     vertex_door: IntArray  # [V] the door near which a vertex is, -1: none
     through: IntArray  # [H] the lanes that need doors, with their doors
@@ -166,7 +166,7 @@ class Facilities(NamedTuple):
     longest_s: float  # of `call_s`, and of a door's closing and opening
 
 
-class People(NamedTuple):
+class PeopleState(NamedTuple):
     """N people whom R robots see, on L lanes and V vertices, in B bins; `halted` to `lost_share` are written by `_people`, the rest by
     `drive.people`.
     """
@@ -219,7 +219,7 @@ class Conditions(NamedTuple):
     closed: BoolArray  # [L] lanes nobody may set out on
     prompt: bool  # whether robots know at once what they are granted
     facilities: Facilities
-    people: People
+    people: PeopleState
 
 
 class Log(NamedTuple):

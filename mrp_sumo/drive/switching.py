@@ -15,7 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _switch
-from mrp_sumo.drive._switch import CYCLIC, Net, Scratch
+from mrp_sumo.drive._switch import CYCLIC, Net, SwitchScratch
 from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.drive.motion_plan import TURNS_RAD, lanes_along
 from mrp_sumo.errors import ExecutionError
@@ -115,16 +115,16 @@ def best_order(net: Net, order: IntArray, least_s: float, budget: int) -> IntArr
     return best if best_s < start_s - least_s else None
 
 
-def cost_of(net: Net, order: IntArray, scratch: Scratch) -> float:
+def cost_of(net: Net, order: IntArray, scratch: SwitchScratch) -> float:
     """The sum of the times at which robots are done, s; inf for an order that nobody can keep."""
     return float(_switch.cost_of(net, order, placed(order), scratch))
 
 
-def scratch_for(net: Net) -> Scratch:
+def scratch_for(net: Net) -> SwitchScratch:
     """Room for looks at orders."""
     num_visits, num_robots = len(net.run_s), len(net.ready_s)
     at, stuck, waits = np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64), np.zeros(num_visits, np.int64)
-    return Scratch(np.zeros(num_visits), waits, at, stuck, np.zeros(num_robots, np.bool_))
+    return SwitchScratch(np.zeros(num_visits), waits, at, stuck, np.zeros(num_robots, np.bool_))
 
 
 def placed(order: IntArray) -> IntArray:

@@ -19,7 +19,7 @@ HOUR_S = 3600.0
 
 
 @dataclass(frozen=True)
-class Wish:
+class RideRequest:
     """A ride that people want."""
 
     since_s: float
@@ -36,7 +36,7 @@ class Visitors:
         ride_s = facilities.ride_s
         levels = [np.flatnonzero(np.isfinite(reach).any(1)).tolist() for reach in ride_s]
         self._rides = [[(a, b) for a, b in permutations(each, 2) if np.isfinite(reach[a, b])] for each, reach in zip(levels, ride_s)]
-        self._queue: list[deque[Wish]] = [deque() for _ in self._rides]
+        self._queue: list[deque[RideRequest]] = [deque() for _ in self._rides]
         self._of_lift = [np.random.default_rng([seed, RIDES, f]) for f in range(len(self._rides))]
         self._of_door = [np.random.default_rng([seed, PASSAGES, d]) for d in range(len(facilities.door_s))]
         self._next_ride_s = [_gap_s(rng, what.lift_rides_per_h) for rng in self._of_lift]
@@ -48,7 +48,7 @@ class Visitors:
         for f, rng in enumerate(self._of_lift):
             while self._next_ride_s[f] <= now:
                 begin, end = self._rides[f][int(rng.integers(len(self._rides[f])))]
-                wish = Wish(self._next_ride_s[f], begin, end, float(rng.exponential(what.lift_hold_s)))
+                wish = RideRequest(self._next_ride_s[f], begin, end, float(rng.exponential(what.lift_hold_s)))
                 self._next_ride_s[f] += _gap_s(rng, what.lift_rides_per_h)
                 if facilities.service[f] == IN_SERVICE:
                     self._queue[f].append(wish)
@@ -60,7 +60,7 @@ class Visitors:
                 facilities.held_until_s[d] = max(facilities.held_until_s[d], until_s)
                 self._next_passage_s[d] += _gap_s(rng, what.door_passages_per_h)
 
-    def _ask(self, lift: int, wish: Wish) -> None:
+    def _ask(self, lift: int, wish: RideRequest) -> None:
         kernel = self._facilities.wish
         kernel.begin[lift], kernel.end[lift], kernel.hold_s[lift] = wish.begin, wish.end, wish.hold_s
         kernel.stage[lift], kernel.since_s[lift] = BOARDING, wish.since_s

@@ -38,8 +38,8 @@ from mrp_sumo.drive.duties import (
     TO_STOP,
     Duties,
 )
-from mrp_sumo.drive.orders import KEPT, Orders, Rules
-from mrp_sumo.drive.places import Places
+from mrp_sumo.drive.orders import KEPT, OrderRules, Orders
+from mrp_sumo.drive.places import RobotPlaces
 from mrp_sumo.drive.state import State
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
@@ -99,7 +99,7 @@ class Work:
         problem: Problem,
         lead_s: float = 0.0,
         *,
-        rules: Rules = KEPT,
+        rules: OrderRules = KEPT,
         parking: Sequence[int] = (),
         batteries: Sequence[Battery] = (),
         charging: Charging | None = None,
@@ -110,7 +110,7 @@ class Work:
         self.problem, self.lead_s = problem, lead_s  # what is asked for takes effect so much later
         self.orders = Orders(sources, rules)
         self.duties = Duties(num_robots)
-        self._places = Places(problem, parking)
+        self._places = RobotPlaces(problem, parking)
         self._batteries, self._charging = batteries, charging
         first = (np.arange(num_robots + 1) * (charging.first_share if charging else 0.0) + 0.5).astype(np.int64)
         self._charges_first: BoolArray = np.diff(first) > 0  # [R] robots that go to charge whatever their level

@@ -15,7 +15,7 @@ from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.people import nobody
-from mrp_sumo.drive.state import Conditions, Facilities, Grants, People
+from mrp_sumo.drive.state import Conditions, Facilities, Grants, PeopleState
 from mrp_sumo.drive.visitors import Visitors
 from mrp_sumo.errors import ExecutionError
 
@@ -50,7 +50,7 @@ class World:
     robot_radius_m: float
     seed: int
     facilities: Facilities
-    people: People | None = None  # nobody by default
+    people: PeopleState | None = None  # nobody by default
     factor: FloatArray = field(init=False)  # [R] on the robots' speeds
     hold_until: FloatArray = field(init=False)  # [R] s
     told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import mrp_sumo
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import plug_ins_of
 from mrp_sumo.plugins.registry import find
 from mrp_sumo.plugins.source import digest
@@ -71,7 +71,7 @@ def input_hash(paths: Iterable[Path]) -> str:
     return _digest(b"".join(hashlib.sha256(path.read_bytes()).digest() for path in paths))
 
 
-def plug_in_hash(scenario: Scenario, folder: Path) -> str:
+def plug_in_hash(scenario: ScenarioModel, folder: Path) -> str:
     """Hash of the sources of the plug-ins from outside that a scenario names, '' where it names none.
 
     Parameters

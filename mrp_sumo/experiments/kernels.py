@@ -25,7 +25,7 @@ def compiling(report: Callable[[str, float, float], None], *, execute: bool) -> 
 
     apart = [room for room in DRIVING if execute and _kernel.is_empty(room)]
     helper = _compile_apart() if apart else None
-    needed = _kernel.Missing()
+    needed = _kernel.UnstoredKernels()
     shown = False
 
     def show() -> None:

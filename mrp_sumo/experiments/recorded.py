@@ -24,7 +24,7 @@ from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.choices import choices
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.formats.vda.messages import STANDING_MPS, serials_of
-from mrp_sumo.formats.vda.recorded import Log, Recorded, read_log
+from mrp_sumo.formats.vda.recorded import Recorded, RecordedLog, read_log
 from mrp_sumo.io.run_folder import plain
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.maps.clearance import standing_walls
@@ -106,7 +106,7 @@ def _fleet(vehicles: list[Recorded], model: RobotType) -> Fleet:
 
 
 def _graph(
-    log: Log, vehicles: list[Recorded], begin_s: float, name: str, drawn: Map | None
+    log: RecordedLog, vehicles: list[Recorded], begin_s: float, name: str, drawn: Map | None
 ) -> tuple[PlanGraph, Shift, list[tuple[IntArray, FloatArray]]]:
     """The graph, how far its levels were moved to lie side by side, and each vehicle's visits with their times.
 

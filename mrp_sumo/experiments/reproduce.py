@@ -22,7 +22,7 @@ from mrp_sumo.io.results import BatchRecord
 from mrp_sumo.io.run_folder import RESULT, files_in, versions
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 CLOCKS = ("versions", "files", "machine")  # of result.json, beside metrics of the machine
@@ -31,7 +31,7 @@ CLOCK_LIMITED = ("planning_timed_out", "out_of_time", "out_of_memory")  # status
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Reproduction:
     """What came of making something again."""
 
     equal: int  # files of a run, runs of a batch
@@ -43,7 +43,7 @@ class Comparison:
         return not self.differences
 
 
-def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None) -> Comparison:
+def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None) -> Reproduction:
     """Make a run again, in a folder that is removed, and compare it file by file.
 
     Parameters
@@ -66,7 +66,7 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None)
             raise MrpSumoError(f"{folder}: not a run folder: {RESULT} has no SHA-256 of its file '{name[:40]}'")
     if before.get("policy") == RECORDED:
         raise MrpSumoError(f"{folder}: was read from a log, not driven here: `mrp-sumo import` makes it again")
-    scenario = validated(Document(folder / RESULT, before["scenario"], {}), Scenario)
+    scenario = validated(Document(folder / RESULT, before["scenario"], {}), ScenarioModel)
     file = ScenarioFile(scenario, Document(base / RESULT, before["scenario"], {}), {})
     with tempfile.TemporaryDirectory(prefix="mrp_sumo_") as place:
         again = Path(place) / "run"
@@ -83,10 +83,10 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None)
     ]
     if any((result.get("plan") or {}).get("clock_limited") for result in (before, after)):
         causes.append("planning took so much of its time limit that the clock may have shaped the plan; planner.budget counts work instead")
-    return Comparison(len(after["files"]) + 1 - len({line.partition(":")[0] for line in lines}), tuple(lines), tuple(causes))
+    return Reproduction(len(after["files"]) + 1 - len({line.partition(":")[0] for line in lines}), tuple(lines), tuple(causes))
 
 
-def reproduce_batch(records: list[BatchRecord], base: Path) -> Comparison:
+def reproduce_batch(records: list[BatchRecord], base: Path) -> Reproduction:
     """Make runs of a batch again, one after the other, and compare status and metrics.
 
     Parameters
@@ -101,7 +101,7 @@ def reproduce_batch(records: list[BatchRecord], base: Path) -> Comparison:
     with MapCache() as maps:
         for record in records:
             what = Document(base / "suite", record["scenario"], {})
-            file = ScenarioFile(validated(what, Scenario), what, {})
+            file = ScenarioFile(validated(what, ScenarioModel), what, {})
             outcome = carry_out(file, maps, execute=record["until"] == "execution")
             before = {"status": record["status"], **_timeless(record["metrics"])}
             after = {"status": outcome.status, **_timeless(outcome.metrics)}
@@ -111,7 +111,7 @@ def reproduce_batch(records: list[BatchRecord], base: Path) -> Comparison:
     causes = [f"made with mrp_sumo {version}, here is {code_version()}" for version in sorted(codes)]
     if any(record["status"] in CLOCK_LIMITED for record in records):
         causes.append("some runs ended with the clock's limit, which another machine or load may not reach")
-    return Comparison(len(records) - differ, tuple(lines), tuple(causes))
+    return Reproduction(len(records) - differ, tuple(lines), tuple(causes))
 
 
 def _files_that_differ(before: Mapping[str, Any], after: Mapping[str, Any], old: Path, new: Path) -> Iterator[str]:

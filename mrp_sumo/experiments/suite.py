@@ -22,7 +22,7 @@ from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario.file import ScenarioFile, find_scenario
 from mrp_sumo.io.scenario.keys import unknown_key
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import plug_ins_of, rename, require_trust
 from mrp_sumo.io.scenario.read import changed, read_scenario
 from mrp_sumo.io.scenario.strict import Strict
@@ -270,7 +270,7 @@ def _base(document: Document, suite: Suite, path: Path) -> tuple[dict[str, Any],
     return base, file.folder
 
 
-def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> Scenario:
+def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> ScenarioModel:
     """The scenario of a combination of values. It has no name: a name is no reason to run it again."""
     data = dict(file.base)
     for (key, _), value in zip(file.axes, values, strict=True):
@@ -280,7 +280,7 @@ def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> Scenario:
         inner = data.get(section)
         if isinstance(inner, dict) and isinstance(inner.get("parameters"), dict) and inner["parameters"]:
             data[section] = {**inner, "parameters": dict(sorted(inner["parameters"].items()))}
-    return validated(file.document, Scenario, data, options=file.places)
+    return validated(file.document, ScenarioModel, data, options=file.places)
 
 
 class _AxisPlaces(dict[Place, str]):
@@ -368,7 +368,7 @@ class _Inputs:
         self._of_scenario: dict[str, tuple[str, str]] = {}  # by JSON from the map on: what comes before is the seed
         self._of_names: dict[tuple[str, ...], tuple[str, str]] = {}
 
-    def __call__(self, scenario: Scenario, canonical: str) -> tuple[str, str]:
+    def __call__(self, scenario: ScenarioModel, canonical: str) -> tuple[str, str]:
         rest = canonical[canonical.index('"map":') :]
         if rest not in self._of_scenario:
             names = _names(scenario)
@@ -377,7 +377,7 @@ class _Inputs:
             self._of_scenario[rest] = self._of_names[names]
         return self._of_scenario[rest]
 
-    def _read(self, scenario: Scenario) -> tuple[str, str]:
+    def _read(self, scenario: ScenarioModel) -> tuple[str, str]:
         from mrp_sumo.experiments.staging.choices import choices, named_files
         from mrp_sumo.maps.load import files_of
 
@@ -398,7 +398,7 @@ class _Inputs:
             raise ScenarioError(f"{error.filename}: cannot be read: {sentence(error)}") from None
 
 
-def _names(scenario: Scenario) -> tuple[str, ...]:
+def _names(scenario: ScenarioModel) -> tuple[str, ...]:
     """What a scenario names: files, map reader, planner, tasks, assigner, policy, metrics."""
     parts = (
         scenario.map.file,

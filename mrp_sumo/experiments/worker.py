@@ -80,9 +80,9 @@ def scenario_of(job: Job) -> "ScenarioFile":
     """The scenario of a run, as if it were a file in the suite's folder."""
     from mrp_sumo.io.documents import Document
     from mrp_sumo.io.scenario.file import ScenarioFile
-    from mrp_sumo.io.scenario.model import Scenario
+    from mrp_sumo.io.scenario.model import ScenarioModel
 
-    return ScenarioFile(Scenario.model_validate_json(job["scenario"]), Document(Path(job["folder"], "suite"), {}, {}), {})
+    return ScenarioFile(ScenarioModel.model_validate_json(job["scenario"]), Document(Path(job["folder"], "suite"), {}, {}), {})
 
 
 def failure(status: str, reason: str) -> Answer:

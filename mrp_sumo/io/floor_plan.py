@@ -21,7 +21,7 @@ from mrp_sumo.maps.yaml_text import read_text as read_map_text
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
-    from mrp_sumo.maps.map import Floor
+    from mrp_sumo.maps.map import FloorPixels
 
 SCHEMA_VERSION = 1
 FARTHEST_M = 1e9
@@ -70,7 +70,7 @@ def write_walls(folder: Path, costmap: "Costmap") -> None:
     _write_ros_map(folder, "map", ~costmap.occupied, costmap.resolution_m, costmap.origin_m)
 
 
-def write_floor_plan(folder: Path, name: str, floor: "Floor") -> None:
+def write_floor_plan(folder: Path, name: str, floor: "FloorPixels") -> None:
     """Write `NAME.png` and `NAME.yaml` into a folder: a map whose free pixels are the floor."""
     _write_ros_map(folder, name, floor.clear, floor.resolution_m, floor.origin_m)
 

@@ -15,7 +15,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 
 if TYPE_CHECKING:
-    from mrp_sumo.io.scenario.model import Scenario
+    from mrp_sumo.io.scenario.model import ScenarioModel
     from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
@@ -49,7 +49,7 @@ class RunRecord:
 
 
 def record_of(
-    scenario: "Scenario",
+    scenario: "ScenarioModel",
     problem: Problem,
     plan: Plan | None,
     execution: Execution,

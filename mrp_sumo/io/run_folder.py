@@ -35,7 +35,7 @@ from mrp_sumo.io.run_reader import SCHEMA_VERSION
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
 if TYPE_CHECKING:  # of scenarios, too: what reads run folders needs no model of them
-    from mrp_sumo.io.scenario.model import Recording, Scenario
+    from mrp_sumo.io.scenario.model import Recording, ScenarioModel
     from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
@@ -74,7 +74,7 @@ def write_run(
     *,
     status: str,
     note: str,
-    scenario: "Scenario",
+    scenario: "ScenarioModel",
     problem: Problem,
     result: PlanResult,
     verdict: Verdict | None,
@@ -159,7 +159,7 @@ def write_run(
 def result_document(
     status: str,
     note: str,
-    scenario: "Scenario",
+    scenario: "ScenarioModel",
     problem: Problem,
     result: PlanResult,
     verdict: Verdict | None,
@@ -237,7 +237,7 @@ def write_trace_files(
     *,
     status: str,
     note: str,
-    scenario: "Scenario",
+    scenario: "ScenarioModel",
     problem: Problem,
     result: PlanResult,
     verdict: Verdict | None,
@@ -258,7 +258,7 @@ def write_trace_files(
 
 def _write_evidence(
     folder: Path,
-    scenario: "Scenario",
+    scenario: "ScenarioModel",
     problem: Problem,
     result: PlanResult,
     execution: Execution | None,
@@ -274,7 +274,7 @@ def _write_evidence(
 
 
 def _write_logs(
-    folder: Path, scenario: "Scenario", problem: Problem, result: PlanResult, execution: Execution, levels: "Levels | None"
+    folder: Path, scenario: "ScenarioModel", problem: Problem, result: PlanResult, execution: Execution, levels: "Levels | None"
 ) -> None:
     """Trajectory, visits and events."""
     from mrp_sumo.io.battery_table import write_batteries
@@ -332,7 +332,7 @@ def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> d
     }
 
 
-def _portfolio(scenario: "Scenario", result: PlanResult, execution: Execution | None) -> dict[str, Any]:
+def _portfolio(scenario: "ScenarioModel", result: PlanResult, execution: Execution | None) -> dict[str, Any]:
     """Who answered of a portfolio, and why: of the plan, or most often while robots drove. Nothing for other planners."""
     calls = execution.calls if execution else None
     if calls is not None and scenario.planner.name == "auto":
@@ -347,7 +347,7 @@ def _portfolio(scenario: "Scenario", result: PlanResult, execution: Execution | 
     return {"planner": {"chosen": result.chosen, "why": result.why}} if result.chosen else {}
 
 
-def _clock_limited(scenario: "Scenario", result: PlanResult) -> bool:
+def _clock_limited(scenario: "ScenarioModel", result: PlanResult) -> bool:
     """Whether the time limit may have shaped the answer, so that another machine need not give it again."""
     used_s = result.planning_time_s if result.planning_cpu_s is None else result.planning_cpu_s
     if scenario.planner.budget:

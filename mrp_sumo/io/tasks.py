@@ -33,7 +33,7 @@ REVEALED = 1.5  # tasks known for each robot in the League of Robot Runners
 
 
 @dataclass(frozen=True)
-class Site:
+class TaskNames:
     """What names in tasks may mean, and where they stand."""
 
     vertex_of: Callable[[str], int | None]  # the vertex of the plan graph by its name on the map
@@ -44,7 +44,7 @@ class Site:
     robot_types: Sequence[str] = ()  # of the fleet
 
 
-def sources_of(choice: TasksChoice, site: Site, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
+def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
     """The streams of tasks that a scenario asks for.
 
     Parameters
@@ -76,7 +76,7 @@ def sources_of(choice: TasksChoice, site: Site, seed: int, step_s: float, num_ro
     return tuple(found) if choice.open is None else (ClosedLoop(tuple(found), choice.open),)
 
 
-def charging_of(choice: TasksChoice, site: Site) -> Charging | None:
+def charging_of(choice: TasksChoice, site: TaskNames) -> Charging | None:
     """When and where robots charge. As `sources_of`."""
     if (chosen := choice.charging) is None:
         return None
@@ -91,12 +91,12 @@ def charging_of(choice: TasksChoice, site: Site) -> Charging | None:
     )
 
 
-def parking_of(choice: TasksChoice, site: Site) -> tuple[int, ...]:
+def parking_of(choice: TasksChoice, site: TaskNames) -> tuple[int, ...]:
     """Vertices where robots without a task go. As `sources_of`."""
     return _places(choice, site, ("tasks", "parking"), choice.parking)
 
 
-def _places(choice: TasksChoice, site: Site, key: Place, listed: Sequence[str]) -> tuple[int, ...]:
+def _places(choice: TasksChoice, site: TaskNames, key: Place, listed: Sequence[str]) -> tuple[int, ...]:
     """The vertices of groups and stations, each once."""
     names = _Names(choice, site)
     stations = [station for i, name in enumerate(listed) for station in names.group((*key, i), name)]
@@ -106,7 +106,7 @@ def _places(choice: TasksChoice, site: Site, key: Place, listed: Sequence[str]) 
 class _Names:
     """Stations and groups by name."""
 
-    def __init__(self, choice: TasksChoice, site: Site) -> None:
+    def __init__(self, choice: TasksChoice, site: TaskNames) -> None:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
         self._robot_types = dict.fromkeys(site.robot_types)
         self._orders: dict[str, str] = {}  # where each was named
@@ -172,7 +172,7 @@ def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     return Task(number, stops, task.release_s, due_s, task.priority, name=name, robot_type=robot_type)
 
 
-def _file(names: _Names, site: Site, path: Path, num_robots: int, begin: int) -> TaskSource:
+def _file(names: _Names, site: TaskNames, path: Path, num_robots: int, begin: int) -> TaskSource:
     """The tasks of a file, in the format that its name ends with. Those without a name are counted from `begin` on."""
     if not path.is_file():
         raise ScenarioError(f"{site.at('tasks', 'file')}: {shortened(path)}: no such file")

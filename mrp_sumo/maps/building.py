@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, Options
-from mrp_sumo.maps.finding import Finding
+from mrp_sumo.maps.finding import MapFinding
 
 WALL_THICKNESS_M = 0.1  # of Open-RMF's generator (wall.py)
 
@@ -128,7 +128,7 @@ class Building:
     crs_name: str = ""
     offset: tuple[float, float] | None = None  # of the file, for georeferenced systems
     origin_m: tuple[float, float] = (0.0, 0.0)  # what `Level.xy` has less than the nav graphs of Open-RMF
-    findings: tuple[Finding, ...] = ()  # of reading the file
+    findings: tuple[MapFinding, ...] = ()  # of reading the file
     unused: tuple[str, ...] = ()  # what is drawn and has no effect here, with counts
 
     @cached_property

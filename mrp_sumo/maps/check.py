@@ -12,7 +12,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import Building, Level
-from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
+from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
 
 NEAR_MISS_M = 0.15  # closer to a lane, a vertex was probably meant to be on it
 MISALIGNED_M = 0.1  # the fleet adapter refuses lift vertices further apart
@@ -33,7 +33,7 @@ NEEDS_LANE = (
 FOUND_ON_GRAPHS = frozenset({"t_junction_near_miss", "lanes_cross_without_vertex", "several_components", "not_strongly_connected"})
 
 
-def check_building(building: Building) -> tuple[Finding, ...]:
+def check_building(building: Building) -> tuple[MapFinding, ...]:
     """The findings about the building's graphs."""
     notes = Notes()
     for level in building.levels.values():
@@ -56,7 +56,7 @@ def check_building(building: Building) -> tuple[Finding, ...]:
     return notes.findings()
 
 
-def check_graph(nav: NavGraph) -> tuple[Finding, ...]:
+def check_graph(nav: NavGraph) -> tuple[MapFinding, ...]:
     """The findings about a graph without a building, or after repairs; numbers are those of the graph's vertices."""
     notes = Notes()
     once = (nav.reverse < 0) | (nav.tail < nav.head)
@@ -86,11 +86,11 @@ def check_graph(nav: NavGraph) -> tuple[Finding, ...]:
     return notes.findings()
 
 
-def findings_of(error: MapError) -> tuple[Finding, ...]:
+def findings_of(error: MapError) -> tuple[MapFinding, ...]:
     """The findings for which a map was refused."""
     if isinstance(error, RefusedMap):
         return error.findings
-    return (Finding("unreadable", "refuse", 1, (str(error),)),)
+    return (MapFinding("unreadable", "refuse", 1, (str(error),)),)
 
 
 def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ Severity = Literal["refuse", "warn", "info"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class MapFinding:
     """One kind of defect or peculiarity of a map, with all its places."""
 
     kind: str
@@ -33,7 +33,7 @@ class Finding:
 class RefusedMap(MapError):
     """A map that is refused for findings; they come along for those who only check."""
 
-    def __init__(self, message: str, findings: tuple[Finding, ...] = ()) -> None:
+    def __init__(self, message: str, findings: tuple[MapFinding, ...] = ()) -> None:
         super().__init__(message)
         self.findings = findings
 
@@ -111,14 +111,14 @@ class Notes:
         self._details.setdefault(kind, []).append(detail)
         self._count[kind] = self._count.get(kind, 0) + count
 
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[MapFinding, ...]:
         """One finding a kind, in the order of `ordered`."""
         return tuple(
-            Finding(kind, SEVERITY[kind], self._count[kind], tuple(self._details[kind])) for kind in SEVERITY if kind in self._details
+            MapFinding(kind, SEVERITY[kind], self._count[kind], tuple(self._details[kind])) for kind in SEVERITY if kind in self._details
         )
 
 
-def ordered(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+def ordered(findings: tuple[MapFinding, ...]) -> tuple[MapFinding, ...]:
     """Refusals first, then warnings, then information."""
     rank = list(SEVERITY)
     return tuple(sorted(findings, key=lambda finding: rank.index(finding.kind)))

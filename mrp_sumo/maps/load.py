@@ -13,7 +13,7 @@ from mrp_sumo.errors import MapError, MrpSumoError, PlugInError
 from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.cache import remembered
-from mrp_sumo.maps.finding import Finding
+from mrp_sumo.maps.finding import MapFinding
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, GraphChoice, MapFile, Reader, Selection, map_file
 from mrp_sumo.maps.readers.registry import OF_TEXT, OURS
@@ -23,7 +23,7 @@ from mrp_sumo.plugins.face import place_of
 from mrp_sumo.plugins.limit import limited
 from mrp_sumo.plugins.source import blamed, digest
 
-__all__ = ["Finding", "Map", "files_of", "load_map"]
+__all__ = ["Map", "MapFinding", "files_of", "load_map"]
 
 LARGE = 1_000_000  # characters; larger YAML files are remembered
 

@@ -7,11 +7,11 @@ from typing import Any
 
 from mrp_sumo.core.graph import BoolArray, NavGraph
 from mrp_sumo.maps.building import Building
-from mrp_sumo.maps.finding import Finding
+from mrp_sumo.maps.finding import MapFinding
 
 
 @dataclass(frozen=True, eq=False)
-class Floor:
+class FloorPixels:
     """What of a plan is floor, in pixels."""
 
     clear: BoolArray  # [h, w], row 0 has the lowest y
@@ -37,7 +37,7 @@ class Map:
     path: Path
     nav: NavGraph
     building: Building | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[MapFinding, ...] = ()
     graphs: tuple[int, ...] = (0,)  # all graphs of the file that have lanes
     chosen: tuple[int, ...] = (0,)  # those in `nav`
     documents: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)  # the chosen nav graphs, as Open-RMF writes them
@@ -47,4 +47,4 @@ class Map:
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
     num_vehicles: int = 0  # that the file lists; 0 where it lists none
     vehicle: ListedVehicle | None = None  # the longest of them that has a length and a speed
-    floor: Floor | None = None  # of a plan of a floor
+    floor: FloorPixels | None = None  # of a plan of a floor

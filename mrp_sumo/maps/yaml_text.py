@@ -17,7 +17,7 @@ import yaml
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.files.reading import json_value, read_bytes
-from mrp_sumo.maps.finding import Finding, RefusedMap
+from mrp_sumo.maps.finding import MapFinding, RefusedMap
 
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 30
@@ -247,7 +247,7 @@ def _at(source: Text, event: Any, message: str) -> MapError:
 
 
 def _not_yaml(source: Text, complaint: str) -> RefusedMap:
-    return RefusedMap(f"{source.path.name}{complaint}", (Finding("not_yaml", "refuse", 1, (f"line {complaint[1:]}",)),))
+    return RefusedMap(f"{source.path.name}{complaint}", (MapFinding("not_yaml", "refuse", 1, (f"line {complaint[1:]}",)),))
 
 
 def _complaint(text: str, error: yaml.YAMLError) -> str:

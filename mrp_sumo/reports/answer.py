@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 
 from mrp_sumo.experiments.statistics import Interval, bootstrap_mean, mcnemar, wilcoxon
-from mrp_sumo.reports.study import Study
+from mrp_sumo.reports.study import ReportedRuns
 
 MEASURES = (("driven_flowtime_s", "flowtime as driven"), ("execution_time_s", "execution time"))  # of runs that were driven
 PLANNED = (("soc_steps", "sum of costs"), ("planning_time_s", "planning time"))
 SURE = 0.05
 
 
-def answer(study: Study) -> str:
+def answer(study: ReportedRuns) -> str:
     """Two sentences about the series of a study, on the same instances; '' where there is nothing to compare.
 
     The first is about success, of the series with most of it and the next. The second is about the first measure that both have, of
@@ -41,7 +41,7 @@ def answer(study: Study) -> str:
     return f"{first} {_about_values(study, best, others)}".strip()
 
 
-def _about_values(study: Study, best: str, others: list[str]) -> str:
+def _about_values(study: ReportedRuns, best: str, others: list[str]) -> str:
     """The second sentence."""
     of = study.by_instance
     for column, what in MEASURES if study.is_executed else PLANNED:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mrp_sumo.reports.charts.chart import Chart
-from mrp_sumo.reports.tables.table import Table
+from mrp_sumo.reports.tables.table import ReportTable
 
 GENERATOR = "mrp-sumo report"
 STYLE_SHEET = Path(__file__).with_name("page.css")
@@ -32,7 +32,7 @@ class Section:
     name: str  # of its place in the page
     title: str
     text: str = ""
-    parts: list[Table | Chart] = field(default_factory=list)
+    parts: list[ReportTable | Chart] = field(default_factory=list)
     is_folded: bool = False  # opens at a click, by its link at the top, and on paper
 
 
@@ -133,7 +133,7 @@ def _tiles(tiles: Sequence[Tile]) -> str:
     return f'<dl class="tiles">{"".join(cells)}</dl>'
 
 
-def _parts(parts: Sequence[Table | Chart]) -> list[str]:
+def _parts(parts: Sequence[ReportTable | Chart]) -> list[str]:
     """Consecutive charts stand side by side."""
     lines: list[str] = []
     in_charts = False
@@ -156,7 +156,7 @@ def _chart(chart: Chart) -> str:
     )
 
 
-def _table(table: Table) -> str:
+def _table(table: ReportTable) -> str:
     files = " ".join(
         f'<a href="tables/{table.name}.{kind}">{name}</a>' for kind, name in (("csv", "CSV"), ("md", "Markdown"), ("tex", "LaTeX"))
     )

@@ -29,9 +29,9 @@ from mrp_sumo.reports.charts.study_charts import study_charts
 from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
 from mrp_sumo.reports.paper.charts import execution_violins, figure_5
 from mrp_sumo.reports.paper.tables import table_1, table_2, table_3, table_4
-from mrp_sumo.reports.study import Study, read_study, short_key
+from mrp_sumo.reports.study import ReportedRuns, read_study, short_key
 from mrp_sumo.reports.tables import study_tables
-from mrp_sumo.reports.tables.table import Cell, Table, whole
+from mrp_sumo.reports.tables.table import Cell, ReportTable, whole
 
 INDEX = "index.html"
 MAX_RUNS = 4  # of a batch whose charts are drawn one by one
@@ -81,7 +81,7 @@ def write_report(source: Path, out: Path | None = None) -> Path:
     return out / INDEX
 
 
-def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
+def _of_study(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
     """The sections about many runs."""
     charts = study_charts(study)
     overview = Section("overview", "Overview")
@@ -107,7 +107,7 @@ def _of_study(study: Study, out: Path) -> tuple[str, list[Section]]:
     return study.name, sections
 
 
-def _kept_runs(study: Study) -> list[Section]:
+def _kept_runs(study: ReportedRuns) -> list[Section]:
     """Sections about run folders that are kept with the results, the worst first."""
     keys = [str(k) for k in study.frame["key"]] if "key" in study.frame else []
     drawn = [k for k in keys if k in study.folders]
@@ -118,7 +118,7 @@ def _kept_runs(study: Study) -> list[Section]:
     for key in chosen:
         run = study.folders[key]
         text = f"{run.result['status'].replace('_', ' ')}. {run.result.get('note', '')}".strip()
-        parts: list[Table | Chart] = []
+        parts: list[ReportTable | Chart] = []
         try:
             parts += run_charts(run, tag_of(["", *chosen], key))
         except MrpSumoError as error:
@@ -127,7 +127,7 @@ def _kept_runs(study: Study) -> list[Section]:
     return sections
 
 
-def _title_of(study: Study, key: str) -> str:
+def _title_of(study: ReportedRuns, key: str) -> str:
     """What a run is, in words: "office, 9 robots, CBS, seed 3004"."""
     if short_key(key) == key:  # a folder that somebody named
         return f"Run {key}"
@@ -136,7 +136,7 @@ def _title_of(study: Study, key: str) -> str:
     return f"{row['_map']}, {whole(row['_robots'])} robots, {row['_series']}{seed}"
 
 
-def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
+def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
     """The sections about a single run."""
     (run,) = study.folders.values()
     robots: list[list[Cell]] = [
@@ -147,14 +147,16 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
     if run.metrics.get("tasks_done") is not None:  # nobody has a goal of its own
         robots = []
     tables = _there(
-        Table(
+        ReportTable(
             "metrics",
             "Metrics",
             ("metric", "value"),
             [[k, _cell(v)] for k, v in run.metrics.items() if not isinstance(v, list)],
             folded=True,
         ),
-        Table("robots", "Robots", ("robot", "start", "goal", "at its goal s"), robots, folded=len(robots) > 30, digits={"at its goal s": 1})
+        ReportTable(
+            "robots", "Robots", ("robot", "start", "goal", "at its goal s"), robots, folded=len(robots) > 30, digits={"at its goal s": 1}
+        )
         if robots
         else None,
         _tasks_table(run),
@@ -163,7 +165,7 @@ def _of_run(study: Study, out: Path) -> tuple[str, list[Section]]:
     page_of = replay_of(run)
     if page_of is not None:
         tables.append(_link_table("replay", "Replay", Path(os.path.relpath(page_of.resolve(), out)).as_posix()))
-    charts: list[Table | Chart] = list(run_charts(run))
+    charts: list[ReportTable | Chart] = list(run_charts(run))
     if not charts:
         note = f"{note} The run was not driven ({run.result['status'].replace('_', ' ')}), so there is nothing to draw.".strip()
     title = study.name
@@ -176,7 +178,7 @@ def _known_as(run: RunFolder, label: Any) -> str:
     return str(label) if vertex is None else run.graph.known_as(vertex)
 
 
-def _tasks_table(run: RunFolder) -> Table | None:
+def _tasks_table(run: RunFolder) -> ReportTable | None:
     """What became of the orders of a run, by release."""
     if run.metrics.get("tasks_done") is None or (tasks := run.record.execution.tasks) is None:
         return None
@@ -185,16 +187,16 @@ def _tasks_table(run: RunFolder) -> Table | None:
     robots = ["" if r < 0 else names[r] for r in tasks.robot.tolist()]
     rows: list[list[Cell]] = [list(row) for row in zip(tasks.name, robots, *times, tasks.status, tasks.reason)]
     head = ("order", "robot", "released s", "assigned s", "opened s", "done s", "status", "reason")
-    return Table("tasks", "Orders", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
+    return ReportTable("tasks", "Orders", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 
-def _link_table(name: str, title: str, target: str) -> Table:
-    from mrp_sumo.reports.tables.table import Link
+def _link_table(name: str, title: str, target: str) -> ReportTable:
+    from mrp_sumo.reports.tables.table import FileLink
 
-    return Table(name, title, ("page",), [[Link(title, target)]], labels=0)
+    return ReportTable(name, title, ("page",), [[FileLink(title, target)]], labels=0)
 
 
-def _tiles(study: Study, one: bool) -> list[Tile]:
+def _tiles(study: ReportedRuns, one: bool) -> list[Tile]:
     frame = study.frame
     if one:
         return _run_tiles(study)
@@ -214,7 +216,7 @@ def _tiles(study: Study, one: bool) -> list[Tile]:
     return tiles
 
 
-def _run_tiles(study: Study) -> list[Tile]:
+def _run_tiles(study: ReportedRuns) -> list[Tile]:
     row = study.frame.iloc[0]
     good = bool(row["_succeeded"])
     tiles = [
@@ -239,12 +241,12 @@ def _run_tiles(study: Study) -> list[Tile]:
     return tiles
 
 
-def _remedy(study: Study) -> str:
+def _remedy(study: ReportedRuns) -> str:
     """The change that may mend the one run of a study, '' where it is not known."""
     return next((f"to change: {line}" for run in study.folders.values() if (line := remedy(run.result))), "")
 
 
-def _about(study: Study) -> list[str]:
+def _about(study: ReportedRuns) -> list[str]:
     lines = []
     for column, word in (("code", "mrp_sumo"), ("libsumo", "SUMO"), ("machine", "Made on")):
         if column in study.frame:
@@ -255,7 +257,7 @@ def _about(study: Study) -> list[str]:
     return lines
 
 
-def _there(*tables: Table | None) -> list[Table | Chart]:
+def _there(*tables: ReportTable | None) -> list[ReportTable | Chart]:
     return [t.without_empty() for t in tables if t is not None and t.rows]
 
 
@@ -267,7 +269,7 @@ def _cell(value: Any) -> Cell:
     return value if isinstance(value, int) else float(value)
 
 
-def write_part(folder: Path, part: Table | Chart) -> None:
+def write_part(folder: Path, part: ReportTable | Chart) -> None:
     """Write a figure or a table in all its forms into `figures` or `tables` of a folder."""
     if isinstance(part, Chart):
         files: dict[str, bytes] = {f"figures/{part.name}.svg": part.svg, f"figures/{part.name}.png": part.png}

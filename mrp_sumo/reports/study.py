@@ -49,7 +49,7 @@ MAX_FOLDERS = 200  # run folders that are opened beside a batch
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class ReportedRuns:
     """Runs, one per row of `frame`: the columns of `load_results`, and
 
     `_map`, `_robots`, `_series`: what the row belongs to; `_instance`: number of its instance; `_planned`: whether a plan was found,
@@ -103,7 +103,7 @@ def short_key(key: str) -> str:
     return key[:8] if re.fullmatch(r"[0-9a-f]{20}", key) else key
 
 
-def read_study(path: Path) -> Study:
+def read_study(path: Path) -> ReportedRuns:
     """The study of a folder.
 
     Parameters
@@ -181,7 +181,7 @@ def _row(key: str, run: RunFolder) -> dict[str, Any]:
     }
 
 
-def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: list[str], folders: dict[str, RunFolder]) -> Study:
+def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: list[str], folders: dict[str, RunFolder]) -> ReportedRuns:
     lacking = [column for column in NEEDED if column not in frame]
     if lacking:
         raise BatchError(f"{name}: not a table of runs: there is no column '{lacking[0]}'")
@@ -227,7 +227,7 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
         and pd.api.types.is_numeric_dtype(frame[c])
         and not pd.api.types.is_bool_dtype(frame[c])
     )
-    return Study(
+    return ReportedRuns(
         name=name,
         description=description,
         until=until,

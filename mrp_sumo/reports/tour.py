@@ -9,7 +9,7 @@ STYLE_SHEET = Path(__file__).with_suffix(".css")
 
 
 @dataclass(frozen=True)
-class Stop:
+class TourPage:
     """One of the pages that are led to."""
 
     title: str
@@ -21,7 +21,7 @@ class Stop:
 
 
 def tour_page(
-    stops: Sequence[Stop],
+    stops: Sequence[TourPage],
     title: str = "mrp_sumo in a minute",
     lead: str = "Made on this machine just now. Each page stands alone: open it, send it, keep it.",
 ) -> str:

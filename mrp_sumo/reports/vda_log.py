@@ -33,7 +33,7 @@ from mrp_sumo.formats.vda.messages import (
     state,
     states_of,
 )
-from mrp_sumo.formats.vda.orders import Orders, edge_of
+from mrp_sumo.formats.vda.orders import VehicleOrders, edge_of
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.reports.exports import replacing
 
@@ -98,7 +98,7 @@ def write_vda(path: Path, record: RunRecord, version: str) -> None:
                 (partial / serial).mkdir()
                 files = {kind: (partial / serial / f"{kind}.jsonl").open("w", encoding="utf-8") for kind in KINDS}
                 try:
-                    for t_s, kind, payload in Vehicle(record, record.execution.grants, robot, Sender(dialect, serial)).messages():
+                    for t_s, kind, payload in LoggedVehicle(record, record.execution.grants, robot, Sender(dialect, serial)).messages():
                         files[kind].write(json.dumps(payload, separators=(",", ":"), allow_nan=False) + "\n")
                         line = line_of(t_s, dialect.topic(serial, kind), payload).encode()
                         out.write(line)
@@ -120,7 +120,7 @@ def _sort(source: Path, times: FloatArray, offsets: np.ndarray, target: Path) ->
 
 
 @dataclass
-class Vehicle:
+class LoggedVehicle:
     """One robot of a run, and what messages say of it."""
 
     record: RunRecord
@@ -135,7 +135,7 @@ class Vehicle:
     charging: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.orders = Orders(self.sender.serial)
+        self.orders = VehicleOrders(self.sender.serial)
 
     @property
     def execution(self) -> Execution:

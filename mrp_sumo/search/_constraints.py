@@ -31,7 +31,7 @@ STAMP, EXPANSIONS, NUM_RULES, MARK = 0, 1, 2, 3
 LAST_MUST, EARLIEST, LATEST, OPEN_FROM = 0, 1, 2, 3
 
 
-class Scratch(NamedTuple):
+class ConstraintScratch(NamedTuple):
     """Tables of one search. Entries tell by themselves whether they are of this search, so that none is cleared."""
 
     touched: np.ndarray  # [V] int32, stamp of vertices with constraints

@@ -211,7 +211,7 @@ def _checksum(file: Path) -> str:
     return f"{zlib.crc32(file.read_bytes()):08x}"
 
 
-class Missing:
+class UnstoredKernels:
     """The kernels that this process has defined and that were not stored when they were first looked for."""
 
     def __init__(self) -> None:

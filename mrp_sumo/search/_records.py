@@ -22,7 +22,7 @@ RANGE, EDGE, MIN_COST, MAX_COST, MUST = 0, 1, 2, 3, 4
 RECORDS, ROWS, PATH, LEVELS, MEMBERS = 0, 1, 2, 3, 4
 
 
-class Instance(NamedTuple):
+class SearchInstance(NamedTuple):
     """What does not change: V vertices, L lanes, R robots, G goals."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex

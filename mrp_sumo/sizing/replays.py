@@ -14,7 +14,7 @@ KEPT = "kept"  # folder of a study
 
 
 @dataclass(frozen=True)
-class Kept:
+class ReplayedRun:
     """A run that was made again, with its run folder."""
 
     name: str  # 'knee' or 'collapse'
@@ -23,7 +23,7 @@ class Kept:
     at_s: float  # where the slowest minute begins
 
 
-def keep(study: Study, answer: Answer, folder: Path) -> list[Kept]:
+def keep(study: Study, answer: Answer, folder: Path) -> list[ReplayedRun]:
     """Make the first run at the knee and at the collapse again, each with its run folder. It is the same run.
 
     Raises
@@ -43,5 +43,5 @@ def keep(study: Study, answer: Answer, folder: Path) -> list[Kept]:
         minutes = runs[0]["minutes"] if runs else []
         speed = [metres / robots if robots else 0.0 for robots, metres in minutes[1:]]
         slowest = 1 + speed.index(min(speed)) if speed else 0
-        found.append(Kept(name, bracket.estimate, place, MINUTE_S * slowest))
+        found.append(ReplayedRun(name, bracket.estimate, place, MINUTE_S * slowest))
     return found

@@ -18,7 +18,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, StepWiseProblem, StepWiseSolution, cell_ahead
-from mrp_sumo.traffic.ticks import Fault, in_ticks, place_of
+from mrp_sumo.traffic.ticks import PlanFault, in_ticks, place_of
 
 
 @dataclass(frozen=True)
@@ -103,32 +103,32 @@ def judge_step_wise(problem: StepWiseProblem, solution: StepWiseSolution) -> Ste
         _require_start(problem, solution)
         _replay(problem, solution, pool)
         _require_account(problem, solution, pool)
-    except Fault as fault:
+    except PlanFault as fault:
         return StepWiseVerdict(str(fault), pool.num_finished, pool.num_errands)
     return StepWiseVerdict("", pool.num_finished, pool.num_errands)
 
 
 def _require_start(problem: StepWiseProblem, solution: StepWiseSolution) -> None:
     if len(solution.start) != problem.num_robots:
-        raise Fault(f"{len(solution.start)} robots, but the problem has {problem.num_robots}")
+        raise PlanFault(f"{len(solution.start)} robots, but the problem has {problem.num_robots}")
     for r in np.flatnonzero((solution.start != problem.start) | (solution.heading != EAST)):
         cell = place_of(problem, int(problem.start[r]))
-        raise Fault(f"time 0: robot {r} does not start at {cell} heading east, as the problem says")
+        raise PlanFault(f"time 0: robot {r} does not start at {cell} heading east, as the problem says")
 
 
 def _replay(problem: StepWiseProblem, solution: StepWiseSolution, pool: Pool) -> None:
     if len(solution.schedule) and not ((solution.schedule[:, 1] >= 0) & (solution.schedule[:, 1] < problem.num_robots)).all():
-        raise Fault("the schedule is of robots that there are not")
+        raise PlanFault("the schedule is of robots that there are not")
     scheduled = np.maximum(solution.schedule[:, 0], 1)  # what holds from time 0 on takes effect with the first step
     at_time = np.searchsorted(scheduled, np.arange(solution.num_steps + 2))
     of_time = np.searchsorted(solution.event[:, 0], np.arange(solution.num_steps + 2))
     if len(solution.event) and not 1 <= solution.event[0, 0] <= solution.event[-1, 0] <= solution.num_steps:
-        raise Fault(f"an errand is done outside the times 1 to {solution.num_steps}")
+        raise PlanFault(f"an errand is done outside the times 1 to {solution.num_steps}")
     unit = "tick" if solution.in_ticks else "time"
     for now, cell in enumerate((in_ticks if solution.in_ticks else _in_steps)(problem, solution), 1):
         changes = solution.schedule[at_time[now] : at_time[now + 1], 1:].tolist()
         if fault := pool.give([(robot, task) for robot, task in changes]):
-            raise Fault(f"{unit} {now}: {fault}")
+            raise PlanFault(f"{unit} {now}: {fault}")
         done = sorted(pool.advance(now, cell.tolist()))
         stated = sorted(tuple(row) for row in solution.event[of_time[now] : of_time[now + 1]].tolist())
         if done != stated:
@@ -136,7 +136,7 @@ def _replay(problem: StepWiseProblem, solution: StepWiseSolution, pool: Pool) ->
             e = only or next(e for e in done if e not in stated)
             where = place_of(problem, int(cell[e[1]])) if 0 <= e[1] < problem.num_robots and cell[e[1]] >= 0 else "no cell"
             says = "is stated, but" if only else "is not stated, though"
-            raise Fault(f"{unit} {now}: errand {e[3]} of task {e[2]} by robot {e[1]} {says} the robot is at {where} with its schedule")
+            raise PlanFault(f"{unit} {now}: errand {e[3]} of task {e[2]} by robot {e[1]} {says} the robot is at {where} with its schedule")
 
 
 def _in_steps(problem: StepWiseProblem, solution: StepWiseSolution) -> Iterator[IntArray]:
@@ -153,30 +153,30 @@ def _in_steps(problem: StepWiseProblem, solution: StepWiseSolution) -> Iterator[
 
 def _require_no_conflict(problem: StepWiseProblem, now: int, before: IntArray, cell: IntArray) -> None:
     for r in np.flatnonzero(cell < 0):
-        raise Fault(f"time {now}: robot {r} drives from {place_of(problem, int(before[r]))} into what is not free")
+        raise PlanFault(f"time {now}: robot {r} drives from {place_of(problem, int(before[r]))} into what is not free")
     order = np.argsort(cell, kind="stable")
     for k in np.flatnonzero(cell[order[1:]] == cell[order[:-1]]):
         place = place_of(problem, int(cell[order[k]]))
-        raise Fault(f"time {now}: vertex conflict of robots {order[k]} and {order[k + 1]} at {place}")
+        raise PlanFault(f"time {now}: vertex conflict of robots {order[k]} and {order[k + 1]} at {place}")
     at = np.full(problem.free.size, -1, np.int64)
     at[before] = np.arange(len(before))
     other = at[cell]
     swap = (other >= 0) & (cell != before) & (cell[other] == before)
     for r in np.flatnonzero(swap):
         ends = f"{place_of(problem, int(before[r]))} and {place_of(problem, int(cell[r]))}"
-        raise Fault(f"time {now}: edge conflict of robots {r} and {other[r]} between {ends}")
+        raise PlanFault(f"time {now}: edge conflict of robots {r} and {other[r]} between {ends}")
 
 
 def _require_account(problem: StepWiseProblem, solution: StepWiseSolution, pool: Pool) -> None:
     if solution.released.tolist() != pool.released:
         num = f"{len(solution.released)} tasks are stated to be revealed, {len(pool.released)} are"
         wrong = [(k, a, b) for k, (a, b) in enumerate(zip(solution.released.tolist(), pool.released)) if a != b]
-        raise Fault(f"task {wrong[0][0]} is stated to be revealed at time {wrong[0][1]}, but is at {wrong[0][2]}" if wrong else num)
+        raise PlanFault(f"task {wrong[0][0]} is stated to be revealed at time {wrong[0][1]}, but is at {wrong[0][2]}" if wrong else num)
     for k, cells in enumerate(solution.errands):
         if cells != tuple(problem.errands_of(k).tolist()):
-            raise Fault(f"task {k} has other errands than the problem says")
+            raise PlanFault(f"task {k} has other errands than the problem says")
     if solution.num_done != pool.num_finished:
-        raise Fault(f"{solution.num_done} tasks are stated to be finished, {pool.num_finished} are")
+        raise PlanFault(f"{solution.num_done} tasks are stated to be finished, {pool.num_finished} are")
 
 
 def _named(task: int) -> str:

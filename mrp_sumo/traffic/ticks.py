@@ -17,7 +17,7 @@ MOST_AT_A_CELL = 5  # robots that can be at a cell or on their ways from and to 
 TOUCH = 1e-9  # cells
 
 
-class Fault(Exception):
+class PlanFault(Exception):
     """The first fault of a solution."""
 
 
@@ -38,11 +38,11 @@ def in_ticks(problem: StepWiseProblem, solution: StepWiseSolution) -> Iterator[I
         action = solution.action[:, now - 1].astype(np.int64)
         acts = action != WAIT
         for r in np.flatnonzero(acts & (progress > 0) & (action != doing)):
-            raise Fault(f"tick {now}: robot {r} begins another action after {progress[r]} of {problem.ticks} ticks of its last")
+            raise PlanFault(f"tick {now}: robot {r} begins another action after {progress[r]} of {problem.ticks} ticks of its last")
         doing = np.where(acts, action, doing)
         there = np.where((doing == FORWARD) & (acts | (progress > 0)), ahead[cell, heading], cell)
         for r in np.flatnonzero(there < 0):
-            raise Fault(f"tick {now}: robot {r} drives from {place_of(problem, int(cell[r]))} into what is not free")
+            raise PlanFault(f"tick {now}: robot {r} drives from {place_of(problem, int(cell[r]))} into what is not free")
         progress += acts
         before, share = centre, np.where(doing == FORWARD, progress / problem.ticks, 0.0)
         centre = np.stack([cell // width + share * row_ahead[heading], cell % width + share * column_ahead[heading]], axis=1)
@@ -73,4 +73,4 @@ def _require_apart(problem: StepWiseProblem, now: int, before: FloatArray, after
         overlaps = ((low[one] < high[other] - TOUCH) & (low[other] < high[one] - TOUCH)).all(axis=1)
         for i in np.flatnonzero(overlaps):
             place = place_of(problem, int(where[k[i]]))
-            raise Fault(f"tick {now}: robots {one[i]} and {other[i]} come too close at {place}")
+            raise PlanFault(f"tick {now}: robots {one[i]} and {other[i]} come too close at {place}")

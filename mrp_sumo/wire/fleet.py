@@ -52,7 +52,7 @@ DETOUR_M = 1.0  # this more
 SPIN_RAD = 1e-3  # a body that turns by less in a step does not turn
 
 
-class Fault(NamedTuple):
+class InjectedFault(NamedTuple):
     """A fault that is asked for: of a vehicle, from when, until when."""
 
     robot: int
@@ -126,7 +126,7 @@ class GraphSite:
 
 
 @dataclass
-class Way:
+class OrderRoute:
     """What a body has been sent to: nodes of its order, with the numbers of their visits along its whole way."""
 
     rank: list[int] = field(default_factory=list)
@@ -144,7 +144,7 @@ class VirtualFleet:
     """R vehicles and their bodies. A context: the engine ends with it."""
 
     def __init__(
-        self, setup: SetUp, network: Path, link: Link, dialect: Dialect, reporting: Reporting, faults: Sequence[Fault] = ()
+        self, setup: SetUp, network: Path, link: Link, dialect: Dialect, reporting: Reporting, faults: Sequence[InjectedFault] = ()
     ) -> None:
         """Put the robots of a scenario at their starts, with nothing to do.
 
@@ -178,7 +178,7 @@ class VirtualFleet:
             if fault.kind not in FAULTS:
                 raise MrpSumoError(f"fault '{fault.kind}': expected one of {', '.join(FAULTS)}")
         self.now_s, self.step_count, self.sent = 0.0, 0, 0
-        self._ways = [Way() for _ in self.serials]
+        self._ways = [OrderRoute() for _ in self.serials]
         self._to_send = np.zeros(problem.num_robots)  # when each is to report at the latest
         self._to_show = 0.0
         self._yaw = np.zeros(problem.num_robots)
@@ -279,7 +279,7 @@ class VirtualFleet:
             vehicle.blocked_by = self._blocked_by(other[r]) if stuck[r] and path.rank and not vehicle.holds else ""
             if vehicle.cancels and ends[r] and visits.next[visits.granted[r]] < 0:
                 vehicle.stand(graph.label(int(visits.vertex[visits.reached[r]])))
-                self._ways[r] = Way()
+                self._ways[r] = OrderRoute()
             vehicle.advance(now_s)
         while self.faults and self.faults[0].begin_s <= now_s + 1e-9:
             fault = self.faults.pop(0)

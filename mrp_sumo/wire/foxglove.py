@@ -170,7 +170,7 @@ class Showing:
 def _listener(websocket: Any, playback: Playback) -> Any:
     """What hears viewers, in threads of the server."""
 
-    class Listener(websocket.ServerListener):  # type: ignore[misc]
+    class FoxgloveListener(websocket.ServerListener):  # type: ignore[misc]
         def on_subscribe(self, client: Any, channel: Any) -> None:
             playback.listens(client.id, channel.topic)
 
@@ -182,7 +182,7 @@ def _listener(websocket: Any, playback: Playback) -> Any:
             position = playback.control(asked.playback_command == websocket.PlaybackCommand.Play, asked.playback_speed, to_ns)
             return _state(websocket, position, to_ns is not None, asked.request_id)
 
-    return Listener()
+    return FoxgloveListener()
 
 
 def _state(websocket: Any, position: Position, did_seek: bool, request: str) -> Any:

@@ -23,7 +23,7 @@ from mrp_sumo.errors import ExecutionError
 from mrp_sumo.formats.vda.errors import NAMES, RefusalError
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, action, node, serials_of
 from mrp_sumo.formats.vda.order import read_document
-from mrp_sumo.formats.vda.orders import Orders, edge_of
+from mrp_sumo.formats.vda.orders import VehicleOrders, edge_of
 from mrp_sumo.search._motion import stop_speed
 from mrp_sumo.wire.fleet import GraphSite
 from mrp_sumo.wire.link import Link, Received
@@ -42,7 +42,7 @@ class Driven:
     """A vehicle as its master knows it."""
 
     sender: Sender
-    orders: Orders
+    orders: VehicleOrders
     way: list[int] = field(default_factory=list)  # vertices of all its visits
     reached: int = 0  # number of the visit that it passed last
     beyond_m: float = 0.0  # since then
@@ -62,7 +62,7 @@ class DrivenVehicles(KinematicEngine):
         self._problem, self._site, self._link, self._dialect = problem, site, link, dialect
         serials = serials_of(problem.fleet.robot_name)
         epoch_s = time.time()
-        self.vehicles = {serial: Driven(Sender(dialect, serial, manufacturer, epoch_s), Orders(serial)) for serial in serials}
+        self.vehicles = {serial: Driven(Sender(dialect, serial, manufacturer, epoch_s), VehicleOrders(serial)) for serial in serials}
         headings = np.full(len(problem.goal), np.nan) if problem.goal_heading_rad is None else problem.goal_heading_rad
         self._facing_rad = dict(zip(problem.goal.tolist(), headings.tolist()))  # of goals, NaN: any way
         self._speed, self._steps, self._changed = speed, 0, set(range(len(serials)))
@@ -234,7 +234,7 @@ class DrivenVehicles(KinematicEngine):
             raise ExecutionError(f"'{serial}' is at '{str(said.get('lastNodeId'))[:60]}', expected '{start}', where its way begins")
 
 
-def _is_about(error: Json, orders: Orders) -> bool:
+def _is_about(error: Json, orders: VehicleOrders) -> bool:
     """Whether an error is about the last order that was sent, if there was one."""
     named = {str(one.get("referenceKey")): one.get("referenceValue") for one in _objects(error.get("errorReferences"))}
     same_update = named.get("orderUpdateId", str(orders.update)) == str(orders.update)

@@ -31,7 +31,7 @@ class Position(NamedTuple):
 
 
 @dataclass
-class Kept:
+class MessageLog:
     """Messages, in the order in which they were said."""
 
     t_ns: list[int] = field(default_factory=list)  # ascending
@@ -71,7 +71,7 @@ class Playback:
         """`tick` is called when viewers have got further; `speed`: simulated seconds a second."""
         self._send, self._tick = send, tick
         self._changed = Condition()
-        self._kept = Kept()
+        self._kept = MessageLog()
         self._sent = 0  # messages that viewers have, counted from the beginning
         self._newest_ns = 0
         self._at_ns, self._since = 0.0, time.monotonic()  # where viewers were, and when

@@ -14,7 +14,7 @@ from mrp_sumo.planning.matching import Objective, candidates
 
 
 @dataclass(frozen=True)
-class MinCostFlow:
+class MinCostFlowAssigner:
     """Polynomial time, and rectangular matrices as they are."""
 
     objective: Objective = "sum"

@@ -18,7 +18,7 @@ MOST = 40  # and a lane at most
 FAR = 1 << 30
 
 
-class Flow(NamedTuple):
+class LaneFlow(NamedTuple):
     """The ways of R robots over L lanes between V vertices."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex

@@ -8,10 +8,10 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from planners.configuration import _flow, _ways
-from planners.configuration._flow import Flow
+from planners.configuration._flow import LaneFlow
 from planners.configuration._local_guidance import DEAREST, LocalGuidance
 from planners.configuration._pibt_instance import PibtInstance
-from planners.configuration._ways import Ways
+from planners.configuration._ways import StepPaths
 from planners.neighbourhood._refinement import MOVES_A_LANE
 
 MOST_MOVES = 10_000_000  # of all ways in all rounds; more take too much memory
@@ -82,7 +82,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     start, goal, steps = np.array(problem.start), world.goal, world.steps
     num_held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
     slots = 1 << (2 * num_held).bit_length()
-    ways = Ways(
+    ways = StepPaths(
         first=graph.first,
         head=graph.head,
         reverse=graph.reverse,
@@ -162,11 +162,11 @@ def traffic_guide(problem: Problem, toll: IntArray, deadline_s: float) -> np.nda
     return _guide_by(_flow_of(problem, 0)._replace(cost=toll), np.array(problem.target), deadline_s)
 
 
-def _flow_of(problem: Problem, num_ways: int) -> Flow:
+def _flow_of(problem: Problem, num_ways: int) -> LaneFlow:
     """No flow yet, with room for so many ways."""
     graph = problem.graph
     num_lanes, num_vertices = graph.num_lanes, graph.num_vertices
-    return Flow(
+    return LaneFlow(
         first=graph.first,
         head=graph.head,
         reverse=graph.reverse,
@@ -184,7 +184,7 @@ def _flow_of(problem: Problem, num_ways: int) -> Flow:
     )
 
 
-def _guide_by(flow: Flow, goal: IntArray, deadline_s: float) -> np.ndarray | None:
+def _guide_by(flow: LaneFlow, goal: IntArray, deadline_s: float) -> np.ndarray | None:
     num_robots, num_vertices = len(goal), len(flow.left)
     guide = np.empty((num_robots, num_vertices), np.int32)
     at_once = max(1, 200_000 // num_vertices)

@@ -20,7 +20,7 @@ from planners.configuration._pibt_search import steps_of_window
 from planners.configuration._search_start import SearchStart, search_start, task_on
 from planners.configuration._traffic_map import TrafficMap
 from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
-from planners.neighbourhood._traffic import Task
+from planners.neighbourhood._traffic import RepairTask
 
 CHANCE = 12  # purpose of the stream of chance
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
@@ -139,7 +139,7 @@ def _searched_again(lacam: Any, start: SearchStart, path: np.ndarray, cost: int)
     return path, cost
 
 
-def _task(start: SearchStart) -> Task:
+def _task(start: SearchStart) -> RepairTask:
     """What to refine paths on. Codes may be known about other vertices than the start, where a robot was driven away."""
     problem, world = start.problem, start.world
     if world.packed and start.path is None:
@@ -150,14 +150,14 @@ def _task(start: SearchStart) -> Task:
     return task_on(problem, world)
 
 
-def _refinement(lacam: Any, task: Task, path: np.ndarray, start: SearchStart) -> Refinement:
+def _refinement(lacam: Any, task: RepairTask, path: np.ndarray, start: SearchStart) -> Refinement:
     kind = {"following": lacam.following, "rotations": lacam.rotations, "window": start.given.window_steps, "bandit": lacam.bandit}
     threads = threads_with_room(lacam.threads, task, path, lacam.memory_mb, 0)
     return Refinement(task, path, lacam.neighbourhood, start.rng, threads=threads, **kind)
 
 
 def _improved(
-    lacam: Any, search: "LacamSearch", refinement: Refinement | None, task: Task | None, path: np.ndarray, start: SearchStart
+    lacam: Any, search: "LacamSearch", refinement: Refinement | None, task: RepairTask | None, path: np.ndarray, start: SearchStart
 ) -> np.ndarray:
     """The best path at the deadline, or when none can be better.
 

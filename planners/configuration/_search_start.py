@@ -14,7 +14,7 @@ from planners.configuration._guides import are_thin, guide_of
 from planners.configuration._pibt_instance import PibtInstance
 from planners.neighbourhood._first_paths import first_paths
 from planners.neighbourhood._refinement import packed_task, task_of
-from planners.neighbourhood._traffic import Task
+from planners.neighbourhood._traffic import RepairTask
 
 FEW = 16  # vertices for each robot, from which on there is a way past the others, however long ways are
 
@@ -108,6 +108,6 @@ def search_start(
     return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
 
 
-def task_on(problem: Problem, world: PibtInstance) -> Task:
+def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
     """The problem as neighbourhoods need it, with the distances that PIBT has."""
     return packed_task(problem, world.steps, world.code) if world.packed else task_of(problem, world.table)

@@ -18,7 +18,7 @@ MOST_MET = 63  # beyond, ways are equally bad
 NEVER = 1 << 30
 
 
-class Ways(NamedTuple):
+class StepPaths(NamedTuple):
     """The ways of R robots of at most N steps between V vertices, and what they hold at which step."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex

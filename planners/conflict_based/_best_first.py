@@ -5,7 +5,7 @@ from itertools import count
 
 from planners.conflict_based._clusters import find_cluster
 from planners.conflict_based._frame import Forest
-from planners.conflict_based._tree import Node
+from planners.conflict_based._tree import ConflictNode
 
 
 class BestFirst:
@@ -16,9 +16,9 @@ class BestFirst:
         self._forest = forest
         self._heuristic, self._bypass, self._disjoint = heuristic, bypass, disjoint
         self._number = count()
-        self._open: list[tuple[int, int, int, Node]] = []  # (f, conflicts, newest first, node)
+        self._open: list[tuple[int, int, int, ConflictNode]] = []  # (f, conflicts, newest first, node)
 
-    def select(self) -> Node | None:
+    def select(self) -> ConflictNode | None:
         """See `Order`. A root is made when no node is better than its assignment."""
         while True:
             self._forest.check_clock()
@@ -39,7 +39,7 @@ class BestFirst:
                 return node
             self._insert(node)
 
-    def expand(self, node: Node) -> None:
+    def expand(self, node: ConflictNode) -> None:
         """See `Order`. No solution below a child costs less than below its parent."""
         children = node.tree.children(node, bypass=self._bypass, disjoint=self._disjoint)
         if self._heuristic and node.tree.is_hard:
@@ -55,5 +55,5 @@ class BestFirst:
         """See `Order`."""
         return {}
 
-    def _insert(self, node: Node) -> None:
+    def _insert(self, node: ConflictNode) -> None:
         heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))

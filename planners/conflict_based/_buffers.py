@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.search._constraints import EXPANSIONS, Scratch
+from mrp_sumo.search._constraints import EXPANSIONS, ConstraintScratch
 from mrp_sumo.search._occupancy import WORD, Occupancy, empty_occupancy
 from mrp_sumo.search._records import Store
 
@@ -73,7 +73,7 @@ class Buffers:
     def _make_scratch(self) -> None:
         num_vertices, horizon = self._num_vertices, self._horizon
         self._number[:] = [0, self._number[EXPANSIONS], 0, 0]
-        self.scratch = Scratch(
+        self.scratch = ConstraintScratch(
             np.zeros(num_vertices, np.int32),
             np.zeros(num_vertices, np.int32),
             np.empty((max(1024, self._states >> 4), 4), np.int32),

@@ -12,13 +12,13 @@ from heapq import heappop, heappush
 from itertools import count
 
 from planners.conflict_based._pairs import IMPOSSIBLE
-from planners.conflict_based._tree import Node, Tree
+from planners.conflict_based._tree import ConflictNode, Tree
 
 MOST_ROBOTS = 8
 MOST_NODES = 40  # expanded for a cluster: what it costs more is a lower bound where they do not suffice
 
 
-def find_cluster(node: Node, *, bypass: bool) -> bool:
+def find_cluster(node: ConflictNode, *, bypass: bool) -> bool:
     """Whether the robots that a node was split on, with others, cost more than was known; remembered then."""
     assert node.split_on is not None
     tree = node.tree
@@ -30,7 +30,7 @@ def find_cluster(node: Node, *, bypass: bool) -> bool:
     return True
 
 
-def _grown(tree: Tree, node: Node, pair: tuple[int, int], bypass: bool) -> tuple[set[int], int]:
+def _grown(tree: Tree, node: ConflictNode, pair: tuple[int, int], bypass: bool) -> tuple[set[int], int]:
     """A cluster around two robots, and what it costs more than its paths at least."""
     robots, lower, num_expanded, number = set(pair), 0, 0, count()
     # (what the cluster costs more, at least, conflicts, newest first, node, for how many robots it was looked at)

@@ -5,7 +5,7 @@ from itertools import count
 
 from planners.conflict_based._frame import Forest, Paths
 from planners.conflict_based._incumbent import Incumbent
-from planners.conflict_based._tree import Node, OutOfReach, Tree
+from planners.conflict_based._tree import ConflictNode, OutOfReach, Tree
 
 LABELS = 2  # of the incumbent for each unit of the tree's work
 ROOTS = 8  # the incumbent's first turn comes when the tree has done this many times the work of its root
@@ -27,14 +27,14 @@ class ExplicitEstimation:
         self._turn = 0.0  # work of the tree at which the incumbent's turn comes
         self._until = 0  # work of the tree at which the incumbent is the answer; 0 as long as it would not do
         self._number = count()
-        self._cleanup: list[tuple[int, int, int, Node]] = []  # (f, conflicts, serial, node)
-        self._open: list[tuple[float, int, int, Node]] = []  # (f^, conflicts, serial, node)
-        self._beyond: list[tuple[float, int, int, Node]] = []  # those of OPEN that are not in FOCAL
-        self._focal: list[tuple[int, float, int, Node]] = []  # (conflicts, f^, serial, node) with f^ <= w best f^
+        self._cleanup: list[tuple[int, int, int, ConflictNode]] = []  # (f, conflicts, serial, node)
+        self._open: list[tuple[float, int, int, ConflictNode]] = []  # (f^, conflicts, serial, node)
+        self._beyond: list[tuple[float, int, int, ConflictNode]] = []  # those of OPEN that are not in FOCAL
+        self._focal: list[tuple[int, float, int, ConflictNode]] = []  # (conflicts, f^, serial, node) with f^ <= w best f^
         self._closed: set[int] = set()
         self._num_steps, self._distance_error, self._cost_error = 0, 0.0, 0.0  # mean one-step errors
 
-    def select(self) -> Node | Paths | None:
+    def select(self) -> ConflictNode | Paths | None:
         """See `Order`."""
         incumbent, tree = self._incumbent, self._tree
         if self._forest.next_cost is not None:
@@ -82,7 +82,7 @@ class ExplicitEstimation:
             return True
         return self._tree.work >= self._until
 
-    def expand(self, node: Node) -> None:
+    def expand(self, node: ConflictNode) -> None:
         """See `Order`."""
         try:
             children = self._tree.children(node, self._w, self.lower, bypass=self._bypass)
@@ -100,7 +100,7 @@ class ExplicitEstimation:
         counted = {"chosen_for_bound": self.chosen_for_bound, "from_incumbent": float(self.from_incumbent)}
         return counted | (self._incumbent.counters() if self._incumbent else {})
 
-    def _insert(self, node: Node) -> None:
+    def _insert(self, node: ConflictNode) -> None:
         """Add a node; its estimate is made with what is known now."""
         serial, conflicts = next(self._number), len(node.conflicts)
         estimate = max(node.cost + conflicts * self._cost_of_a_conflict(), node.bound + node.h)
@@ -108,7 +108,7 @@ class ExplicitEstimation:
         heappush(self._open, (estimate, conflicts, serial, node))
         heappush(self._beyond, (estimate, conflicts, serial, node))
 
-    def _take_best(self) -> Node | None:
+    def _take_best(self) -> ConflictNode | None:
         """Take the next node to expand (section 4.1), None when there is none."""
         while self._cleanup and self._cleanup[0][2] in self._closed:
             heappop(self._cleanup)
@@ -145,7 +145,7 @@ class ExplicitEstimation:
             if serial not in self._closed:
                 heappush(self._beyond, (estimate, conflicts, serial, node))
 
-    def _learn(self, node: Node, children: list[Node]) -> None:
+    def _learn(self, node: ConflictNode, children: list[ConflictNode]) -> None:
         """One-step errors from a node to its best child (section 4.2)."""
         if not children:
             return
@@ -168,7 +168,7 @@ class LowerBound:
         self._like = tree
         self._tree: Tree | None = None
         self._number = count()
-        self._open: list[tuple[int, int, int, Node]] = []
+        self._open: list[tuple[int, int, int, ConflictNode]] = []
 
     def improve(self) -> None:
         """Expand the node of least cost; the next one's is a lower bound of all solutions."""
@@ -191,5 +191,5 @@ class LowerBound:
                 self._insert(child)
             return
 
-    def _insert(self, node: Node) -> None:
+    def _insert(self, node: ConflictNode) -> None:
         heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))

@@ -4,7 +4,7 @@ from heapq import heappop, heappush
 from itertools import count
 
 from planners.conflict_based._frame import Forest
-from planners.conflict_based._tree import Node
+from planners.conflict_based._tree import ConflictNode
 
 
 class Focal:
@@ -15,12 +15,14 @@ class Focal:
         self._forest, self._w = forest, w
         self._number = count()
         self._open: list[tuple[int, int]] = []  # (lower bound, serial) of all open nodes, and of closed ones not yet noticed
-        self._focal: list[tuple[int, int, int, Node]] = []  # (conflicts, cost, serial, node) of those that cost at most w times the bound
-        self._beyond: list[tuple[int, int, Node]] = []  # (cost, serial, node) of the others
+        self._focal: list[
+            tuple[int, int, int, ConflictNode]
+        ] = []  # (conflicts, cost, serial, node) of those that cost at most w times the bound
+        self._beyond: list[tuple[int, int, ConflictNode]] = []  # (cost, serial, node) of the others
         self._closed: set[int] = set()
         self._root_expanded = False
 
-    def select(self) -> Node | None:
+    def select(self) -> ConflictNode | None:
         """See `Order`. A root is made when one was expanded, or when no node is within the bound."""
         if self._root_expanded and self._forest.next_cost is not None:
             self._plant()
@@ -45,7 +47,7 @@ class Focal:
                 return node
             self._plant()
 
-    def expand(self, node: Node) -> None:
+    def expand(self, node: ConflictNode) -> None:
         """See `Order`."""
         for child in node.tree.children(node, self._w, bypass=False):
             self._insert(child)
@@ -58,7 +60,7 @@ class Focal:
         if root := self._forest.plant(self._w):
             self._insert(root)
 
-    def _insert(self, node: Node) -> None:
+    def _insert(self, node: ConflictNode) -> None:
         serial = next(self._number)
         heappush(self._open, (node.bound, serial))
         heappush(self._beyond, (node.cost, serial, node))

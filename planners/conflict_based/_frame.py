@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import goals_clash, impossible
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.ranking import ranked_assignments
-from planners.conflict_based._tree import Node, OutOfReach, SearchLimits, Tree, limits
+from planners.conflict_based._tree import ConflictNode, OutOfReach, SearchLimits, Tree, limits
 
 Paths = list[IntArray]  # [R] the vertex of each robot at each step
 
@@ -45,7 +45,7 @@ class Forest:
             self._next, self._asked = next(self._assignments, None), True
         return None if self._next is None else self._next[0]
 
-    def plant(self, w: float = 1.0) -> Node | None:
+    def plant(self, w: float = 1.0) -> ConflictNode | None:
         """The root of the next assignment; None where it has none. See `Tree.root` for w."""
         assert self._next is not None
         problem = self._next[1]
@@ -77,15 +77,15 @@ class Forest:
             yield total, problem.assigned(goal_of)
 
 
-class Order(Protocol):
+class OpenNodes(Protocol):
     """The open nodes of a forest, in a planner's order."""
 
     lower: float  # steps; no solution costs less
 
-    def select(self) -> Node | Paths | None:
+    def select(self) -> ConflictNode | Paths | None:
         """Take out the node that comes next; None when there is none, the paths of a plan where one was found elsewhere."""
 
-    def expand(self, node: Node) -> None:
+    def expand(self, node: ConflictNode) -> None:
         """Split a node and insert its children."""
 
     def counters(self) -> dict[str, float]:
@@ -108,7 +108,7 @@ class Face(Protocol):
     def memory_mb(self) -> int: ...
 
 
-def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Callable[[Forest], Order], *, w: float = 1.0) -> PlanResult:
+def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Callable[[Forest], OpenNodes], *, w: float = 1.0) -> PlanResult:
     """Expand nodes in a planner's order, until one without conflicts costs at most w times the lower bound.
 
     Parameters

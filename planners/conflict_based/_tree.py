@@ -82,7 +82,7 @@ def limits(time_limit_s: float, memory_mb: int, effort: int = 0) -> SearchLimits
 
 
 @dataclass(slots=True, eq=False)
-class Node:
+class ConflictNode:
     """A node of a tree: one record for each robot, and the conflicts of their paths."""
 
     tree: "Tree"
@@ -110,7 +110,7 @@ class Tree:
         tables = distances(problem.graph)
         target = problem.target
         column, line = (like.instance.column, like.instance.line) if like else _cells(problem.graph)
-        self.instance: st.Instance = st.Instance(
+        self.instance: st.SearchInstance = st.SearchInstance(
             tables.first,
             tables.head,
             tables.first_in,
@@ -162,9 +162,9 @@ class Tree:
         """Work done, counted in low-level expansions, or about as much work of other kinds."""
         return self.expansions + NODE_WORK * self._buffers.generated
 
-    def root(self, w: float = 1.0) -> Node | None:
+    def root(self, w: float = 1.0) -> ConflictNode | None:
         """The node without constraints: each robot's path, disturbing those before it least. None when there is none."""
-        node = Node(self, np.full(self.num_robots, -1, np.int64), NO_CONFLICTS, 0, 0)
+        node = ConflictNode(self, np.full(self.num_robots, -1, np.int64), NO_CONFLICTS, 0, 0)
         for robot in range(self.num_robots):
             child = self._branch(node, robot, 0, 0, w)
             if child is None:
@@ -173,7 +173,7 @@ class Tree:
         node.depth = 0
         return node
 
-    def choose(self, node: Node, w: float = 1.0, within: set[int] | None = None) -> int:
+    def choose(self, node: ConflictNode, w: float = 1.0, within: set[int] | None = None) -> int:
         """The row of the conflict to split on; of those between some robots, if wanted."""
         rows = self.conflicts_within(node, within) if within else None
         conflicts = node.conflicts if rows is None else node.conflicts[rows]
@@ -191,18 +191,18 @@ class Tree:
                 return int(rows[chosen])
             self._enlarge(code, 0)
 
-    def conflicts_within(self, node: Node, robots: set[int]) -> IntArray:
+    def conflicts_within(self, node: ConflictNode, robots: set[int]) -> IntArray:
         """The rows of the conflicts between some robots."""
         return np.flatnonzero(self._sides(node, robots).all(axis=1))
 
-    def in_conflict_with(self, node: Node, robots: set[int]) -> list[int]:
+    def in_conflict_with(self, node: ConflictNode, robots: set[int]) -> list[int]:
         """For each conflict of some robots with another one, that one."""
         sides = self._sides(node, robots)
         beside = sides[:, 0] != sides[:, 1]
         found: list[int] = node.conflicts[beside, :2][~sides[beside]].tolist()
         return found
 
-    def _sides(self, node: Node, robots: set[int]) -> NDArray[np.bool_]:
+    def _sides(self, node: ConflictNode, robots: set[int]) -> NDArray[np.bool_]:
         """[K, 2] whether the one, and the other, robot of each conflict is one of some robots."""
         inside = np.zeros(self.num_robots, np.bool_)
         inside[list(robots)] = True
@@ -228,7 +228,7 @@ class Tree:
         less, more = self._gain.get((one, other) if one < other else (other, one), UNKNOWN_GAIN[rank])
         return (less + LEAST_GAIN) * (min(more, MOST_GAIN) + LEAST_GAIN) + 0.001 * rank
 
-    def learn(self, node: Node, children: list[Node]) -> None:
+    def learn(self, node: ConflictNode, children: list[ConflictNode]) -> None:
         """Look at children right away, and remember how much f rises where the robots of the split are split on."""
         for child in children:
             self.look_at(child)
@@ -243,7 +243,7 @@ class Tree:
         """Whether so many splits have not been enough that it pays to learn from each."""
         return self._num_split > SPLITS_BEFORE_LEARNING
 
-    def split(self, node: Node, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[Node]:
+    def split(self, node: ConflictNode, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[ConflictNode]:
         """The children: one side's constraints each."""
         row = node.conflicts[chosen]
         if disjoint and row[PRIORITY] % 4 == 0 and row[KIND] in (MEET, SWAP):
@@ -256,14 +256,14 @@ class Tree:
 
     def children(
         self,
-        node: Node,
+        node: ConflictNode,
         w: float = 1.0,
         lower: float | None = None,
         *,
         bypass: bool = True,
         disjoint: bool = False,
         within: set[int] | None = None,
-    ) -> list[Node]:
+    ) -> list[ConflictNode]:
         """Split on the best conflict, unless a child shows a way to end it within the bounds: then look again (bypass).
 
         Parameters
@@ -302,14 +302,14 @@ class Tree:
             if not len(self.conflicts_within(node, within) if within else node.conflicts):
                 return [node]
 
-    def ring(self, node: Node) -> list[tuple[int, int, int, int]]:
+    def ring(self, node: ConflictNode) -> list[tuple[int, int, int, int]]:
         """Robots of a node without conflicts that rotate where they must not, each with its move: from, to, and the step it leads to."""
         if node.ring is None:
             end = self._window + 1 if self._window else None
             node.ring = [] if self.instance.clashes.rotations else first_ring([path[:end] for path in self.paths(node)])
         return node.ring
 
-    def _split_ring(self, node: Node, w: float) -> list[Node]:
+    def _split_ring(self, node: ConflictNode, w: float) -> list[ConflictNode]:
         """A child for each robot of a ring, in which that one does not go along: one of them does not in any plan."""
         children = []
         for robot, tail, head, step in self.ring(node):
@@ -318,7 +318,7 @@ class Tree:
                 children.append(child)
         return children
 
-    def adopt(self, node: Node, child: Node) -> None:
+    def adopt(self, node: ConflictNode, child: ConflictNode) -> None:
         """Bypass: give the node its child's paths, without the child's constraints."""
         robot = int(np.flatnonzero(node.records != child.records)[0])
         old, new = int(node.records[robot]), int(child.records[robot])
@@ -331,7 +331,7 @@ class Tree:
         node.conflicts = child.conflicts
         node.conflicts[(node.conflicts[:, ONE] == robot) | (node.conflicts[:, OTHER] == robot), PRIORITY] = -1
 
-    def _may_adopt(self, node: Node, child: Node, w: float, lower: float | None) -> bool:
+    def _may_adopt(self, node: ConflictNode, child: ConflictNode, w: float, lower: float | None) -> bool:
         """Whether the node stays within the bounds, its robots' and the tree's, with its child's paths."""
         if lower is None:
             return child.cost == node.cost
@@ -340,7 +340,7 @@ class Tree:
         cost, bound = meta[child.records[robot], st.COST], meta[node.records[robot], st.BOUND]
         return bool(child.cost <= w * lower + 1e-9 and cost <= w * bound + 1e-9)
 
-    def heuristic(self, node: Node, within: set[int] | None = None) -> int:
+    def heuristic(self, node: ConflictNode, within: set[int] | None = None) -> int:
         """WDG: what the pairs in conflict, and the clusters known, cost more than their paths at least; of some robots, if wanted."""
         if self._unsolvable:
             return 0
@@ -369,7 +369,7 @@ class Tree:
         first = np.cumsum([0, *map(len, groups)])
         return int(cover(len(number), first, np.array(member), np.array(list(groups.values()))))
 
-    def look_at(self, node: Node) -> None:
+    def look_at(self, node: ConflictNode) -> None:
         """Find a node's h with what is known now."""
         if node.looked_at < self.num_clusters:
             node.h = max(node.h, self.heuristic(node))
@@ -382,7 +382,7 @@ class Tree:
         yield
         self._buffers.node_bytes = before
 
-    def remember(self, node: Node, robots: tuple[int, ...], weight: int) -> None:
+    def remember(self, node: ConflictNode, robots: tuple[int, ...], weight: int) -> None:
         """That these robots, in order, cost at least so much more than their paths where they have a node's constraints."""
         known = self._clusters.setdefault((robots[0], robots[1]), {}).setdefault(robots, {})
         for pair in combinations(robots, 2):
@@ -390,11 +390,11 @@ class Tree:
         self.num_clusters += 1
         known[tuple(self._buffers.store.meta[node.records[list(robots)], st.ORIGIN].tolist())] = weight
 
-    def cost_of(self, node: Node, robots: Collection[int]) -> int:
+    def cost_of(self, node: ConflictNode, robots: Collection[int]) -> int:
         """What the paths of some robots cost in sum."""
         return int(self._buffers.store.meta[node.records[list(robots)], st.COST].sum())
 
-    def paths(self, node: Node) -> list[IntArray]:
+    def paths(self, node: ConflictNode) -> list[IntArray]:
         """[R] the vertex of each robot at each step."""
         store = self._buffers.store
         found = []
@@ -409,7 +409,7 @@ class Tree:
         if 0 < self.limits.effort <= self.work:
             raise OutOfReach(Status.TIMED_OUT, f"no plan within an effort of {self.limits.effort} labels")
 
-    def _branch(self, node: Node, robot: int, row0: int, row1: int, w: float) -> Node | None:
+    def _branch(self, node: ConflictNode, robot: int, row0: int, row1: int, w: float) -> ConflictNode | None:
         store = self._buffers.store
         old = int(node.records[robot])
         lower = int(store.meta[old, st.BOUND]) if old >= 0 else 0
@@ -429,13 +429,13 @@ class Tree:
         records = node.records.copy()
         records[robot] = record
         cost = node.cost + int(store.meta[record, st.COST]) - (int(store.meta[old, st.COST]) if old >= 0 else 0)
-        return Node(self, records, conflicts, cost, self._bound(records), depth=node.depth + 1)
+        return ConflictNode(self, records, conflicts, cost, self._bound(records), depth=node.depth + 1)
 
     def _bound(self, records: IntArray) -> int:
         """Sum of the lower bounds: computed again, since building an MDD may raise a record's."""
         return int(self._buffers.store.meta[records[records >= 0], st.BOUND].sum())
 
-    def _split_disjoint(self, node: Node, row: NDArray[np.int32], w: float) -> list[Node]:
+    def _split_disjoint(self, node: ConflictNode, row: NDArray[np.int32], w: float) -> list[ConflictNode]:
         """One child where a robot is not there then, one where it is and nobody else (Li et al., ICAPS 2019)."""
         one, other = int(row[ONE]), int(row[OTHER])
         children = [self._branch(node, one, int(row[A0]), int(row[A1]), w)]
@@ -447,7 +447,7 @@ class Tree:
             barred += [(st.RANGE, tail, -1, step - 1, step - 1), (st.EDGE, tail, at, step, step)]
         bar = self._rows(barred)
         record = self._record(int(node.records[one]), one, int(node.records[one]), -1, *must)
-        child: Node | None = Node(self, node.records.copy(), node.conflicts, node.cost, node.bound, depth=node.depth + 1)
+        child: ConflictNode | None = ConflictNode(self, node.records.copy(), node.conflicts, node.cost, node.bound, depth=node.depth + 1)
         assert child is not None
         child.records[one] = record
         breaks = []
@@ -469,7 +469,7 @@ class Tree:
                 made.depth = node.depth + 1
         return [made for made in children if made is not None]
 
-    def _place(self, node: Node, robot: int, step: int) -> int:
+    def _place(self, node: ConflictNode, robot: int, step: int) -> int:
         return int(st.place(self._buffers.store, int(node.records[robot]), step))
 
     def _rows(self, rows: list[tuple[int, int, int, int, int]]) -> tuple[int, int]:

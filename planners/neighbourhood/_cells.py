@@ -13,7 +13,7 @@ from mrp_sumo.search._kernel import kernel
 MOST_CELLS = 1 << 22  # of a table in which every cell has its slot
 
 
-class Cells(NamedTuple):
+class RowOccupancy(NamedTuple):
     """How many robots there are on each row at each of T steps, over K slots."""
 
     key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
@@ -109,12 +109,12 @@ def leave(cells, row, t):
     return left
 
 
-def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> Cells:
+def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> RowOccupancy:
     """Empty cells, of which at most so many are in use at a time."""
     sparse = is_sparse(num_rows, num_steps)
     num_slots = slots_for(most) if sparse else num_rows * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
-    return Cells(key, np.zeros(num_slots, np.uint8), np.zeros(num_slots if with_who else 1, np.int32), num_steps)
+    return RowOccupancy(key, np.zeros(num_slots, np.uint8), np.zeros(num_slots if with_who else 1, np.int32), num_steps)
 
 
 def is_sparse(num_rows: int, num_steps: int) -> bool:

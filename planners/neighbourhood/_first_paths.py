@@ -14,7 +14,7 @@ from mrp_sumo.core.graph import IntArray
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._refinement import AT_ONCE, room_bytes, room_to_repair
-from planners.neighbourhood._traffic import Task, path_of
+from planners.neighbourhood._traffic import RepairTask, path_of
 
 SPARE = 64  # steps beyond the longest shortest way
 MOST_LABELS = 1 << 19  # of a search; so few stay in the processor's cache on any map
@@ -24,14 +24,14 @@ REPAIRS = 32  # times AT_ONCE neighbourhoods
 SIZE = 8  # robots in a neighbourhood
 
 
-def _short_first(task: Task, rng: np.random.Generator) -> IntArray:
+def _short_first(task: RepairTask, rng: np.random.Generator) -> IntArray:
     """[R] robots by the length of their shortest ways, those of one length in random order."""
     order = rng.permutation(len(task.least))
     return order[np.argsort(task.least[order], kind="stable")]
 
 
 def first_paths(
-    task: Task, rng: np.random.Generator, deadline_s: float, *, following: bool, rotations: bool, effort: int, memory_mb: int
+    task: RepairTask, rng: np.random.Generator, deadline_s: float, *, following: bool, rotations: bool, effort: int, memory_mb: int
 ) -> tuple[np.ndarray | None, int]:
     """[T, R] paths without collisions, None where they take too much work to find or are too long; and the labels that were made.
 

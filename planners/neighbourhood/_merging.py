@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._traffic import Task, add_path, closes_ring, lane_between, remove_path
+from planners.neighbourhood._traffic import RepairTask, add_path, closes_ring, lane_between, remove_path
 
 
 class Gains(NamedTuple):
@@ -119,7 +119,7 @@ def catch_up(task, traffic, hood, best):
             add_path(task, traffic, robot)
 
 
-def room_for_gains(task: Task, most: int, size: int, horizon: int) -> Gains:
+def room_for_gains(task: RepairTask, most: int, size: int, horizon: int) -> Gains:
     """Room for so many neighbourhoods of `size` robots over `horizon` steps."""
     size = min(size, len(task.goal))
     return Gains(

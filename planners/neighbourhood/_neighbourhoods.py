@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._cells import anyone_in, num_in
 from planners.neighbourhood._sipps import steps_from
-from planners.neighbourhood._traffic import Task, holds
+from planners.neighbourhood._traffic import RepairTask, holds
 
 DECAY = 0.01  # of a neighbourhood kind's record
 LATEST = 32  # robots that a bandit chooses from
@@ -298,7 +298,7 @@ def _fill_by_goals_on_the_way(task, traffic, hood, num, size, robot, rng):
     return num
 
 
-def room_for_hood(task: Task, horizon: int, size: int, *, with_hits: bool, bandit: bool = False) -> Neighbourhood:
+def room_for_hood(task: RepairTask, horizon: int, size: int, *, with_hits: bool, bandit: bool = False) -> Neighbourhood:
     """Room for neighbourhoods of `size`, and for pairs in collision if there can be any."""
     num_robots = len(task.goal)
     hits = num_robots if with_hits else 1

@@ -15,7 +15,7 @@ from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
 from planners.neighbourhood._sipps import Labels, labels_for, room_for_labels
-from planners.neighbourhood._traffic import WORD, Task, Traffic, empty_traffic, path_of, traffic_of
+from planners.neighbourhood._traffic import WORD, RepairTask, Traffic, empty_traffic, path_of, traffic_of
 
 IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path
@@ -31,26 +31,33 @@ MOST_GAINS = 64  # neighbourhoods of a refiner in a round
 Room = tuple[Traffic, Labels, Neighbourhood]
 
 
-def task_of(problem: Problem, table: np.ndarray) -> Task:
+def task_of(problem: Problem, table: np.ndarray) -> RepairTask:
     """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
     robots = np.arange(problem.num_robots)
     return _task(problem, table[robots, problem.start].astype(np.int64), table, np.zeros((len(robots), 0), np.uint8))
 
 
-def packed_task(problem: Problem, least: np.ndarray, code: np.ndarray) -> Task:
+def packed_task(problem: Problem, least: np.ndarray, code: np.ndarray) -> RepairTask:
     """The problem as arrays, to refine paths; `least` [R] is the steps from start to goal, `code` which way is nearer."""
     return _task(problem, least, np.zeros((problem.num_robots, 0), np.int32), code)
 
 
-def _task(problem: Problem, least: np.ndarray, table: np.ndarray, code: np.ndarray) -> Task:
+def _task(problem: Problem, least: np.ndarray, table: np.ndarray, code: np.ndarray) -> RepairTask:
     graph = problem.graph
-    return Task(
+    return RepairTask(
         graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), least, table, code, clashes_of(problem)
     )
 
 
 def room_to_repair(
-    task: Task, horizon: int, size: int, *, following: bool = False, rotations: bool = True, window: int = 0, most_labels: int = FOREVER
+    task: RepairTask,
+    horizon: int,
+    size: int,
+    *,
+    following: bool = False,
+    rotations: bool = True,
+    window: int = 0,
+    most_labels: int = FOREVER,
 ) -> Room:
     """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time.
 
@@ -62,12 +69,12 @@ def room_to_repair(
     return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
 
 
-def is_roomy(task: Task) -> bool:
+def is_roomy(task: RepairTask) -> bool:
     """Whether most robots have a path that crosses nobody: few moves for each lane, and vertices enough to stand on."""
     return bool(task.least.sum() < MOVES_A_LANE * len(task.head) and len(task.first) > VERTICES_A_ROBOT * len(task.goal))
 
 
-def first_order(task: Task, rng: np.random.Generator) -> np.ndarray:
+def first_order(task: RepairTask, rng: np.random.Generator) -> np.ndarray:
     """[R] robots as they are planned at first: where there is room by the length of their ways, give or take a quarter.
 
     Those that have arrived stand in the way of others, who have the more ways round them the farther they go.
@@ -77,7 +84,7 @@ def first_order(task: Task, rng: np.random.Generator) -> np.ndarray:
     return np.argsort(task.least * rng.uniform(0.75, 1.25, len(task.least)), kind="stable")
 
 
-def plan_in_order(task: Task, room: Room, order: np.ndarray, deadline_s: float) -> int:
+def plan_in_order(task: RepairTask, room: Room, order: np.ndarray, deadline_s: float) -> int:
     """Plan robots one after another, crossing others where it has to be; how many have a path when one has none, or no time is left."""
     traffic, labels, _ = room
     clear = is_roomy(task)
@@ -87,7 +94,7 @@ def plan_in_order(task: Task, room: Room, order: np.ndarray, deadline_s: float) 
     return len(order)
 
 
-def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline_s: float, effort: int) -> tuple[int, int]:
+def repair(task: RepairTask, room: Room, size: int, rng: np.random.Generator, deadline_s: float, effort: int) -> tuple[int, int]:
     """Replan neighbourhoods of `size` robots until nobody collides; how many pairs did, and how many are left when time is up.
 
     Where the `effort` in labels is bounded (not 0), it is looked at as often on every machine.
@@ -102,7 +109,7 @@ def repair(task: Task, room: Room, size: int, rng: np.random.Generator, deadline
     return first, pairs
 
 
-def room_bytes(task: Task, horizon: int, most_labels: int = FOREVER) -> int:
+def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER) -> int:
     """Memory for traffic and searches over so many steps."""
     vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
     labels = min(labels_for(vertices, lanes), most_labels)
@@ -124,7 +131,7 @@ def prepare(threads: int) -> None:
         _merging.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
 
 
-def threads_with_room(threads: int, task: Task, path: np.ndarray, memory_mb: int, taken: int) -> int:
+def threads_with_room(threads: int, task: RepairTask, path: np.ndarray, memory_mb: int, taken: int) -> int:
     """How many threads, up to `threads`, can refine paths [T, R] within the memory, of which `taken` bytes are in use; at least one."""
     room = room_bytes(task, len(path) + SPARE_STEPS + WORD)
     return min(threads, max(1, (memory_mb * 1_000_000 - taken) // room))
@@ -150,7 +157,7 @@ class Refinement:
 
     def __init__(
         self,
-        task: Task,
+        task: RepairTask,
         path: np.ndarray,
         size: int,
         rng: np.random.Generator,
@@ -226,7 +233,7 @@ def _at_a_time(pool: ThreadPoolExecutor, calls: list[Callable[[], None]]) -> Non
 class _Refiner:
     """What one thread works on."""
 
-    def __init__(self, task: Task, traffic: Traffic, size: int, rng: np.random.Generator, *, shared: bool, bandit: bool) -> None:
+    def __init__(self, task: RepairTask, traffic: Traffic, size: int, rng: np.random.Generator, *, shared: bool, bandit: bool) -> None:
         self.traffic = traffic
         horizon = traffic.at.shape[1]
         self._task, self._size, self._rng = task, size, rng

@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._cells import Cells, anyone_in, cells_of, enter, leave, num_in, slot_of
+from planners.neighbourhood._cells import RowOccupancy, anyone_in, cells_of, enter, leave, num_in, slot_of
 
 WORD = 32  # steps in a word of a bit set; reckoned with as an int64, so that nothing overflows
 _LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
@@ -21,7 +21,7 @@ for _k in range(32):
     _LOWEST[((0x077CB531 << _k) & 0xFFFFFFFF) >> 27] = _k
 
 
-class Task(NamedTuple):
+class RepairTask(NamedTuple):
     """What does not change. V vertices, L lanes, R robots."""
 
     first: np.ndarray  # [V + 1] int64
@@ -40,10 +40,10 @@ class Traffic(NamedTuple):
 
     at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
-    on: Cells  # robots that hold a vertex
+    on: RowOccupancy  # robots that hold a vertex
     busy: np.ndarray  # [V, W] uint32 bits: somebody holds or bars it
     num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
-    arrivals: Cells  # robots that arrive by a lane
+    arrivals: RowOccupancy  # robots that arrive by a lane
     along: np.ndarray  # [L, W] uint32 bits: somebody does
     num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
     barred: np.ndarray  # [L, W] uint32 bits: some do; [1, 1] without clashes
@@ -207,7 +207,7 @@ def enter_all(task, traffic):
         add_path(task, traffic, robot)
 
 
-def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
+def empty_traffic(task: RepairTask, horizon: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
     """Traffic without paths over `horizon` steps, a multiple of WORD; they count for `window` steps, 0: for all."""
     num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
     near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
@@ -228,7 +228,7 @@ def empty_traffic(task: Task, horizon: int, *, following: bool, rotations: bool,
     )
 
 
-def traffic_of(task: Task, path: np.ndarray, spare: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
+def traffic_of(task: RepairTask, path: np.ndarray, spare: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
     """Traffic of the paths [T, R], with `spare` steps or more of room."""
     horizon = (len(path) + spare + 2 + WORD - 1) // WORD * WORD
     traffic = empty_traffic(task, horizon, following=following, rotations=rotations, window=window)

@@ -14,7 +14,7 @@ EPS = 1e-6  # s that are no more than nothing
 
 
 @dataclass(eq=False)
-class Conflict:
+class TimedConflict:
     """Two robots that cannot both drive their ways."""
 
     robot: int
@@ -35,7 +35,7 @@ class Side:
     more_s: float  # than it costs now
 
 
-class Motion(Protocol):
+class LowLevel(Protocol):
     """How robots move. It keeps the ways that it finds, by number."""
 
     nothing: Any  # what robots are forbidden at first
@@ -49,10 +49,10 @@ class Motion(Protocol):
     def cost_s(self, way: int) -> float:
         """When the robot is at its goal to stay."""
 
-    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[Conflict]:
+    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
         """A robot's conflicts with others."""
 
-    def split(self, conflict: Conflict, ours: Any, theirs: Any) -> tuple[Any, Any]:
+    def split(self, conflict: TimedConflict, ours: Any, theirs: Any) -> tuple[Any, Any]:
         """What either robot is forbidden where it gives way; whatever both are newly forbidden would conflict."""
 
     def least_cost_s(self, robot: int, other: int, ours: Any, theirs: Any) -> float:
@@ -66,14 +66,14 @@ class Motion(Protocol):
 
 
 @dataclass(eq=False)
-class Node:
+class TimedNode:
     """What robots are forbidden, how they drive then, and which conflicts they have."""
 
     forbidden: list[Any]
     ways: list[int]
     cost_s: float
     bound_s: float  # on the costs of all below
-    conflicts: list[Conflict]
+    conflicts: list[TimedConflict]
     estimated: bool = False  # whether the bound has the heuristic in it
     closed: bool = False
 
@@ -83,10 +83,10 @@ class OutOfTime(Exception):
 
 
 @dataclass(eq=False)
-class Tree:
+class TimedTree:
     """Nodes over some robots."""
 
-    motion: Motion
+    motion: LowLevel
     robots: Sequence[int]
     deadline_s: float  # on the clock of process_time
     pairs: bool = True  # whether the heuristic knows what two robots cost together
@@ -127,7 +127,7 @@ class Tree:
         known_s = np.inf if known is None else sum(map(self.motion.cost_s, known))
         least = [] if node is None else [(node.bound_s, 0, node)]
         beyond = [] if node is None else [(node.cost_s, 0, node)]
-        near: list[tuple[int, float, int, Node]] = []
+        near: list[tuple[int, float, int, TimedNode]] = []
         while True:
             while least and (least[0][2].closed or not least[0][2].estimated):
                 _, serial, node = heappop(least)
@@ -160,9 +160,9 @@ class Tree:
         self._serial += 1
         return self._serial
 
-    def _root(self, forbidden: list[Any]) -> Node | None:
+    def _root(self, forbidden: list[Any]) -> TimedNode | None:
         ways: list[int] = []
-        found: list[Conflict] = []
+        found: list[TimedConflict] = []
         for k, (robot, its) in enumerate(zip(self.robots, forbidden)):
             way = self.motion.search(robot, its)
             if way is None:
@@ -170,22 +170,22 @@ class Tree:
             found += self.motion.conflicts(k, way, range(k), ways)
             ways.append(way)
         cost_s = sum(map(self.motion.cost_s, ways))
-        return Node(forbidden, ways, cost_s, cost_s, found)
+        return TimedNode(forbidden, ways, cost_s, cost_s, found)
 
-    def _children(self, node: Node) -> list[Node]:
+    def _children(self, node: TimedNode) -> list[TimedNode]:
         self.nodes += 1
         return [child for side in self._sides(node, self._chosen(node)) if (child := self._child(node, side))]
 
-    def _chosen(self, node: Node) -> Conflict:
+    def _chosen(self, node: TimedNode) -> TimedConflict:
         """That conflict of which the cheaper child costs most: a cardinal one, if there is any."""
 
-        def rank(conflict: Conflict) -> tuple[float, float]:
+        def rank(conflict: TimedConflict) -> tuple[float, float]:
             one, other = self._sides(node, conflict)
             return min(one.more_s, other.more_s), max(one.more_s, other.more_s)
 
         return max(node.conflicts, key=rank)
 
-    def _sides(self, node: Node, conflict: Conflict) -> tuple[Side, Side]:
+    def _sides(self, node: TimedNode, conflict: TimedConflict) -> tuple[Side, Side]:
         if conflict.sides is None:
             if process_time() > self.deadline_s:
                 raise OutOfTime
@@ -194,11 +194,11 @@ class Tree:
             conflict.sides = self._side(node, k, ours), self._side(node, m, theirs)
         return conflict.sides
 
-    def _side(self, node: Node, k: int, forbidden: Any) -> Side:
+    def _side(self, node: TimedNode, k: int, forbidden: Any) -> Side:
         way = self.motion.search(self.robots[k], forbidden)
         return Side(k, forbidden, way, np.inf if way is None else self.motion.cost_s(way) - self.motion.cost_s(node.ways[k]))
 
-    def _child(self, node: Node, side: Side) -> Node | None:
+    def _child(self, node: TimedNode, side: Side) -> TimedNode | None:
         if side.way is None:
             return None
         k, forbidden, ways = side.robot, list(node.forbidden), list(node.ways)
@@ -207,13 +207,13 @@ class Tree:
         found = [conflict for conflict in node.conflicts if k not in (conflict.robot, conflict.other)]
         found += self.motion.conflicts(k, side.way, others, [ways[m] for m in others])
         cost_s = node.cost_s + side.more_s
-        return Node(forbidden, ways, cost_s, max(cost_s, node.bound_s), found)
+        return TimedNode(forbidden, ways, cost_s, max(cost_s, node.bound_s), found)
 
-    def _estimate(self, node: Node) -> None:
+    def _estimate(self, node: TimedNode) -> None:
         node.estimated = True
         node.bound_s = max(node.bound_s, node.cost_s + self._heuristic_s(node))
 
-    def _heuristic_s(self, node: Node) -> float:
+    def _heuristic_s(self, node: TimedNode) -> float:
         """What all solutions below cost more at least (WDG)."""
         more: dict[tuple[int, int], float] = {}
         for conflict in node.conflicts:
@@ -224,7 +224,7 @@ class Tree:
             more = {pair: max(more_s, self._more_together_s(node, *pair)) for pair, more_s in more.items()}
         return cover_s({pair: more_s for pair, more_s in more.items() if more_s > EPS})
 
-    def _more_together_s(self, node: Node, k: int, m: int) -> float:
+    def _more_together_s(self, node: TimedNode, k: int, m: int) -> float:
         ours, theirs = node.forbidden[k], node.forbidden[m]
         key = k, m, id(ours), id(theirs)
         if key not in self._together:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._discs import Ways, add_rule, conflicts, copy_rules, find, lift, new_ways, rule_against, take, write_way
+from planners.safe_interval._discs import DiscPaths, add_rule, conflicts, copy_rules, find, lift, new_ways, rule_against, take, write_way
 
 EPS = 1e-6  # s
 MOST_CONFLICTS = 4  # that are looked at in a node
@@ -29,7 +29,7 @@ class Pair(NamedTuple):
     child: np.ndarray  # [N] the first of two, 0: not known yet, -1: the node is a solution
     heap: np.ndarray  # [N]
     found: np.ndarray  # [MOST_CONFLICTS, 3]
-    ways: Ways
+    ways: DiscPaths
 
 
 def new_pair(nodes: int, moves: int) -> Pair:

@@ -25,7 +25,7 @@ class Lanes(NamedTuple):
     duration: np.ndarray  # [L] s
 
 
-class Ways(NamedTuple):
+class DiscPaths(NamedTuple):
     """Ways by number: W ways of K moves altogether."""
 
     first: np.ndarray  # [W + 1]
@@ -34,13 +34,13 @@ class Ways(NamedTuple):
     left: np.ndarray  # [K] s, when the robot sets out
 
 
-def new_ways(room: int) -> Ways:
+def new_ways(room: int) -> DiscPaths:
     """No ways; room for so many, and for so many moves of them."""
     index = [np.zeros(room, np.int64) for _ in range(3)]
-    return Ways(index[0], index[1], index[2], np.zeros(room))
+    return DiscPaths(index[0], index[1], index[2], np.zeros(room))
 
 
-class Rules(NamedTuple):
+class DiscConstraints(NamedTuple):
     """What one robot may not do: K departures and M stays, sorted; there may be room for more."""
 
     count: np.ndarray  # [2] K and M
@@ -52,7 +52,7 @@ class Rules(NamedTuple):
     lasts: np.ndarray  # [M] s, until this or longer
 
 
-class Scratch(NamedTuple):
+class DiscScratch(NamedTuple):
     """Room for a search of N entries."""
 
     move_of: np.ndarray  # [L] the first forbidden departure, -1: none
@@ -70,10 +70,10 @@ class Scratch(NamedTuple):
     heap: np.ndarray  # [N]
 
 
-def new_scratch(num_vertices: int, num_lanes: int, room: int) -> Scratch:
+def new_scratch(num_vertices: int, num_lanes: int, room: int) -> DiscScratch:
     """Room for so many entries and stays."""
     index, moment = (lambda: np.zeros(room, np.int64)), (lambda: np.zeros(room))
-    return Scratch(
+    return DiscScratch(
         np.full(num_lanes, -1), np.full(num_vertices, -1), moment(), np.zeros(num_vertices + room),
         index(), index(), moment(), moment(), index(), index(), moment(), moment(), index(),
     )  # fmt: skip
@@ -364,7 +364,7 @@ def write_way(entry, scratch, start, way, ways):
 @kernel
 def new_rules(moves, stays):
     """No rules, with room for so many."""
-    return Rules(
+    return DiscConstraints(
         np.zeros(2, np.int64), np.zeros(moves, np.int64), np.zeros(moves), np.zeros(moves), np.zeros(stays, np.int64), np.zeros(stays),
         np.zeros(stays),
     )  # fmt: skip

@@ -5,7 +5,7 @@ from time import process_time
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from planners.safe_interval._timetable import Timetable, Way
+from planners.safe_interval._timetable import TimedPath, Timetable
 
 EFFORTS = ((1_000, 1.0), (2_000, 1.5), (6_000, 2.5))  # entries a search looks at, and its weight
 RAISES = 1  # of each robot on average, before another order is tried
@@ -46,7 +46,7 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
     return True
 
 
-def _first_way(timetable: Timetable, robot: int) -> Way | None:
+def _first_way(timetable: Timetable, robot: int) -> TimedPath | None:
     """The earliest way, or where that takes long to find, one that is good."""
     for most, weight in EFFORTS:
         if way := timetable.search(robot, most, weight=weight):
@@ -56,7 +56,7 @@ def _first_way(timetable: Timetable, robot: int) -> Way | None:
     return None
 
 
-def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[Way | None, list[int]]:
+def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[TimedPath | None, list[int]]:
     """A way around those only that have been raised as often, or around nobody; and who has lost his way by that."""
     with_way = [r for r, way in enumerate(timetable.way) if way is not None]
     lower = [r for r in with_way if raised[r] < raised[robot]]
@@ -74,7 +74,7 @@ def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[Way | No
     return None, []
 
 
-def _put_back(timetable: Timetable, removed: list[tuple[int, Way]]) -> list[int]:
+def _put_back(timetable: Timetable, removed: list[tuple[int, TimedPath]]) -> list[int]:
     """Robots get their ways again, but for those where somebody else is in the way."""
     evicted = []
     for robot, way in removed:

@@ -9,11 +9,11 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import used_up
 from planners.safe_interval import _table
-from planners.safe_interval._conflict_tree import Conflict, OutOfTime, Tree
+from planners.safe_interval._conflict_tree import OutOfTime, TimedConflict, TimedTree
 from planners.safe_interval._first_ways import first_ways
 from planners.safe_interval._improvement import Improvement
 from planners.safe_interval._overlaps import overlaps
-from planners.safe_interval._timetable import Timetable, Way
+from planners.safe_interval._timetable import TimedPath, Timetable
 
 Held = tuple[tuple[int, int], ...]  # (resource, step) that a robot may not hold
 
@@ -32,7 +32,7 @@ class RealMotion:
     def __init__(self, problem: Problem, step_length_s: float, deadline_s: float) -> None:
         self.problem = problem
         self._timetable, self._deadline_s = Timetable(problem, step_length_s), deadline_s
-        self._ways: list[Way] = []
+        self._ways: list[TimedPath] = []
         self._found = np.zeros((MOST_OVERLAPS, 3), np.int64)
 
     def clash(self) -> str:
@@ -68,7 +68,7 @@ class RealMotion:
         """When the robot stands at its goal."""
         return self._ways[way].steps * self._timetable.dt
 
-    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[Conflict]:
+    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
         """The first and the longest overlap with each other robot, of what both hold."""
         found = []
         one = self._ways[way]
@@ -78,17 +78,17 @@ class RealMotion:
             if num:
                 resource, begin, end = self._found[:num].T
                 chosen = {int(np.argmin(begin)), int(np.argmax(np.minimum(end, _table.FOREVER - 1) - begin))}
-                found += [Conflict(robot, other, way, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
+                found += [TimedConflict(robot, other, way, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
         return found
 
-    def split(self, conflict: Conflict, ours: Held, theirs: Held) -> tuple[Held, Held]:
+    def split(self, conflict: TimedConflict, ours: Held, theirs: Held) -> tuple[Held, Held]:
         """Neither may hold the resource in the last step in which both do."""
         place = conflict.what[0], conflict.what[1]
         return (*ours, place), (*theirs, place)
 
     def least_cost_s(self, robot: int, other: int, ours: Held, theirs: Held) -> float:
         """What two robots cost at least that must not conflict, by a tree of their own."""
-        tree = Tree(self, (robot, other), self._deadline_s, pairs=False)
+        tree = TimedTree(self, (robot, other), self._deadline_s, pairs=False)
         tree.best_first([ours, theirs], MOST_NODES)
         return tree.bound_s
 

@@ -28,7 +28,7 @@ MOST_GAPS = 64
 MOST_PENDING = 1024
 
 
-class Scratch(NamedTuple):
+class IntervalScratch(NamedTuple):
     """Room for a search of N states, E entries and a table of H places."""
 
     lane: np.ndarray  # [N] by which the robot came, -1: it has not moved
@@ -51,11 +51,11 @@ class Scratch(NamedTuple):
     work: np.ndarray  # [5] states and entries so far, over all searches; of `find` when the goal is free for ever, `latest`, last turn
 
 
-def new_scratch(states: int, num_lanes: int) -> Scratch:
+def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
     """Room for so many states, and four times as many entries, on a graph of so many lanes."""
     index = [np.zeros(states, np.int64) for _ in range(7)]
     places = 1 << (4 * states - 1).bit_length()
-    return Scratch(
+    return IntervalScratch(
         *index,
         entry=np.zeros((4 * states, 5), np.int64),
         heap=np.zeros(4 * states, np.int64),

@@ -9,7 +9,7 @@ from mrp_sumo.search._kernel import kernel
 FOREVER = 1 << 30
 
 
-class Table(NamedTuple):
+class ReservationTable(NamedTuple):
     """Reservations of Q resources, in rows of N places that grow by moving to the end."""
 
     row: np.ndarray  # [Q] int64, where each resource's reservations begin
@@ -21,10 +21,12 @@ class Table(NamedTuple):
     used: np.ndarray  # [1] int64
 
 
-def empty_table(num_resources: int, places: int) -> Table:
+def empty_table(num_resources: int, places: int) -> ReservationTable:
     """Nobody holds anything; room for so many reservations before `copied` is needed."""
     index = np.zeros(num_resources, np.int64)
-    return Table(index, index.copy(), index.copy(), *(np.zeros(max(places, 16), np.int64) for _ in range(3)), np.zeros(1, np.int64))
+    return ReservationTable(
+        index, index.copy(), index.copy(), *(np.zeros(max(places, 16), np.int64) for _ in range(3)), np.zeros(1, np.int64)
+    )
 
 
 @kernel(allocates=False)

@@ -17,7 +17,7 @@ WHOLE = 1 << 40  # more entries than any search has
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class TimedPath:
     """How one robot drives: its runs, and what it holds."""
 
     runs: IntArray  # [K, 3] first lane, number of lanes, step at which it sets out
@@ -42,7 +42,7 @@ class Timetable:
         self.at_rest = np.full((num_robots, num_lanes), _search.FAR, np.int32)
         self.facing = np.full((num_robots, num_lanes), _search.FAR, np.int32)
         self.alone = np.zeros(num_robots, np.int64)  # [R] steps without others, FAR: no way
-        self.way: list[Way | None] = [None] * num_robots
+        self.way: list[TimedPath | None] = [None] * num_robots
         self._start, self._goal = problem.start.tolist(), problem.target.tolist()
         self._start_rad, self._goal_rad = problem.heading_at_start.tolist(), problem.heading_at_target.tolist()
         self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
@@ -88,14 +88,14 @@ class Timetable:
             steps.append(steps_of_last_turn(self._goal_rad[robot] - at_start, moves.turn_rad))
         self.alone[robot] = min(steps, default=_search.FAR)
 
-    def search(self, robot: int, most: int = WHOLE, latest: int = _table.FOREVER, weight: float = 1.0) -> Way | None:
+    def search(self, robot: int, most: int = WHOLE, latest: int = _table.FOREVER, weight: float = 1.0) -> TimedPath | None:
         """The earliest way of a robot that is not in the table; None where there is none, or it takes too long to find."""
         self._expose(robot)
         found = self._search(self.table, robot, most, latest, weight)
         self._protect(robot)
         return found
 
-    def ideal(self, robot: int) -> Way:
+    def ideal(self, robot: int) -> TimedPath:
         """The way of a robot without others."""
         found = self._search(self._nobody, robot, WHOLE, _table.FOREVER, 1.0)
         assert found is not None
@@ -109,7 +109,7 @@ class Timetable:
         delay: IntArray = np.array(steps, np.int64) - self.alone[robot]
         return delay
 
-    def ideal_from(self, robot: int, run: int) -> Way:
+    def ideal_from(self, robot: int, run: int) -> TimedPath:
         """The way of a robot without others from where one of its runs begins, when it has come to stand there."""
         moves, way = self.moves[self.kind[robot]], self.way[robot]
         assert way is not None
@@ -121,7 +121,7 @@ class Timetable:
         assert found is not None
         return found
 
-    def _ends(self, robot: int, way: Way) -> list[tuple[int, int, int]]:
+    def _ends(self, robot: int, way: TimedPath) -> list[tuple[int, int, int]]:
         """Of each run its last lane, its number, and the step at which the robot sets out."""
         moves, found = self.moves[self.kind[robot]], []
         for ray, lanes, left in way.runs.tolist():
@@ -131,7 +131,7 @@ class Timetable:
             found.append((lane, moves.run_first.item(moves.course.item(ray)) + lanes - 1, left))
         return found
 
-    def search_around(self, robot: int, resource: IntArray, begin: IntArray, end: IntArray) -> Way | None:
+    def search_around(self, robot: int, resource: IntArray, begin: IntArray, end: IntArray) -> TimedPath | None:
         """The earliest way of a robot that holds none of some resources from some step on until another [H]. The table has only these."""
         self.clear()
         self._reserve(-1, (resource, begin, end))
@@ -144,8 +144,8 @@ class Timetable:
         return robots.copy()
 
     def _search(
-        self, table: _table.Table, robot: int, most: int, latest: int, weight: float, begin: tuple[int, float, int] | None = None
-    ) -> Way | None:
+        self, table: _table.ReservationTable, robot: int, most: int, latest: int, weight: float, begin: tuple[int, float, int] | None = None
+    ) -> TimedPath | None:
         """From a vertex, a heading and a step on; by default from the robot's start at step 0."""
         moves, goal, goal_rad = self.moves[self.kind[robot]], self._goal[robot], self._goal_rad[robot]
         start, heading, since = begin or (self._start[robot], self._start_rad[robot], 0)
@@ -164,7 +164,7 @@ class Timetable:
             return None
         return self._way(moves, start, since, state)
 
-    def _way(self, moves: Moves, start: int, since: int, state: int) -> Way:
+    def _way(self, moves: Moves, start: int, since: int, state: int) -> TimedPath:
         room = 64
         while True:
             runs = np.empty((room, 3), np.int64)
@@ -183,16 +183,16 @@ class Timetable:
             room *= 2
         begin = np.maximum(begin[:held], since)
         steps = int(self.scratch.arrived[state]) + int(self.scratch.work[4]) + since
-        return Way(runs, resource[:held].copy(), begin, end[:held].copy(), steps)
+        return TimedPath(runs, resource[:held].copy(), begin, end[:held].copy(), steps)
 
-    def hinders(self, robot: int, way: Way) -> IntArray:
+    def hinders(self, robot: int, way: TimedPath) -> IntArray:
         """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
         found = np.full(self.num_robots, _table.FOREVER)
         _table.holders(self.table, way.resource, way.begin, way.end, len(way.resource), robot, found)
         order = np.argsort(found, kind="stable")
         return order[found[order] < _table.FOREVER]
 
-    def add(self, robot: int, way: Way) -> None:
+    def add(self, robot: int, way: TimedPath) -> None:
         """Put a way into the table."""
         self._expose(robot)
         self._reserve(robot, (way.resource, way.begin, way.end))
@@ -209,7 +209,7 @@ class Timetable:
             _table.copied(self.table, larger)
             self.table = larger
 
-    def remove(self, robot: int) -> Way | None:
+    def remove(self, robot: int) -> TimedPath | None:
         """Take a robot's way out of the table."""
         way = self.way[robot]
         if way is not None:
@@ -254,7 +254,7 @@ class Timetable:
         need_not_turn = turned_s - plan.end_s < self.dt - 1e-9  # arrivals are within their steps
         return replace(plan, turned_s=frozen(np.where(need_not_turn, plan.end_s, turned_s)))
 
-    def _visits(self, robot: int, way: Way) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _visits(self, robot: int, way: TimedPath) -> tuple[IntArray, FloatArray, FloatArray]:
         """Vertices with the times at which a robot arrives and sets out."""
         moves, dt = self.moves[self.kind[robot]], self.dt
         vertex, arrive, depart = [int(self.problem.start[robot])], [0.0], [np.inf]

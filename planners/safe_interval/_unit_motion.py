@@ -10,7 +10,7 @@ from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from planners.safe_interval import _disc_pairs, _disc_ways, _discs
-from planners.safe_interval._conflict_tree import Conflict
+from planners.safe_interval._conflict_tree import TimedConflict
 
 MOST = 1024  # conflicts of one way
 ORDERS = 60  # of robots that are tried
@@ -59,7 +59,7 @@ class UnitMotion:
     def cost_s(self, way: int) -> float:
         return self._arrival[way]
 
-    def search(self, robot: int, forbidden: _discs.Rules) -> int | None:
+    def search(self, robot: int, forbidden: _discs.DiscConstraints) -> int | None:
         start = self._start[robot]
         while True:
             entry = _discs.find(self._lanes, self._left_s[robot], start, self._goal[robot], forbidden, self._scratch)
@@ -73,27 +73,29 @@ class UnitMotion:
         while True:
             if _discs.write_way(entry, self._scratch, start, way, ways):
                 break
-            ways = self._ways = _discs.Ways(*(np.concatenate([column, np.zeros_like(column)]) for column in ways))
+            ways = self._ways = _discs.DiscPaths(*(np.concatenate([column, np.zeros_like(column)]) for column in ways))
         self._num_ways += 1
         self._arrival.append(float(self._scratch.arrived[entry]))
         return way
 
-    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[Conflict]:
+    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
         num = _discs.conflicts_with_all(
             self._lanes, self._ways, way, np.array(their_ways, np.int64), self.reach_m, PER_PAIR, self._found, self._of
         )
         return [
-            Conflict(robot, others[k], way, their_ways[k], found)
+            TimedConflict(robot, others[k], way, their_ways[k], found)
             for k, found in zip(self._of[:num].tolist(), map(tuple, self._found[:num].tolist()))
         ]
 
-    def split(self, conflict: Conflict, ours: _discs.Rules, theirs: _discs.Rules) -> tuple[_discs.Rules, _discs.Rules]:
+    def split(
+        self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
+    ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
         """What to forbid either robot: see `_discs.rule_against`."""
         kind, i, j = conflict.what
         given = self._lanes, self._ways, kind, conflict.way, i, conflict.other_way, j, self.reach_m
         return _discs.with_rule(ours, *_discs.rule_against(*given, False)), _discs.with_rule(theirs, *_discs.rule_against(*given, True))
 
-    def least_cost_s(self, robot: int, other: int, ours: _discs.Rules, theirs: _discs.Rules) -> float:
+    def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
         """What two robots cost at least that are forbidden this."""
         both = [robot, other]
         room = max(ours.count.max(), theirs.count.max()) + MOST_RULES
@@ -153,7 +155,7 @@ class UnitMotion:
             ways[robot] = way
         return ways, None
 
-    def _around(self, ways: list[int]) -> _discs.Rules:
+    def _around(self, ways: list[int]) -> _discs.DiscConstraints:
         """What a robot may not do among others on these ways."""
         rows = [self._forbidden_by(way) for way in ways]
         columns = [
@@ -161,7 +163,7 @@ class UnitMotion:
             for kind, places in enumerate((len(self._lanes.tail), len(self._lanes.first) - 1))
             for column in _disc_ways.by_place(np.hstack([np.zeros((3, 0)), *(row[kind] for row in rows)]), places)
         ]
-        return _discs.Rules(np.array([len(columns[0]), len(columns[3])]), *columns)
+        return _discs.DiscConstraints(np.array([len(columns[0]), len(columns[3])]), *columns)
 
     def _forbidden_by(self, way: int) -> tuple[FloatArray, FloatArray]:
         """[3, K] departures and [3, M] stays, see `_disc_ways.forbidden_by`."""

@@ -14,7 +14,7 @@ from mrp_sumo.planning.answers import used_up, without_effort
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.safe_interval import _window_tree as tree_kernels
-from planners.safe_interval._window_way import Task, room_for
+from planners.safe_interval._window_way import WindowTask, room_for
 
 CHANCE = 43  # purpose of the stream of chance
 NODES_AT_ONCE = 20  # until the clock is read
@@ -57,7 +57,7 @@ def plan_window(problem: Problem, time_limit_s: float, most_nodes: int) -> PlanR
     )
 
 
-def task_of(problem: Problem) -> Task:
+def task_of(problem: Problem) -> WindowTask:
     """The problem as kernels see it."""
     graph, known = problem.graph, distances(problem.graph)
     ahead = [[*via, goal] for via, goal in zip(problem.via or [()] * problem.num_robots, problem.target.tolist())]
@@ -68,9 +68,11 @@ def task_of(problem: Problem) -> Task:
     for begin, end in zip(first[:-1].tolist(), first[1:].tolist()):
         for k in range(end - 2, begin - 1, -1):
             after[k] = after[k + 1] + steps[k + 1, stop[k]]
-    return Task(graph.first, graph.head, graph.tail, clashes_of(problem), problem.start, first, stop, steps, after, problem.window_steps)
+    return WindowTask(
+        graph.first, graph.head, graph.tail, clashes_of(problem), problem.start, first, stop, steps, after, problem.window_steps
+    )
 
 
-def _least(task: Task, robot: int) -> int:
+def _least(task: WindowTask, robot: int) -> int:
     row = task.stop_first[robot]
     return int(task.steps[row, task.start[robot]]) + int(task.after[row])

@@ -16,7 +16,7 @@ UNDER_WAY, SOLVED, NO_PLAN = 0, 1, 2
 MOST_DEEP = 64 << 20  # bytes of nodes that are kept; beyond, the worse of two children is dropped
 
 
-class Tree(NamedTuple):
+class WindowTree(NamedTuple):
     """Up to D nodes that are still to be looked at, the next one last, and the one that is looked at; R robots."""
 
     above: np.ndarray  # [D, R, R] bool whether one robot goes before another, as far as that is decided
@@ -31,11 +31,11 @@ class Tree(NamedTuple):
     count: np.ndarray  # [2] int64 nodes that are still to be looked at; nodes looked at
 
 
-def room_for_tree(num_robots: int, num_vertices: int, window: int) -> Tree:
+def room_for_tree(num_robots: int, num_vertices: int, window: int) -> WindowTree:
     """Room for a search, without nodes."""
     deep = max(8, min(4 * num_robots, MOST_DEEP // max(num_robots * (num_robots + 4 * window + 12), 1)))
     shape = [((num_robots, num_robots), np.bool_), ((num_robots, window + 1), np.int32), ((num_robots,), np.int64)]
-    return Tree(
+    return WindowTree(
         *(np.zeros((deep, *of), kind) for of, kind in shape),
         *(np.zeros((3, *of), kind) for of, kind in shape),
         *(np.full(num_vertices, NOBODY, np.int32) for _ in range(2)),

@@ -19,7 +19,7 @@ NO_WAY = 1 << 40
 MOST_CROSSED = 31  # ways that cross more others count as equal
 
 
-class Task(NamedTuple):
+class WindowTask(NamedTuple):
     """R robots on a graph of V vertices and L lanes, each with stops, S in all, and W steps for which they keep clear of each other."""
 
     first: np.ndarray  # [V + 1]
@@ -49,7 +49,7 @@ class Room(NamedTuple):
     count: np.ndarray  # [2] int64 searches; labels of all of them
 
 
-def room_for(task: Task) -> Room:
+def room_for(task: WindowTask) -> Room:
     """Room for the searches of a task."""
     num_vertices = len(task.first) - 1
     longest = int(np.max(task.steps, where=task.steps < UNREACHABLE, initial=0)) + int(task.after.max(initial=0))

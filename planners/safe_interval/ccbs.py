@@ -28,7 +28,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit, without_effort
 
 if TYPE_CHECKING:
-    from planners.safe_interval._conflict_tree import Motion
+    from planners.safe_interval._conflict_tree import LowLevel
 
 CHANCE = 15  # purpose of the stream of chance
 MOTIONS = ("real", "unit")
@@ -63,7 +63,7 @@ class Ccbs:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners.safe_interval._conflict_tree import Tree
+        from planners.safe_interval._conflict_tree import TimedTree
 
         problem = crossing()
         for w in {1.0, self.w}:
@@ -71,11 +71,11 @@ class Ccbs:
         motion = self._motion(problem, np.inf)
         motion.clash()
         motion.some_ways(np.random.default_rng(0), 0.0, np.inf)
-        Tree(motion, range(2), np.inf).focal([motion.nothing] * 2, 1.0, 4, np.random.default_rng(0))
+        TimedTree(motion, range(2), np.inf).focal([motion.nothing] * 2, 1.0, 4, np.random.default_rng(0))
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree has `max_nodes`."""
-        from planners.safe_interval._conflict_tree import OutOfTime, Tree
+        from planners.safe_interval._conflict_tree import OutOfTime, TimedTree
 
         require_limit(time_limit_s)
         began = process_time()
@@ -86,7 +86,7 @@ class Ccbs:
         if not problem.num_robots:
             return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=process_time() - began)
         motion = self._motion(problem, deadline_s)
-        tree = Tree(motion, range(problem.num_robots), deadline_s)
+        tree = TimedTree(motion, range(problem.num_robots), deadline_s)
         forbidden = [motion.nothing] * problem.num_robots
         ways, message = None, ""
         try:
@@ -116,7 +116,7 @@ class Ccbs:
         """The bound on arrivals of robots: they are there up to a step before they stand. None of discs holds for robots."""
         return max(0.0, bound_s - num_robots * self.step_length_s) if self.motion == "real" else 0.0
 
-    def _motion(self, problem: Problem, deadline_s: float) -> "Motion":
+    def _motion(self, problem: Problem, deadline_s: float) -> "LowLevel":
         from planners.safe_interval._real_motion import RealMotion
         from planners.safe_interval._unit_motion import UnitMotion
 

@@ -22,7 +22,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 if TYPE_CHECKING:
-    from planners.safe_interval._timetable import Timetable, Way
+    from planners.safe_interval._timetable import TimedPath, Timetable
 
 MOST = 200_000  # entries a search looks at
 
@@ -68,7 +68,9 @@ class Pbs:
         timetable = Timetable(problem, self.step_length_s)
         for robot in range(problem.num_robots):
             timetable.look_back(robot)
-        root = Node(np.zeros((problem.num_robots, problem.num_robots), np.bool_), [timetable.ideal(r) for r in range(problem.num_robots)])
+        root = PriorityNode(
+            np.zeros((problem.num_robots, problem.num_robots), np.bool_), [timetable.ideal(r) for r in range(problem.num_robots)]
+        )
         stack, nodes, status = [root], 0, Status.GAVE_UP
         while stack and nodes < self.max_nodes:
             if process_time() - began > time_limit_s:
@@ -108,14 +110,14 @@ class Pbs:
 
 
 @dataclass(frozen=True, eq=False)
-class Node:
+class PriorityNode:
     """Priorities, and the ways of R robots that keep them."""
 
     above: BoolArray  # [R, R] whether one robot goes before another, as far as that is decided
-    ways: "list[Way]"
+    ways: "list[TimedPath]"
 
 
-def first_conflict(ways: "list[Way]") -> tuple[int, int] | None:
+def first_conflict(ways: "list[TimedPath]") -> tuple[int, int] | None:
     """The two robots that hold one resource at once the earliest."""
     from planners.safe_interval._overlaps import first_overlap
     from planners.safe_interval._table import FOREVER
@@ -130,7 +132,7 @@ def first_conflict(ways: "list[Way]") -> tuple[int, int] | None:
     return pair
 
 
-def below_each_other(timetable: "Timetable", node: Node, first: int, second: int) -> Node | None:
+def below_each_other(timetable: "Timetable", node: PriorityNode, first: int, second: int) -> PriorityNode | None:
     """The node in which one robot goes before another; None where somebody finds no way.
 
     Whoever is in conflict with those above looks for another way. Those above may be in conflict with each other still.
@@ -152,7 +154,7 @@ def below_each_other(timetable: "Timetable", node: Node, first: int, second: int
             if way is None:
                 return None
             ways[robot] = way
-    return Node(above, ways)
+    return PriorityNode(above, ways)
 
 
 def in_order(above: BoolArray, robots: BoolArray) -> Iterator[int]:

@@ -14,7 +14,7 @@ from mrp_sumo.errors import PlanError
 FAR = 65535  # in tables: no way
 
 
-class Ground:
+class FreeCells:
     """A problem's free cells, numbered from 0, with tables of steps to those that are goals. A state is 4 x cell + heading."""
 
     def __init__(self, problem: StepWiseProblem, memory_mb: int) -> None:

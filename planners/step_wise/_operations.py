@@ -17,7 +17,7 @@ NOBODY, MANY = -1, -2
 LATE = 16  # how many times more what is left after an operation counts than what is left during it
 
 
-class Crowd(NamedTuple):
+class CrowdStep(NamedTuple):
     """All robots in a step: R robots, O operations of D actions, S states, C cells."""
 
     ahead: np.ndarray  # [S] int32, the cell ahead of a state, or -1

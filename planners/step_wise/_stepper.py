@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
-from planners.step_wise._ground import FAR, Ground, moved_up, operations
-from planners.step_wise._tasks import Choice, InTurn, Nearest
+from planners.step_wise._ground import FAR, FreeCells, moved_up, operations
+from planners.step_wise._tasks import Choice, InTurn, NearestGoal
 
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 
@@ -16,10 +16,10 @@ class OperationStepper:
     """Robots choose operations of `depth` actions; see `_operations`."""
 
     def __init__(self, problem: StepWiseProblem, seed: int, depth: int, limit: int, tries: int, tasks: Choice, memory_mb: int) -> None:
-        from planners.step_wise._operations import Crowd
+        from planners.step_wise._operations import CrowdStep
 
-        self._ground = Ground(problem, memory_mb)
-        self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else Nearest()
+        self._ground = FreeCells(problem, memory_mb)
+        self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
         self._limit, self._tries = limit, tries
         self._rng = np.random.default_rng([seed, 13])
         action = operations(depth)
@@ -29,7 +29,7 @@ class OperationStepper:
         def zeros(*shape: int) -> NDArray[np.int32]:
             return np.zeros(shape, np.int32)
 
-        self._crowd = Crowd(
+        self._crowd = CrowdStep(
             ahead=self._ground.ahead,
             action=action,
             state=zeros(num_robots),

@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import NOTHING
 from mrp_sumo.planning.step_wise import Observation
-from planners.step_wise._ground import FAR, Ground
+from planners.step_wise._ground import FAR, FreeCells
 
 MOST_PAIRS = 200_000  # of robots and tasks; where there are more, in most steps only robots without a task are given one
 PAUSE = 10  # steps from one decision on all robots to the next
@@ -26,7 +26,7 @@ class InTurn:
     def __init__(self, num_robots: int) -> None:
         self._next = np.arange(num_robots)
 
-    def choose(self, seen: Observation, ground: Ground, state: IntArray) -> IntArray:
+    def choose(self, seen: Observation, ground: FreeCells, state: IntArray) -> IntArray:
         """[R] the task of each robot, NOTHING while its next one is not in the pool."""
         idle = seen.task_of == NOTHING
         ready = idle & np.array([task in seen.pool for task in self._next.tolist()])
@@ -35,14 +35,14 @@ class InTurn:
         return task_of
 
 
-class Nearest:
+class NearestGoal:
     """The least sum of steps."""
 
     def __init__(self) -> None:
         self._first: dict[int, int] = {}  # task -> the cell of its first errand
         self._through: dict[int, int] = {}  # task -> steps through all of its errands
 
-    def choose(self, seen: Observation, ground: Ground, state: IntArray) -> IntArray:
+    def choose(self, seen: Observation, ground: FreeCells, state: IntArray) -> IntArray:
         """[R] the task of each robot, NOTHING where there are not enough."""
         from scipy.optimize import linear_sum_assignment
 
@@ -66,7 +66,7 @@ class Nearest:
         task_of[robots[robot]] = np.array(tasks)[task]
         return task_of
 
-    def _remember(self, seen: Observation, ground: Ground, task: int) -> None:
+    def _remember(self, seen: Observation, ground: FreeCells, task: int) -> None:
         cells = ground.number[seen.problem.errands_of(task)].tolist()
         self._first[task] = cells[0]
         self._through[task] = sum(ground.steps_between(a, b) for a, b in pairwise(cells))

@@ -31,7 +31,7 @@ MOST_BYTES = 2**26  # of an answer
 
 
 @dataclass(frozen=True)
-class Program:
+class StepProgram:
     """Another program, asked with a line of JSON in each step."""
 
     command: str = ""  # such as "python policy.py"

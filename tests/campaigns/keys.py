@@ -21,7 +21,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.columns import put
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.maps.generate import GENERATORS
 from mrp_sumo.planning.registry import assigner_names, planner_names
@@ -85,7 +85,7 @@ DRAWS = 4
 Case = dict[str, Any]  # values by dotted key
 
 
-def keys(model: type[BaseModel] = Scenario, above: str = "") -> dict[str, list[Any]]:
+def keys(model: type[BaseModel] = ScenarioModel, above: str = "") -> dict[str, list[Any]]:
     """Sample values of every key, by dotted key; keys of a list's items stand below the list's own."""
     found: dict[str, list[Any]] = {}
     for name, field in model.model_fields.items():
@@ -207,7 +207,7 @@ def _lists() -> dict[str, tuple[type[BaseModel], bool]]:
                     yield f"{above}{name}", (part, listed)
                 yield from below(part, f"{above}{name}.")
 
-    return dict(below(Scenario, ""))
+    return dict(below(ScenarioModel, ""))
 
 
 def _models_in(kind: Any) -> list[type[BaseModel]]:

@@ -195,7 +195,8 @@ def test_keeping_none_of_the_worst_is_said_and_fails(tmp_path, capsys):
     suite, out = tmp_path / "planned.yaml", tmp_path / "out"
     suite.write_text("base: {map: office, robots: 2}\nuntil: plan\ngrid_search: {seed: [0]}\n")
     assert main(["batch", str(suite), "--out", str(out), "--workers", "1", "--keep-worst", "1"]) == 1
-    assert capsys.readouterr().err == "mrp-sumo: no run was driven, so there is none to keep\n"
+    errors = [line for line in capsys.readouterr().err.splitlines() if "runs done" not in line]  # of which slow machines print more
+    assert errors == ["mrp-sumo: no run was driven, so there is none to keep"]
 
 
 def test_page_of_a_batch_fills_as_runs_end(study, tmp_path):

@@ -6,7 +6,7 @@ from worlds import CELL_M, problem_on
 
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
-from mrp_sumo.drive.places import Places
+from mrp_sumo.drive.places import RobotPlaces
 
 
 def row(length, *doorsteps, ring=False):
@@ -19,7 +19,7 @@ def row(length, *doorsteps, ring=False):
 
 def chosen(graph, start, stops, parking=(), stays=()):
     """Where robots go that begin at `start`, and who of them makes a stop there; `stops` are vertices by robot."""
-    where = Places(problem_on(graph, start, start), parking)
+    where = RobotPlaces(problem_on(graph, start, start), parking)
     at = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in stops.items()}
     vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops))
     return vertex.tolist(), makes.tolist()
@@ -69,5 +69,5 @@ def test_of_two_robots_for_one_place_the_one_whose_turn_it_is_makes_its_stop():
 @pytest.mark.parametrize(("waits", "served", "lets_pass"), [(1, 8, True), (0, 8, False), (1, 0, False)])
 def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(waits, served, lets_pass):
     """It stands at 3, the place is at 4: there is room behind who waits at 1, but not behind one at 0, nor where another is served."""
-    where, way = Places(problem_on(row(9), [waits, 3], [waits, 3])), list(range(waits, 5))
+    where, way = RobotPlaces(problem_on(row(9), [waits, 3], [waits, 3])), list(range(waits, 5))
     assert where.can_let_pass(1, 3, way, {served}) == lets_pass

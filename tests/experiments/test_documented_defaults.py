@@ -8,7 +8,7 @@ import yaml
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 
 FOR_GOOD = {
     "breakdowns": {"robot": 0, "begin_s": 2},
@@ -37,7 +37,7 @@ def test_disturbance_without_duration_lasts_for_good(tmp_path, kind):
 
 def test_scenario_with_all_defaults_written_out_is_the_scenario_without_them(tmp_path):
     short = written(tmp_path)
-    whole = Scenario.model_validate(yaml.safe_load(short.read_text())).model_dump(mode="json")
+    whole = ScenarioModel.model_validate(yaml.safe_load(short.read_text())).model_dump(mode="json")
     (tmp_path / "whole.yaml").write_text(yaml.safe_dump({**whole, "name": "small"}))
     for name in ("small", "whole"):
         assert main(["run", str(tmp_path / f"{name}.yaml"), "--out", str(tmp_path / name)]) == 0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrp_sumo.crowd.model import Fields, LaneSpeeds
+from mrp_sumo.crowd.model import LaneSpeeds, ProtectiveFields
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
@@ -17,7 +17,7 @@ def people(tmp_path, said, **more):
 
 def test_a_number_is_enough(tmp_path):
     found = people(tmp_path, 20)
-    assert found.count == 20 and found.fields == Fields() and len(found.place) > 5
+    assert found.count == 20 and found.fields == ProtectiveFields() and len(found.place) > 5
     assert found.floor.free[found.place].all() and (found.floor.away_m[found.place] >= 0.25).all()
 
 

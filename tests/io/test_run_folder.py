@@ -19,7 +19,7 @@ from mrp_sumo.io import run_folder
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 
 
 def strict(path):
@@ -55,7 +55,7 @@ def test_everything_is_there_and_listed(tmp_path):
 
 def test_bag_is_as_the_scenario_says(tmp_path):
     choice = {"storage": "sqlite3", "rmf_messages": "galactic", "robots": ["robot_2"]}
-    scenario = Scenario.model_validate({"name": "four", "map": "four", "robots": {"count": 4}, "record": choice})
+    scenario = ScenarioModel.model_validate({"name": "four", "map": "four", "robots": {"count": 4}, "record": choice})
     run_of_four(tmp_path / "run #1", tmp_path / "x.net.xml", scenario=scenario)
     assert (tmp_path / "run #1" / "bag" / "bag.db3").is_file()
     (tmp_path / "run #1").rename(tmp_path / "run")  # the library reads no sqlite3 bag below a '#'

@@ -5,7 +5,7 @@ import pytest
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import put
 from mrp_sumo.io.scenario.disturbances import NAMED_DISTURBANCES, DisturbanceChoice
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
 from mrp_sumo.io.scenario.robots import RobotShape, robot_type
 
@@ -138,8 +138,8 @@ def test_robot_types(tmp_path):
 
 
 def test_schema_describes_every_key():
-    schema = Scenario.model_json_schema()
-    assert set(schema["properties"]) == set(Scenario.model_fields)
+    schema = ScenarioModel.model_json_schema()
+    assert set(schema["properties"]) == set(ScenarioModel.model_fields)
     assert schema["$defs"]["PlannerChoice"]["properties"]["time_limit_s"]["default"] == 60.0
 
 

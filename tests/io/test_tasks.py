@@ -15,7 +15,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.io.scenario.tasks import ChargingChoice, TasksChoice
-from mrp_sumo.io.tasks import Site, sources_of
+from mrp_sumo.io.tasks import TaskNames, sources_of
 from mrp_sumo.io.tasks_table import read_tasks, write_tasks
 
 VERTICES = {"a": 0, "b": 1, "c": 2, "d": 3}
@@ -33,7 +33,7 @@ def tasks_of(choice, folder=None):
 
 def source_of(choice, folder=None, names=VERTICES):
     cells = np.array([[1, 0, 1], [1, 1, 1]], np.bool_)  # v0 to v2 below, v3 and v4 above
-    site = Site(names.get, list(names), at, folder, lambda: cells, ("cart", "cart", "lift"))
+    site = TaskNames(names.get, list(names), at, folder, lambda: cells, ("cart", "cart", "lift"))
     (source,) = sources_of(TasksChoice.model_validate(choice), site, 0, 3.0, 3)
     return source
 
@@ -297,7 +297,7 @@ def test_two_orders_of_one_name_are_refused(tmp_path):
 
 def test_orders_without_names_have_names_of_their_own(tmp_path):
     (tmp_path / "orders.csv").write_text("release_s,stops\n5,a\n9,b\n")
-    site = Site(VERTICES.get, list(VERTICES), at, tmp_path, lambda: None, ("cart",))
+    site = TaskNames(VERTICES.get, list(VERTICES), at, tmp_path, lambda: None, ("cart",))
     stream = {"arrivals": {"at_once": True}, "count": 2, "stops": ["a"]}
     choice = {"list": [{"stops": ["a"]}], "file": "orders.csv", "streams": [stream, stream]}
     names = [task.name for source in sources_of(TasksChoice.model_validate(choice), site, 0, 3.0, 1) for task in source.tasks()]

@@ -13,7 +13,7 @@ from mrp_sumo.experiments.measure_later import measure_run
 from mrp_sumo.experiments.worker import measure_and_trace
 from mrp_sumo.io.run_folder import plain
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.trace import Trace, read_trace, trace_path, write_trace
 from mrp_sumo.metrics.registry import METRICS
 
@@ -36,7 +36,7 @@ NO_PLAN = {**PLAIN, "planner": {"name": "cbs", "time_limit_s": 1e-6}}
 
 def made(document):
     """The answer of a worker, and its trace."""
-    scenario = Scenario.model_validate({"name": "trace", **document})
+    scenario = ScenarioModel.model_validate({"name": "trace", **document})
     job = {
         "key": KEY,
         "scenario": scenario.model_dump_json(),

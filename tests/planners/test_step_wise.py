@@ -11,7 +11,7 @@ from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make, names
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
-from planners.step_wise._ground import Ground, moved_up, operations
+from planners.step_wise._ground import FreeCells, moved_up, operations
 
 LETTERS = "FRCW"
 
@@ -72,7 +72,7 @@ def test_nearest_tasks_are_those_of_the_least_sum():
 @pytest.mark.kernel
 def test_distances_count_turns():
     problem = problem_of(["..", ".."], [0], [[3]])
-    ground = Ground(problem, 1)
+    ground = FreeCells(problem, 1)
     table = ground.table[ground.slot(3)]
     assert table[:4].tolist() == [3, 3, 4, 4]  # from the upper left: east, south, west, north
     assert table[12:].tolist() == [0, 0, 0, 0]
@@ -81,7 +81,7 @@ def test_distances_count_turns():
 
 def test_forgotten_tables_are_made_again():
     problem = problem_of(["." * 200] * 20, [0], [[3]])
-    ground = Ground(problem, 1)
+    ground = FreeCells(problem, 1)
     assert len(ground.table) < problem.free.sum()
     first = ground.table[ground.slot(7)].copy()
     for goal in range(100, 100 + len(ground.table)):

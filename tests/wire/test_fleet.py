@@ -12,7 +12,7 @@ from wire.worlds import TYPE, carts
 from mrp_sumo.formats.vda.abilities import BREAKDOWN
 from mrp_sumo.formats.vda.check import check
 from mrp_sumo.formats.vda.messages import action, line_of
-from mrp_sumo.wire.fleet import Fault, Reporting
+from mrp_sumo.wire.fleet import InjectedFault, Reporting
 from mrp_sumo.wire.link import FROM_VEHICLES
 
 SCHEMAS = Path(__file__).resolve().parents[3] / "shared" / "reference" / "data" / "vda5050"
@@ -117,7 +117,7 @@ def test_vehicle_stands_for_its_action_and_keeps_the_limit_of_its_edge(tmp_path)
 
 
 def test_fault_stops_a_vehicle_for_as_long_as_it_was_asked_to(tmp_path):
-    with carts(tmp_path, faults=[Fault(0, BREAKDOWN, 2.0, 6.0)]) as master:
+    with carts(tmp_path, faults=[InjectedFault(0, BREAKDOWN, 2.0, 6.0)]) as master:
         master.order("robot_0", "ab")
         master.run(5)
         assert names_of(master.states["robot_0"]) == ["breakdown"] and not master.states["robot_0"]["driving"]

@@ -67,9 +67,9 @@ def test_vehicles_do_tasks_as_they_come(tmp_path):
 
 def test_vehicle_that_breaks_down_holds_the_others_where_they_are_safe(tmp_path):
     from mrp_sumo.formats.vda.abilities import BREAKDOWN
-    from mrp_sumo.wire.fleet import Fault
+    from mrp_sumo.wire.fleet import InjectedFault
 
-    with carts(tmp_path, faults=[Fault(0, BREAKDOWN, 3.0, 33.0)]) as master:
+    with carts(tmp_path, faults=[InjectedFault(0, BREAKDOWN, 3.0, 33.0)]) as master:
         result, _ = driven(tmp_path, master)
     assert result.status == "completed" and result.execution.sim_time_s > 33.0 and result.audit["passed"]
 

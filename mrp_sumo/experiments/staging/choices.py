@@ -18,7 +18,7 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.disturbances import BreakdownChoice, DisturbanceChoice, FireChoice, ObstacleChoice, OutageChoice
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
 from mrp_sumo.io.scenario.robots import RobotShape, robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
@@ -57,7 +57,7 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[Rob
     )
 
 
-def named_files(scenario: Scenario, folder: Path) -> list[Path]:
+def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
     """Files beside the map that a scenario names and that decide about its run: of robots, a plan, tasks.
 
     Parameters
@@ -102,7 +102,7 @@ def _check_metric(name: str, folder: Path, run_programs: bool) -> None:
     own_metric(name, folder)
 
 
-def _plan_path(scenario: Scenario, folder: Path) -> Path | None:
+def _plan_path(scenario: ScenarioModel, folder: Path) -> Path | None:
     """The plan that is there already, if the scenario names one."""
     path = scenario.planner.parameters.get("path") if scenario.planner.name == "plan_file" else None
     return folder / path if isinstance(path, str) and path else None

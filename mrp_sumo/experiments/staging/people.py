@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.stream import HOUR_S, Arrivals
 from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
-from mrp_sumo.crowd.model import Fields, Flow, Group, LaneSpeeds, People, joint_places
+from mrp_sumo.crowd.model import Flow, Group, LaneSpeeds, People, ProtectiveFields, joint_places
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -41,7 +41,7 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
         count=choice.count or 0,
         flows=tuple(flow for flow in flows if flow.arrivals.rate_per_h > 0 and max(flow.arrivals.profile, default=1.0) > 0),
         groups=tuple(Group(group.share, group.speed_mps, group.spread_mps) for group in choice.groups) or (Group(1.0),),
-        fields=Fields(**choice.fields.model_dump(exclude={"active"})) if choice.fields.active else None,
+        fields=ProtectiveFields(**choice.fields.model_dump(exclude={"active"})) if choice.fields.active else None,
         seed=seed,
     )
     reachable = joint_places(people)

@@ -13,7 +13,7 @@ from mrp_sumo.drive.motion_plan import TURNS_RAD
 from mrp_sumo.errors import PlanError, ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, uniform_draw
 
@@ -112,7 +112,7 @@ def as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], name
     return found
 
 
-def named_places(scenario: Scenario) -> bool:
+def named_places(scenario: ScenarioModel) -> bool:
     """Whether a scenario names starts and goals."""
     return scenario.robots.starts is not None or any(group.starts and group.goals for group in scenario.robots.fleet or ())
 
@@ -141,7 +141,7 @@ def headings(degrees: float | list[float | None] | None, count: int) -> FloatArr
     return frozen(np.radians(np.array([np.nan if heading is None else heading for heading in each], np.float64)))
 
 
-def goal_headings(scenario: Scenario, graph: PlanGraph, goal: IntArray) -> FloatArray | None:
+def goal_headings(scenario: ScenarioModel, graph: PlanGraph, goal: IntArray) -> FloatArray | None:
     """[G] as the scenario says, else as the map does, where robots can face so without turning aside from all lanes."""
     if scenario.robots.goal_heading_deg is not None or scenario.tasks is not None:
         return headings(scenario.robots.goal_heading_deg, len(goal))

@@ -32,7 +32,7 @@ from mrp_sumo.experiments.staging.places import (
 )
 from mrp_sumo.experiments.staging.tasks import with_tasks
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.protocol import Assigner, Planner
@@ -52,7 +52,7 @@ class SetUp:
     notes: tuple[str, ...] = ()  # what is worth knowing before it is planned, a line each
 
     @property
-    def scenario(self) -> Scenario:
+    def scenario(self) -> ScenarioModel:
         return self.file.scenario
 
 

@@ -11,14 +11,14 @@ from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import TaskList, TaskSource
-from mrp_sumo.drive.orders import Rules
+from mrp_sumo.drive.orders import OrderRules
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.tasks import TasksChoice
-from mrp_sumo.io.tasks import Site, charging_of, parking_of, sources_of
+from mrp_sumo.io.tasks import TaskNames, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import find_map
 
 
@@ -44,10 +44,10 @@ def with_tasks(
     )
 
 
-def _rules_of(choice: TasksChoice) -> Rules:
+def _rules_of(choice: TasksChoice) -> OrderRules:
     """When orders are withdrawn, and what becomes of those whose robot is lost."""
     cancel, retry = choice.cancel, choice.retry
-    return Rules(
+    return OrderRules(
         cancel_overdue=cancel is not None and cancel.overdue,
         cancel_after_s=math.inf if cancel is None or cancel.after_s is None else cancel.after_s,
         retries=retry.times if retry else 0,
@@ -72,7 +72,7 @@ def sources_on(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: Fleet
     return sources_of(file.scenario.tasks, site, file.scenario.seed, step_s, fleet.num_robots)
 
 
-def _site_of_tasks(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: Fleet) -> Site:
+def _site_of_tasks(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: Fleet) -> TaskNames:
     """What is known of the map to who reads tasks."""
 
     def vertex_of(name: str) -> int | None:
@@ -85,4 +85,4 @@ def _site_of_tasks(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: F
             raise ScenarioError(f"{file.at('tasks', 'file')}: .tasks count the cells of a MovingAI map, but the map is '{path.name}'")
         return read_map(path)
 
-    return Site(vertex_of, nav.vertex_name, file.at, file.folder, cells, fleet.type_name)
+    return TaskNames(vertex_of, nav.vertex_name, file.at, file.folder, cells, fleet.type_name)

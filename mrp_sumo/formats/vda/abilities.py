@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.errors import RefusalError
-from mrp_sumo.formats.vda.messages import Limits
+from mrp_sumo.formats.vda.messages import VehicleLimits
 from mrp_sumo.formats.vda.order import LONGEST_ID, LONGEST_PAYLOAD, MOST_ACTIONS, MOST_NODES, Action, Edge, Node, Order
 
 AT_NODES = ("pick", "drop", "service", "startCharging", "stopCharging", "finePositioning", "detectObject")
@@ -19,7 +19,7 @@ ABILITIES = {  # action -> where it may be asked for
     kind: [scope for scope, kinds in (("NODE", AT_NODES), ("EDGE", ON_EDGES), ("INSTANT", INSTANT)) if kind in kinds]
     for kind in dict.fromkeys((*AT_NODES, *ON_EDGES, *INSTANT))
 }
-LIMITS = Limits(LONGEST_PAYLOAD, LONGEST_ID, MOST_NODES, MOST_ACTIONS)
+LIMITS = VehicleLimits(LONGEST_PAYLOAD, LONGEST_ID, MOST_NODES, MOST_ACTIONS)
 ACTION_S = {  # how long actions take that do not say it
     **dict.fromkeys(("pick", "drop", "service"), 5.0),
     **dict.fromkeys(("startCharging", "stopCharging", "detectObject"), 1.0),
@@ -31,7 +31,7 @@ BREAKDOWN, EMERGENCY_STOP, LOST, FIELD = "breakdown", "emergencyStop", "localiza
 FAULTS = (BREAKDOWN, EMERGENCY_STOP, LOST, FIELD)
 
 
-class Site(Protocol):
+class VehicleMap(Protocol):
     """The map that a vehicle has."""
 
     @property
@@ -48,7 +48,7 @@ class Site(Protocol):
         """How a vehicle faces that comes from a known node to another that is joined to it; NaN where these are one."""
 
 
-def check_order(order: Order, site: Site, start: str, used: Set[str]) -> None:
+def check_order(order: Order, site: VehicleMap, start: str, used: Set[str]) -> None:
     """Refuse an order that leads from a node where a vehicle cannot go, or has actions that vehicles do not know.
 
     Parameters
@@ -70,7 +70,7 @@ def check_order(order: Order, site: Site, start: str, used: Set[str]) -> None:
     _check_actions(order, used)
 
 
-def _check_route(order: Order, site: Site, start: str) -> None:
+def _check_route(order: Order, site: VehicleMap, start: str) -> None:
     before, references = start, order.references
     for i, node in enumerate(order.nodes):
         place = site.place(node.name)

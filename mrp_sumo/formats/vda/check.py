@@ -99,7 +99,7 @@ WORDS = 60  # of what a message shows
 
 
 @dataclass(frozen=True)
-class Fault:
+class MessageFault:
     """What is wrong, and where: the number of the line, the topic, and the path within the payload."""
 
     line: int
@@ -133,7 +133,7 @@ class _Vehicle:
     seen: tuple[float, float, float, object] | None = None  # time, place and map
 
 
-def check(lines: Iterable[str]) -> Iterator[Fault]:
+def check(lines: Iterable[str]) -> Iterator[MessageFault]:
     """What is wrong with a log, in its order."""
     vehicles: dict[tuple[str, str], _Vehicle] = {}
     last_s = -math.inf
@@ -142,24 +142,24 @@ def check(lines: Iterable[str]) -> Iterator[Fault]:
             continue
         entry = _read(line)
         if isinstance(entry, str):
-            yield Fault(number, "?", entry)
+            yield MessageFault(number, "?", entry)
             continue
         t_s, topic, payload = entry
         if t_s < last_s:
-            yield Fault(number, topic, f"t_s {t_s:g} comes after {last_s:g}")
+            yield MessageFault(number, topic, f"t_s {t_s:g} comes after {last_s:g}")
         last_s = max(last_s, t_s)
         parts = topic.split("/")
         if len(parts) != 5 or not re.fullmatch(r"v\d+", parts[1]):
-            yield Fault(number, topic[:WORDS], "expected a topic INTERFACE/vN/MANUFACTURER/SERIAL/KIND")
+            yield MessageFault(number, topic[:WORDS], "expected a topic INTERFACE/vN/MANUFACTURER/SERIAL/KIND")
             continue
         rules = "3" if parts[1] == "v3" else "2"
         if parts[4] not in NEEDED[rules]:
             if parts[4] not in ("zoneSet", "responses"):
-                yield Fault(number, topic, f"'{parts[4][:WORDS]}' is no kind of message{nearest(parts[4][:WORDS], NEEDED[rules])}")
+                yield MessageFault(number, topic, f"'{parts[4][:WORDS]}' is no kind of message{nearest(parts[4][:WORDS], NEEDED[rules])}")
             continue
         vehicle = vehicles.setdefault((parts[2], parts[3]), _Vehicle())
         for text in _Message(rules, parts, t_s, payload, vehicle).faults():
-            yield Fault(number, topic, text)
+            yield MessageFault(number, topic, text)
 
 
 def _read(line: str) -> tuple[float, str, Mapping[str, Any]] | str:

@@ -8,7 +8,7 @@ from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.abilities import FAULTS, INSTANT, LOST
 from mrp_sumo.formats.vda.errors import RefusalError, error_of
 from mrp_sumo.formats.vda.order import Action, check_header, read_actions, read_document, read_order
-from mrp_sumo.formats.vda.vehicle import FAILED, FINISHED, RUNNING, Doing, Vehicle
+from mrp_sumo.formats.vda.vehicle import FAILED, FINISHED, RUNNING, ActionProgress, Vehicle
 
 SAME_POSE_M, SAME_POSE_RAD = 1.0, 0.8  # an initial position farther off is refused
 MOST_INSTANT = 100  # instant actions that are over and still reported
@@ -37,7 +37,7 @@ def _do(vehicle: Vehicle, action: Action, now_s: float) -> None:
     over = [name for name, doing in vehicle.instants.items() if doing.is_over]
     for name in over[: max(0, len(vehicle.instants) + 1 - MOST_INSTANT)]:
         del vehicle.instants[name]
-    doing = vehicle.instants[action.name] = Doing(action, RUNNING)
+    doing = vehicle.instants[action.name] = ActionProgress(action, RUNNING)
     references = {"actionId": action.name, "actionType": action.kind}
     try:
         if action.kind not in INSTANT:
@@ -53,39 +53,39 @@ def _do(vehicle: Vehicle, action: Action, now_s: float) -> None:
         vehicle.refused.pop("instantActions", None)
 
 
-def _start_pause(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _start_pause(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     vehicle.paused = True
     if not vehicle.body.moves:
         doing.end(FINISHED)
 
 
-def _stop_pause(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _stop_pause(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     vehicle.paused = False
     doing.end(FINISHED)
 
 
-def _state_request(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _state_request(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     doing.end(FINISHED)
 
 
-def _factsheet_request(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _factsheet_request(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     vehicle.asked_for_factsheet = True
     doing.end(FINISHED)
 
 
-def _start_charging(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _start_charging(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     if vehicle.body.moves:
         raise RefusalError(errors.INSTANT_ACTION, "the vehicle drives")
     vehicle.charging = True
     doing.end(FINISHED)
 
 
-def _stop_charging(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _stop_charging(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     vehicle.charging = False
     doing.end(FINISHED)
 
 
-def _cancel_order(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _cancel_order(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     wanted = doing.action.parameters.get("orderId")
     if not vehicle.is_busy or vehicle.cancels or (wanted is not None and vehicle.order and wanted != vehicle.order.name):
         raise RefusalError(errors.NO_ORDER, "there is no such order to cancel")
@@ -95,7 +95,7 @@ def _cancel_order(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
             other.end(FAILED, "the order is cancelled")
 
 
-def _init_position(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _init_position(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     """A simulated vehicle is where it is: a position that agrees has it localized again, another is refused."""
     parameters, body = doing.action.parameters, vehicle.body
     numbers: list[Any] = [parameters.get(key) for key in ("x", "y", "theta")]
@@ -109,7 +109,7 @@ def _init_position(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
     doing.end(FINISHED)
 
 
-def _simulate_fault(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _simulate_fault(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     kind, lasts_s = _fault(doing.action), doing.action.parameters.get("duration", math.inf)
     if type(lasts_s) not in (int, float) or not lasts_s > 0:
         raise RefusalError(errors.INSTANT_ACTION, "duration: expected seconds above 0")
@@ -117,7 +117,7 @@ def _simulate_fault(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
     doing.end(FINISHED)
 
 
-def _clear_fault(vehicle: Vehicle, doing: Doing, now_s: float) -> None:
+def _clear_fault(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     vehicle.faults.pop(_fault(doing.action), None)
     doing.end(FINISHED)
 
@@ -129,7 +129,7 @@ def _fault(action: Action) -> str:
     return str(fault)
 
 
-DO: dict[str, Callable[[Vehicle, Doing, float], None]] = {
+DO: dict[str, Callable[[Vehicle, ActionProgress, float], None]] = {
     "startPause": _start_pause,
     "stopPause": _stop_pause,
     "stateRequest": _state_request,

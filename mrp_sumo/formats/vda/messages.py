@@ -211,7 +211,7 @@ OF_RUNS = {  # actions that runs know, with their scopes
 
 
 @dataclass(frozen=True)
-class Limits:
+class VehicleLimits:
     """Of what a vehicle takes; 0: none."""
 
     payload: int = 0  # bytes
@@ -226,7 +226,7 @@ def factsheet(
     robot: int,
     *,
     actions: Mapping[str, Sequence[str]] = OF_RUNS,
-    limits: Limits | None = None,
+    limits: VehicleLimits | None = None,
 ) -> Json:
     """What a vehicle, a robot of a fleet, says about itself. Heights and loads are not known here: 0 is no limit."""
     new = dialect.is_new

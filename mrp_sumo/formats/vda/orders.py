@@ -16,7 +16,7 @@ MakeEdge = Callable[[int, int, bool], Json]  # the edge after a visit, likewise
 
 
 @dataclass
-class Orders:
+class VehicleOrders:
     """The orders of one vehicle so far. Visits are counted along its whole way."""
 
     serial: str

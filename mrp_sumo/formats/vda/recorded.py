@@ -39,7 +39,7 @@ class Recorded:
 
 
 @dataclass
-class Log:
+class RecordedLog:
     """A log as a whole."""
 
     vehicles: dict[str, Recorded] = field(default_factory=dict)  # by manufacturer/serial number
@@ -47,7 +47,7 @@ class Log:
     edges: set[tuple[str, str]] = field(default_factory=set)
 
 
-def read_log(path: Path) -> Log:
+def read_log(path: Path) -> RecordedLog:
     """Read a log.
 
     Raises
@@ -56,7 +56,7 @@ def read_log(path: Path) -> Log:
         For a line that is no such message, with its number; for a log without a vehicle that says where it is.
     """
     require_regular(path, LARGEST_LOG)
-    log, name = Log(), shortened(path)
+    log, name = RecordedLog(), shortened(path)
     with path.open(encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE + 1), ""), 1):
             if line.strip():
@@ -67,7 +67,7 @@ def read_log(path: Path) -> Log:
     return log
 
 
-def _read_line(log: Log, line: str, where: str) -> None:
+def _read_line(log: RecordedLog, line: str, where: str) -> None:
     try:
         document = json_value(line, largest=LARGEST)
     except (ValueError, RecursionError):
@@ -136,7 +136,7 @@ def _read_state(vehicle: Recorded, payload: Mapping[str, Any], now_s: float, is_
         vehicle.percent.append((now_s, float(level)))
 
 
-def _read_order(log: Log, payload: Mapping[str, Any], where: str) -> None:
+def _read_order(log: RecordedLog, payload: Mapping[str, Any], where: str) -> None:
     _require(payload, {"nodes": list}, "payload", where)
     names = []
     for i, node in enumerate(payload["nodes"]):

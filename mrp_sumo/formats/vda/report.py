@@ -8,7 +8,7 @@ from mrp_sumo.formats.vda.abilities import BREAKDOWN, EMERGENCY_STOP, FIELD, LOS
 from mrp_sumo.formats.vda.errors import RefusalError, error, error_of
 from mrp_sumo.formats.vda.messages import Json, state, states_of
 from mrp_sumo.formats.vda.order import Edge, Node
-from mrp_sumo.formats.vda.vehicle import Doing, Vehicle
+from mrp_sumo.formats.vda.vehicle import ActionProgress, Vehicle
 
 
 def state_of(vehicle: Vehicle, now_s: float) -> Json:
@@ -65,7 +65,7 @@ def _errors(vehicle: Vehicle) -> Iterator[Json]:
         yield error("blocked", errors.WARNING, vehicle.blocked_by, {"orderId": vehicle.order.name} if vehicle.order else {})
 
 
-def _said_doing(vehicle: Vehicle, doing: Doing) -> Json:
+def _said_doing(vehicle: Vehicle, doing: ActionProgress) -> Json:
     said = {"actionId": doing.action.name, "actionType": doing.action.kind, "actionStatus": doing.status}
     return said | ({"actionResult" if vehicle.dialect.is_new else "resultDescription": doing.result} if doing.result else {})
 

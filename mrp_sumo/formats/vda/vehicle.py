@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mrp_sumo.formats.vda import errors
-from mrp_sumo.formats.vda.abilities import BREAKDOWN, FAULTS, LOST, Site, check_order, duration_s
+from mrp_sumo.formats.vda.abilities import BREAKDOWN, FAULTS, LOST, VehicleMap, check_order, duration_s
 from mrp_sumo.formats.vda.errors import RefusalError
 from mrp_sumo.formats.vda.messages import STANDING_MPS, Dialect, Json, Sender
 from mrp_sumo.formats.vda.order import Action, Edge, Node, Order, check_sequence
@@ -38,7 +38,7 @@ class Body:
 
 
 @dataclass
-class Doing:
+class ActionProgress:
     """An action and what has become of it."""
 
     action: Action
@@ -60,7 +60,7 @@ class Vehicle:
     """One vehicle."""
 
     sender: Sender
-    site: Site
+    site: VehicleMap
     at: str  # name of the node of the map at which it stands, or which it passed last
     body: Body
     percent: float = 100.0  # of the battery
@@ -71,8 +71,8 @@ class Vehicle:
     last_node: str = ""  # as the order calls it
     passed: int = 0  # its sequence number
     given: int = 0  # sequence number of the last node that the body has been sent to
-    doings: dict[str, Doing] = field(default_factory=dict)  # actions of the order, in its order
-    instants: dict[str, Doing] = field(default_factory=dict)
+    doings: dict[str, ActionProgress] = field(default_factory=dict)  # actions of the order, in its order
+    instants: dict[str, ActionProgress] = field(default_factory=dict)
     refused: dict[str, Json] = field(default_factory=dict)  # errors until an order, or an instant action, is accepted
     faults: dict[str, float] = field(default_factory=dict)  # kind -> until when
     blocked_by: str = ""  # what the body waits for, for people
@@ -243,7 +243,7 @@ class Vehicle:
         both: list[Node | Edge] = [*nodes, *order.edges]
         by_place = sorted(both, key=lambda one: one.sequence)
         for action in (action for one in by_place for action in one.actions):
-            self.doings.setdefault(action.name, Doing(action))
+            self.doings.setdefault(action.name, ActionProgress(action))
         self.base_end = [node for node in order.nodes if node.released][-1]
 
     def _is_base(self, name: str) -> bool:
@@ -301,7 +301,7 @@ class Vehicle:
             if doing.until_s <= now_s:
                 self._finish(doing)
 
-    def _finish(self, doing: Doing) -> None:
+    def _finish(self, doing: ActionProgress) -> None:
         doing.end(FINISHED)
         self.news = True
         kind, parameters = doing.action.kind, doing.action.parameters

@@ -9,7 +9,7 @@ from pathlib import Path
 from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.files.reading import require_regular, shortened
 from mrp_sumo.io.documents import Document, Place
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.maps.catalogue import bundled_folder
 
 
@@ -17,7 +17,7 @@ from mrp_sumo.maps.catalogue import bundled_folder
 class ScenarioFile:
     """A checked scenario, and where its values come from, for messages about them."""
 
-    scenario: Scenario
+    scenario: ScenarioModel
     document: Document
     options: Mapping[Place, str]  # command line options by the place they stand for
 

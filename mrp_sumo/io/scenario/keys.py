@@ -7,12 +7,12 @@ from typing import Any
 from pydantic import BaseModel
 
 from mrp_sumo.errors import nearest
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 
 
 def unknown_key(key: str) -> str:
     """What is wrong with a dotted key of scenarios, '' if nothing is."""
-    model: Any = Scenario
+    model: Any = ScenarioModel
     for i, part in enumerate(parts := key.split(".")):
         if model is None or model is dict:
             return "" if model is dict else f"'{'.'.join(parts[:i])}' has no keys"
@@ -35,7 +35,7 @@ def nearest_key(key: str, others: Iterable[str] = ()) -> str:
     others
         More keys that would have been right.
     """
-    known = [*others, *_all_keys(Scenario)]
+    known = [*others, *_all_keys(ScenarioModel)]
     by_last = {name.rpartition(".")[2]: name for name in reversed(known)}
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.75) or [
         by_last[name] for name in difflib.get_close_matches(key.rpartition(".")[2], by_last, n=1, cutoff=0.75)

@@ -78,7 +78,7 @@ def folder_name(name: str) -> str:
     return name
 
 
-class Scenario(Strict):
+class ScenarioModel(Strict):
     """One problem and how to solve, execute and record it."""
 
     name: Annotated[str, AfterValidator(folder_name)] = Field(
@@ -96,7 +96,7 @@ class Scenario(Strict):
     record: Recording = Recording()
 
     @model_validator(mode="after")
-    def _goals_or_tasks(self) -> "Scenario":
+    def _goals_or_tasks(self) -> "ScenarioModel":
         if self.tasks is not None and self.robots.goals != self.robots.starts:
             raise ValueError("robots: goals and tasks exclude each other")
         if self.tasks is not None and any(group.goals for group in self.robots.fleet or ()):
@@ -133,4 +133,4 @@ class Scenario(Strict):
         return data
 
 
-SECTIONS = tuple(Scenario.model_fields)
+SECTIONS = tuple(ScenarioModel.model_fields)

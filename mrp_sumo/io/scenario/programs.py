@@ -10,7 +10,7 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import MAIN_KEYS
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.model import Scenario
+from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.plugins.source import program_of
 from mrp_sumo.plugins.trust import Program, in_trusted_folder, is_trusted, trust
@@ -25,7 +25,7 @@ PLUG_INS = {  # keys that name plug-ins, and their kinds
 }
 
 
-def plug_ins_of(scenario: Scenario) -> Iterator[tuple[Place, str, str]]:
+def plug_ins_of(scenario: ScenarioModel) -> Iterator[tuple[Place, str, str]]:
     """(place, kind, name) of every plug-in that a scenario names."""
     for key, kind in PLUG_INS.items():
         place = tuple(key.split("."))

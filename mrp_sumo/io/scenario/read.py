@@ -9,7 +9,7 @@ from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.columns import put
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.model import Scenario, folder_name
+from mrp_sumo.io.scenario.model import ScenarioModel, folder_name
 from mrp_sumo.io.scenario.programs import programs_of, trust_programs
 from mrp_sumo.plugins.trust import trust
 
@@ -31,7 +31,7 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
         One line a fault, with file and line.
     """
     document = read_document(path)
-    scenario = validated(document, Scenario)
+    scenario = validated(document, ScenarioModel)
     if not scenario.name:
         try:
             scenario = scenario.model_copy(update={"name": folder_name(path.stem)})
@@ -58,7 +58,7 @@ def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioF
         One line a fault.
     """
     document = Document(folder / "scenario", dict(values), {})
-    scenario = validated(document, Scenario)
+    scenario = validated(document, ScenarioModel)
     file = ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
     trust_programs(file)
     return file
@@ -87,7 +87,7 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
         del data["robots"]["goals"]  # robots have none but their starts, which may be others now
     for place, (_, value) in overrides.items():
         put(data, place, value)
-    scenario = validated(file.document, Scenario, data, options=options)
+    scenario = validated(file.document, ScenarioModel, data, options=options)
     if not scenario.name:
         scenario = scenario.model_copy(update={"name": file.scenario.name})
     result = ScenarioFile(scenario, file.document, options)

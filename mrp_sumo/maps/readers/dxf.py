@@ -32,7 +32,7 @@ MAX_DEPTH = 16  # of blocks in blocks
 
 
 @dataclass(frozen=True)
-class Drawing:
+class DxfContent:
     """What was read."""
 
     strokes: FloatArray  # [N, 2, 2] m, the two ends of each
@@ -41,7 +41,7 @@ class Drawing:
     left_out: dict[str, int] = field(default_factory=dict)  # strokes of the others
 
 
-def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None = None) -> Drawing:
+def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None = None) -> DxfContent:
     """The strokes of a drawing.
 
     Parameters
@@ -93,7 +93,7 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
             f"{shortened(path)}: says no unit ($INSUNITS is {document.header.get('$INSUNITS', 0)}): state it with mrp-sumo import --unit, "
             f"one of {', '.join(UNIT_M)}; in m the drawing is {width:.4g} x {height:.4g} m, in mm {width / 1e3:.4g} x {height / 1e3:.4g} m"
         )
-    return Drawing(
+    return DxfContent(
         strokes=drawn * UNIT_M[known],
         unit=known,
         layers={layer: len(layers_of[layer]) for layer in chosen},

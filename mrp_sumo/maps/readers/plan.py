@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.maps.finding import Notes
-from mrp_sumo.maps.map import Floor, Map
+from mrp_sumo.maps.map import FloorPixels, Map
 from mrp_sumo.maps.readers.draft import Draft, building_of_walls
 from mrp_sumo.maps.readers.reader import MapFile, Selection, map_name, plan_kind, refuse_choice
 from mrp_sumo.maps.readers.ros_map import MAX_PIXELS, floor_grid, picture
@@ -58,7 +58,7 @@ class DxfPlan:
         shown = ", ".join(f"{layer} ({count})" for layer, count in drawing.layers.items())
         left = f"; left out: {', '.join(drawing.left_out)}" if drawing.left_out else "; --layers chooses" if len(drawing.layers) > 1 else ""
         notes.add("walls_of_layers", f"{shown} in {drawing.unit}{left}")
-        return _plan(file, selection, Floor(clear, resolution_m, (float(low[0]), float(low[1]))), drawing.strokes, notes)
+        return _plan(file, selection, FloorPixels(clear, resolution_m, (float(low[0]), float(low[1]))), drawing.strokes, notes)
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,10 @@ class PicturePlan:
         if len(walls) > MAX_TRACED:
             notes.add("walls_not_traced", f"{len(walls)} strokes: the grid alone keeps robots off what is dark")
             walls = walls[:0]
-        return _plan(file, selection, Floor(clear, scale_m, (0.0, 0.0)), walls, notes)
+        return _plan(file, selection, FloorPixels(clear, scale_m, (0.0, 0.0)), walls, notes)
 
 
-def _plan(file: MapFile, selection: Selection, floor: Floor, walls: FloatArray, notes: Notes) -> Map:
+def _plan(file: MapFile, selection: Selection, floor: FloorPixels, walls: FloatArray, notes: Notes) -> Map:
     """The grid between walls [N, 2, 2], without what is outside and the smaller pieces."""
     pixel_m2 = floor.resolution_m**2
     outside = _outside(floor.clear)
@@ -129,7 +129,7 @@ def _outside(clear: BoolArray) -> BoolArray:
     return outside if inside >= ENCLOSED * clear.size else np.zeros_like(clear)
 
 
-def _piece(floor: Floor, xy: FloatArray) -> BoolArray:
+def _piece(floor: FloorPixels, xy: FloatArray) -> BoolArray:
     """[h, w] the pixels that are joined to a place."""
     from scipy.ndimage import label
 

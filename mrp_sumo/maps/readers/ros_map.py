@@ -18,7 +18,7 @@ from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError, first_line, sentence
 from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.map import Floor, Map
+from mrp_sumo.maps.map import FloorPixels, Map
 from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
@@ -72,11 +72,11 @@ def read_ros_map(
     if len(origin) == 3 and abs(origin[2]) > 1e-6:
         raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
     clear = _clear_pixels(document, source)
-    return floor_grid(source, Floor(clear, resolution_m, (float(origin[0]), float(origin[1]))), name, cell_m, robot_radius_m)
+    return floor_grid(source, FloorPixels(clear, resolution_m, (float(origin[0]), float(origin[1]))), name, cell_m, robot_radius_m)
 
 
 def floor_grid(
-    source: Text, floor: Floor, name: str, cell_m: float, robot_radius_m: float, only: BoolArray | None = None
+    source: Text, floor: FloorPixels, name: str, cell_m: float, robot_radius_m: float, only: BoolArray | None = None
 ) -> tuple[PlanGraph, BoolArray]:
     """The grid of cells of `cell_m` where a robot has room on a floor, and those cells [H, W]; with `only`, none but these [H, W]."""
     clear, resolution_m = floor.clear, floor.resolution_m

@@ -20,7 +20,7 @@ from mrp_sumo.sizing.answer import Answer, Gain
 from mrp_sumo.sizing.confirmation import Confirmation
 from mrp_sumo.sizing.question import BACKLOG, CORES
 from mrp_sumo.sizing.reasons import in_words
-from mrp_sumo.sizing.replays import Kept
+from mrp_sumo.sizing.replays import ReplayedRun
 from mrp_sumo.sizing.search import Bracket
 from mrp_sumo.sizing.study import Study
 
@@ -28,7 +28,7 @@ PAGE, DOCUMENT = "capacity.html", "answer.json"
 STYLE_SHEET = Path(__file__).with_name("page.css")
 
 
-def write_capacity_page(study: Study, answer: Answer, folder: Path, made: Sequence[Kept] = ()) -> Path:
+def write_capacity_page(study: Study, answer: Answer, folder: Path, made: Sequence[ReplayedRun] = ()) -> Path:
     """Write the page, and the answer as JSON, into the folder of a study; replay pages of the runs that are kept, which it links.
 
     Raises
@@ -42,7 +42,7 @@ def write_capacity_page(study: Study, answer: Answer, folder: Path, made: Sequen
     return folder / PAGE
 
 
-def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]] = ()) -> str:
+def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun, str]] = ()) -> str:
     """The whole page; `replays` are kept runs and where their replay pages are, seen from here."""
     scenario = study.question.file.scenario
     body = [
@@ -58,7 +58,7 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Kept, st
     return document(f"{scenario.name}: how many robots fit", "mrp-sumo capacity", body, STYLE_SHEET)
 
 
-def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[Kept, str]]) -> list[str]:
+def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun, str]]) -> list[str]:
     reasons = answer.at_peak
     lines = [*(_charts([throughput(answer)]) if answer.points else []), *_table(answer)]
     if limit := answer.limit:

@@ -27,7 +27,7 @@ from mrp_sumo.reports.charts.chart import (
     series_style,
 )
 from mrp_sumo.reports.pictures.map_picture import INK, MUTED, PAPER
-from mrp_sumo.reports.study import Study, numbers
+from mrp_sumo.reports.study import ReportedRuns, numbers
 
 OF_TASKS = (  # metric, title, axis
     ("throughput_per_h", "Throughput", "orders done an hour"),
@@ -42,7 +42,7 @@ LEAST_PLANNING_S = 1e-6  # that is drawn on a logarithmic axis
 Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x, y, low, high
 
 
-def study_charts(study: Study) -> dict[str, list[Chart]]:
+def study_charts(study: ReportedRuns) -> dict[str, list[Chart]]:
     """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution', 'tasks'."""
     by_section: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": [], "tasks": []}
     if not study.is_planned:
@@ -73,7 +73,7 @@ def study_charts(study: Study) -> dict[str, list[Chart]]:
     return {section: [c for c in charts if c is not None] for section, charts in by_section.items()}
 
 
-def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart:
+def _success(study: ReportedRuns, runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart:
     outcome = "_succeeded" if study.is_executed else "_valid"
     curves: list[Curve] = []
     for s in series:
@@ -93,7 +93,7 @@ def _success(study: Study, runs: pd.DataFrame, series: Sequence[str], x: str, ta
     return draw(f"success_{file_name(x)}_{tag}", title, caption, paint, size=_with_key(series))
 
 
-def _success_rows(study: Study, runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart:
+def _success_rows(study: ReportedRuns, runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart:
     outcome = "_succeeded" if study.is_executed else "_valid"
 
     def paint(figure: Figure) -> None:

@@ -38,7 +38,7 @@ class LiveServer:
 
 
 def _handler(live: LiveServer) -> type[LocalHandler]:
-    class Handler(LocalHandler):
+    class LiveHandler(LocalHandler):
         def do_GET(self) -> None:
             place = self.place()
             if place == "":
@@ -76,4 +76,4 @@ def _handler(live: LiveServer) -> type[LocalHandler]:
                 pass  # the viewer has gone
             self.close_connection = True
 
-    return Handler
+    return LiveHandler

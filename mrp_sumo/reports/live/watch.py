@@ -22,7 +22,7 @@ from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
 from mrp_sumo.reports.pictures.view import extent, subtitle_of
-from mrp_sumo.reports.replay.page import MAX_POSES, About, Frame, about_run, drawn_lanes, replay_page, task_document
+from mrp_sumo.reports.replay.page import MAX_POSES, About, PageFrame, about_run, drawn_lanes, replay_page, task_document
 
 SAMPLE = np.dtype([("x", "<u2"), ("y", "<u2"), ("yaw", "<u1"), ("state", "<u1"), ("waits", "<i2")])  # of a robot
 REASONS = {PLANNED: -2, DISTURBED: -3, LETTING_PASS: -4}  # for waiting without a robot to wait for, as `waits`; live.js knows them
@@ -119,7 +119,7 @@ class Telling:
             ),
             outline=outline,
         )
-        self._frame: Frame = Frame(*extent(record, outline))
+        self._frame: PageFrame = PageFrame(*extent(record, outline))
         self.page = replay_page(record, about, live_period_s=self._period_s)
         self._arrived = np.full(len(plan.vertex), np.nan)
         self._tasks: list[Any] = []

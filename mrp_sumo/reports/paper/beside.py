@@ -12,7 +12,7 @@ from mrp_sumo.experiments.paper import Kinds
 from mrp_sumo.experiments.statistics import Interval, bootstrap_deviation, bootstrap_mean, holm, mcnemar, pairs, wilcoxon, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, numbers_of_paper, printed
 from mrp_sumo.reports.paper.tables import commonly_solved
-from mrp_sumo.reports.study import PLANNER_NAMES, Study, numbers
+from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, numbers
 
 YIELDING, REPLANNING, ORDERED = "local yielding", "local yielding, then lacam", "the plan's order"  # ways to drive
 COUNTED = ("num_vertices", "num_edges", "extent_x_m", "extent_y_m", "num_cells_total", "num_cells_free", "num_cells_blocked")
@@ -91,7 +91,7 @@ class Ordered:
         }
 
 
-def table_1(study: Study) -> list[Beside]:
+def table_1(study: ReportedRuns) -> list[Beside]:
     """Facts of the maps; the paper's are of cells of 0.4 m."""
     rows = []
     for name in study.maps:
@@ -105,7 +105,7 @@ def table_1(study: Study) -> list[Beside]:
     return rows
 
 
-def table_2(study: Study) -> list[Beside]:
+def table_2(study: ReportedRuns) -> list[Beside]:
     """Share of the experiments with a plan, valid or not, within the limit; the paper's are of 5 and 9 robots together."""
     rows = []
     for labels, runs, together in _experiments(study):
@@ -115,7 +115,7 @@ def table_2(study: Study) -> list[Beside]:
     return rows
 
 
-def table_3(study: Study) -> list[Beside]:
+def table_3(study: ReportedRuns) -> list[Beside]:
     """Share of the experiments in which all robots reach their goals; the paper's robots yield locally."""
     rows = []
     for how, driven in ways(study):
@@ -132,7 +132,7 @@ def table_3(study: Study) -> list[Beside]:
     return rows
 
 
-def table_4(study: Study) -> list[Beside]:
+def table_4(study: ReportedRuns) -> list[Beside]:
     """Mean makespan and cost of what every planner solved, in cells with the start included."""
     common, _ = commonly_solved(study.frame)
     rows = []
@@ -144,7 +144,7 @@ def table_4(study: Study) -> list[Beside]:
     return rows
 
 
-def figure_5(study: Study) -> list[Beside]:
+def figure_5(study: ReportedRuns) -> list[Beside]:
     """Planning time of the scenarios with a plan: mean and standard deviation; quartiles and what the paper says stand beside them."""
     rows = []
     for planner in _planners(study.frame):
@@ -159,7 +159,7 @@ def figure_5(study: Study) -> list[Beside]:
     return rows
 
 
-def replicability(single: Study, five: Study | None, kinds: Kinds) -> list[Beside]:
+def replicability(single: ReportedRuns, five: ReportedRuns | None, kinds: Kinds) -> list[Beside]:
     """The paper's three studies of a hundred runs each: one robot, and scenarios of its two kinds."""
     rows = _repeated(single.frame, {"study": "one_robot", "robots": 1}, "one_robot")
     if five is None:
@@ -194,7 +194,7 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
     ]
 
 
-def order(executed: Study, costs: Study) -> list[Ordered]:
+def order(executed: ReportedRuns, costs: ReportedRuns) -> list[Ordered]:
     """Whether the paper's order of planners is ours: every two on the same runs, Table III by McNemar's test, Table IV by Wilcoxon's."""
     rows: list[Ordered] = []
     driven = dict(ways(executed)).get(YIELDING)
@@ -219,7 +219,7 @@ def order(executed: Study, costs: Study) -> list[Ordered]:
     return rows
 
 
-def ways(study: Study) -> Iterator[tuple[str, Study]]:
+def ways(study: ReportedRuns) -> Iterator[tuple[str, ReportedRuns]]:
     """The runs of Table III by how they were driven."""
     frame = study.frame
     ordered = (frame["execution.policy"] == "adg").to_numpy(np.bool_)
@@ -229,7 +229,7 @@ def ways(study: Study) -> Iterator[tuple[str, Study]]:
             runs = frame[chosen].copy()
             runs["_series"] = [PLANNER_NAMES.get(str(planner), str(planner)) for planner in runs["planner"]]
             series = tuple(dict.fromkeys(runs["_series"]))
-            yield how, Study(how, "", study.until, runs, study.maps, series, (), (), {})
+            yield how, ReportedRuns(how, "", study.until, runs, study.maps, series, (), (), {})
 
 
 def arrivals(runs: pd.DataFrame) -> Any:
@@ -237,7 +237,7 @@ def arrivals(runs: pd.DataFrame) -> Any:
     return runs["all_goals_reached"].fillna(False).to_numpy(np.bool_)
 
 
-def _experiments(study: Study) -> Iterator[tuple[dict[str, Any], pd.DataFrame, bool]]:
+def _experiments(study: ReportedRuns) -> Iterator[tuple[dict[str, Any], pd.DataFrame, bool]]:
     """(labels, runs, whether they are of all numbers of robots together) of every map and planner."""
     for name in study.maps:
         for planner in _planners(study.frame):

@@ -7,14 +7,14 @@ import numpy as np
 from mrp_sumo.experiments.statistics import bootstrap_mean, wilson
 from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, Beside, arrivals
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
-from mrp_sumo.reports.study import Study, numbers
-from mrp_sumo.reports.tables.table import Cell, Range, Table, between, percent
+from mrp_sumo.reports.study import ReportedRuns, numbers
+from mrp_sumo.reports.tables.table import Cell, Range, ReportTable, between, percent
 
 SCENARIOS = 39  # of the paper's Table IV
 DRAWS = 10_000
 
 
-def causes(studies: Mapping[str, Study], table_3: Sequence[Beside], table_2: Sequence[Beside]) -> Table:
+def causes(studies: Mapping[str, ReportedRuns], table_3: Sequence[Beside], table_2: Sequence[Beside]) -> ReportTable:
     """The experiments, a row for each number that they change; `studies` by the names of their suites."""
     rows: list[list[Cell]] = []
     if study := studies.get("paper_no_yielding"):
@@ -23,7 +23,7 @@ def causes(studies: Mapping[str, Study], table_3: Sequence[Beside], table_2: Seq
         rows += _slow(study, table_2)
     if study := studies.get("paper_other_seeds"):
         rows += _other_seeds(study, studies["paper_table_4"])
-    return Table(
+    return ReportTable(
         "causes",
         "Experiments that take a cause away",
         ("what was changed", "number", "runs", "changed", "as in the tables", "paper", "what it shows"),
@@ -33,7 +33,7 @@ def causes(studies: Mapping[str, Study], table_3: Sequence[Beside], table_2: Seq
     )
 
 
-def _without_yielding(study: Study, table_3: Sequence[Beside]) -> list[list[Cell]]:
+def _without_yielding(study: ReportedRuns, table_3: Sequence[Beside]) -> list[list[Cell]]:
     rows: list[list[Cell]] = []
     for name in study.maps:
         runs = study.frame[study.frame["_map"] == name]
@@ -52,7 +52,7 @@ def _without_yielding(study: Study, table_3: Sequence[Beside]) -> list[list[Cell
     return rows
 
 
-def _slow(study: Study, table_2: Sequence[Beside]) -> list[list[Cell]]:
+def _slow(study: ReportedRuns, table_2: Sequence[Beside]) -> list[list[Cell]]:
     rows: list[list[Cell]] = []
     (name,) = study.maps
     (base,) = (row for row in _together(table_2, name) if row.labels["planner"] == "cbs")
@@ -67,7 +67,7 @@ def _slow(study: Study, table_2: Sequence[Beside]) -> list[list[Cell]]:
     return rows
 
 
-def _other_seeds(study: Study, costs: Study) -> list[list[Cell]]:
+def _other_seeds(study: ReportedRuns, costs: ReportedRuns) -> list[list[Cell]]:
     rows: list[list[Cell]] = []
     rng = np.random.default_rng(0)
     for column, quantity in (("makespan_steps", "makespan_cells"), ("cost_steps", "cost_cells")):

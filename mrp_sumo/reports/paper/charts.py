@@ -10,13 +10,13 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.reports.charts.chart import COLOURS, MAX_SERIES, Chart, draw, file_name, key, log_seconds, printable, series_style
 from mrp_sumo.reports.paper.tables import commonly_solved
 from mrp_sumo.reports.pictures.map_picture import INK, PAPER
-from mrp_sumo.reports.study import PLANNER_NAMES, Study, numbers
+from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, numbers
 
 if TYPE_CHECKING:
     from mrp_sumo.reports.paper.beside import Beside
 
 
-def figure_5(study: Study) -> list[Chart]:
+def figure_5(study: ReportedRuns) -> list[Chart]:
     """Planning time by planner on each map, all numbers of robots together, as a box plot."""
     if not study.is_planned:
         return []
@@ -41,7 +41,7 @@ def figure_5(study: Study) -> list[Chart]:
     return charts
 
 
-def execution_violins(study: Study) -> list[Chart]:
+def execution_violins(study: ReportedRuns) -> list[Chart]:
     """Execution time and time blocked by planner, one violin per planner, as MRP-Bench's analysis script draws them."""
     if not study.is_executed:
         return []

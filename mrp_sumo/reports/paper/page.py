@@ -26,14 +26,14 @@ from mrp_sumo.reports.paper.charts import arrivals_chart, execution_violins, fig
 from mrp_sumo.reports.paper.printed import numbers_of_paper
 from mrp_sumo.reports.report import write_part
 from mrp_sumo.reports.study import PLANNER_NAMES, read_study
-from mrp_sumo.reports.tables.table import Cell, Range, Table
+from mrp_sumo.reports.tables.table import Cell, Range, ReportTable
 
 PAGE, DOCUMENT, MARKDOWN = "index.html", "paper.json", "paper.md"
 TITLE = "Beside the MRP-Bench paper"
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PaperComparison:
     """Every number of the paper beside ours, and what is drawn of them."""
 
     table_1: list[Beside]
@@ -52,7 +52,7 @@ class Comparison:
         return [row for rows in every for row in rows if row.agrees is not None]
 
 
-def compare_with_paper(campaign: Campaign) -> Comparison:
+def compare_with_paper(campaign: Campaign) -> PaperComparison:
     """Read the runs of a campaign and set them beside the paper.
 
     Raises
@@ -63,7 +63,7 @@ def compare_with_paper(campaign: Campaign) -> Comparison:
     studies = {name: read_study(campaign.results(name)) for name in SUITES if (campaign.results(name) / PLAN).exists()}
     maps, plans, driven, costs, times, single = (studies[name] for name in SUITES[:6])
     kinds = kinds_of(driven.frame)
-    comparison = Comparison(
+    comparison = PaperComparison(
         beside.table_1(maps),
         beside.table_2(plans),
         beside.table_3(driven),
@@ -89,7 +89,7 @@ def compare_with_paper(campaign: Campaign) -> Comparison:
     return replace(comparison, sections=sections)
 
 
-def write_paper(campaign: Campaign, comparison: Comparison, made: Made) -> Path:
+def write_paper(campaign: Campaign, comparison: PaperComparison, made: Made) -> Path:
     """Write page, document, tables and figures into the folder of a campaign. Returns the page.
 
     Raises
@@ -113,7 +113,7 @@ def write_paper(campaign: Campaign, comparison: Comparison, made: Made) -> Path:
     return campaign.folder / PAGE
 
 
-def _document(campaign: Campaign, comparison: Comparison, made: Made) -> dict[str, Any]:
+def _document(campaign: Campaign, comparison: PaperComparison, made: Made) -> dict[str, Any]:
     rows = ("table_1", "table_2", "table_3", "table_4", "figure_5", "replicability", "order")
     return {
         "source": " ".join(numbers_of_paper()["source"].split()),
@@ -146,7 +146,7 @@ def _gaps(campaign: Campaign) -> list[str]:
     return [f"Only the first {campaign.num_seeds} seeds of every study were run: intervals are wide."]
 
 
-def _tiles(comparison: Comparison, made: Made) -> list[Tile]:
+def _tiles(comparison: PaperComparison, made: Made) -> list[Tile]:
     agree = sum(bool(row.agrees) for row in comparison.compared)
     order = [row for row in comparison.order if row.paper_difference is not None]
     against = sum(row.verdict == "the other way round" for row in order)
@@ -183,7 +183,7 @@ def _find(rows: Sequence[Beside], quantity: str, **labels: Any) -> Beside | None
     return next((r for r in rows if r.quantity == quantity and all(r.labels.get(k) == v for k, v in labels.items())), None)
 
 
-def _table_2(rows: Sequence[Beside]) -> Table:
+def _table_2(rows: Sequence[Beside]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         if " and " in row.labels["robots"]:
@@ -199,7 +199,7 @@ def _table_2(rows: Sequence[Beside]) -> Table:
                     _verdict(row),
                 ]
             )
-    return Table(
+    return ReportTable(
         "table_2",
         "Table II: experiments with a plan within 60 s",
         ("map", "planner", "runs", "ours %", "5 robots %", "9 robots %", "paper %", "paper in ours"),
@@ -210,7 +210,7 @@ def _table_2(rows: Sequence[Beside]) -> Table:
     )
 
 
-def _table_3(rows: Sequence[Beside]) -> Table:
+def _table_3(rows: Sequence[Beside]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         at = {key: row.labels[key] for key in ("map", "planner", "robots")}
@@ -231,7 +231,7 @@ def _table_3(rows: Sequence[Beside]) -> Table:
                 ]
             )
     head = ("map", "planner", "runs", "normalised %", "paper %", "overall %", "paper %", "paper in ours", "then lacam %", "plan's order %")
-    return Table(
+    return ReportTable(
         "table_3",
         "Table III: experiments in which all robots reach their goals within 300 s",
         head,
@@ -244,7 +244,7 @@ def _table_3(rows: Sequence[Beside]) -> Table:
     )
 
 
-def _table_4(rows: Sequence[Beside]) -> Table:
+def _table_4(rows: Sequence[Beside]) -> ReportTable:
     lines: list[list[Cell]] = []
     for planner in dict.fromkeys(row.labels["planner"] for row in rows):
         makespan, cost = (_find(rows, quantity, planner=planner) for quantity in ("makespan_cells", "cost_cells"))
@@ -261,7 +261,7 @@ def _table_4(rows: Sequence[Beside]) -> Table:
             ]
         )
     head = ("planner", "scenarios", "makespan cells", "paper's makespan", "cost cells", "paper's cost", "paper in ours")
-    return Table(
+    return ReportTable(
         "table_4",
         "Table IV: warehouse, 9 robots",
         head,
@@ -271,7 +271,7 @@ def _table_4(rows: Sequence[Beside]) -> Table:
     )
 
 
-def _figure_5(rows: Sequence[Beside]) -> Table:
+def _figure_5(rows: Sequence[Beside]) -> ReportTable:
     lines: list[list[Cell]] = []
     for planner in dict.fromkeys(row.labels["planner"] for row in rows):
         mean, spread = (_find(rows, quantity, planner=planner) for quantity in ("mean_s", "standard_deviation_s"))
@@ -284,7 +284,7 @@ def _figure_5(rows: Sequence[Beside]) -> Table:
     for planner, what in numbers_of_paper()["figure_5"]["says"].items():
         says.setdefault(what, []).append(_name(planner))
     words = "; ".join(f"{' and '.join(planners)}: {what}" for what, planners in says.items())
-    return Table(
+    return ReportTable(
         "figure_5",
         "Figure 5: planning time, warehouse",
         ("planner", "solved", "least", "25 %", "median", "75 %", "longest ms", "mean ms", "deviation ms", "paper's mean s", "deviation s"),
@@ -295,7 +295,7 @@ def _figure_5(rows: Sequence[Beside]) -> Table:
     )
 
 
-def _replicability(rows: Sequence[Beside]) -> Table:
+def _replicability(rows: Sequence[Beside]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         if row.quantity != "success_percent":
@@ -307,7 +307,7 @@ def _replicability(rows: Sequence[Beside]) -> Table:
         times = [_range(mean), fastest.ours.value, fastest.paper_value, _range(spread), spread.paper_value]
         lines.append([name, _name(at.get("planner", "eecbs")), row.ours.count, _range(row), row.paper_value, *times])
     head = ("study", "planner", "runs", "arrived %", "paper %", "mean s", "fastest s", "paper s", "deviation s", "paper's deviation s")
-    return Table(
+    return ReportTable(
         "replicability",
         "A hundred runs each, disturbed (nav2_like)",
         head,
@@ -331,7 +331,7 @@ def _kinds_in_words(kinds: Kinds) -> str:
     )
 
 
-def _order(rows: Sequence[Ordered]) -> Table:
+def _order(rows: Sequence[Ordered]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         what = "Table III" if row.labels["table"] == "table_3" else "Table IV"
@@ -347,7 +347,7 @@ def _order(rows: Sequence[Ordered]) -> Table:
                 row.verdict,
             ]
         )
-    return Table(
+    return ReportTable(
         "order",
         "Two planners on the same runs",
         ("of", "pair", "runs", "difference", "p", "paper's", "verdict"),

@@ -9,13 +9,13 @@ import pandas as pd
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
-from mrp_sumo.reports.study import Study, numbers
-from mrp_sumo.reports.tables.table import Cell, Table, between, percent, whole
+from mrp_sumo.reports.study import ReportedRuns, numbers
+from mrp_sumo.reports.tables.table import Cell, ReportTable, between, percent, whole
 
 QUANTITIES = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells")  # of Table I
 
 
-def table_1(study: Study) -> Table | None:
+def table_1(study: ReportedRuns) -> ReportTable | None:
     """Map facts, counted by the runs themselves or, for bundled maps, now."""
     cells = "discretisation.cell_m" in study.frame
     rows: list[list[Cell]] = []
@@ -32,7 +32,7 @@ def table_1(study: Study) -> Table | None:
             rows.append([f"{name}, paper", 0.4, *theirs[:2], None, *theirs[2:]])
     if not rows:
         return None
-    return Table(
+    return ReportTable(
         "table_1_maps",
         "Table I: the maps",
         ("map", "cell m", "vertices", "edges", "components", "width m", "height m", "cells", "free cells"),
@@ -42,7 +42,7 @@ def table_1(study: Study) -> Table | None:
     )
 
 
-def _facts(study: Study, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None:
+def _facts(study: ReportedRuns, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None:
     keys = ("num_vertices", "num_edges", "num_components", "extent_x_m", "extent_y_m", "num_cells_total", "num_cells_free")
     if study.until == "map":
         map_facts = runs[runs["_succeeded"]]
@@ -70,7 +70,7 @@ def _facts(study: Study, runs: pd.DataFrame, cell_m: float) -> list[Cell] | None
     return [float(v) if i in (3, 4) or not math.isfinite(v) else int(v) for i, v in enumerate(values)]
 
 
-def table_2(study: Study) -> Table | None:
+def table_2(study: ReportedRuns) -> ReportTable | None:
     """Planning success and time."""
     if not study.is_planned:
         return None
@@ -96,7 +96,7 @@ def table_2(study: Study) -> Table | None:
                 par2(time_s, valid, limit_s) if math.isfinite(limit_s) else None,
             ]
         )
-    return Table(
+    return ReportTable(
         "table_2_planning",
         "Table II: planning success and time",
         (
@@ -121,7 +121,7 @@ def table_2(study: Study) -> Table | None:
     )
 
 
-def table_3(study: Study) -> Table | None:
+def table_3(study: ReportedRuns) -> ReportTable | None:
     """Execution success within the time limit."""
     if not study.is_executed:
         return None
@@ -145,7 +145,7 @@ def table_3(study: Study) -> Table | None:
             ]
         )
     limits = sorted({f"{v:g}" for v in _time_limits(study.frame).dropna().unique()}, key=float)
-    return Table(
+    return ReportTable(
         "table_3_execution",
         f"Table III: execution success within {' or '.join(limits) or '300'} s",
         (
@@ -185,7 +185,7 @@ def _time_limits(frame: pd.DataFrame) -> "pd.Series[float]":
     return stated.fillna(used)
 
 
-def table_4(study: Study) -> Table | None:
+def table_4(study: ReportedRuns) -> ReportTable | None:
     """Makespan and cost over the instances that every series solved."""
     if not study.is_planned:
         return None
@@ -211,7 +211,7 @@ def table_4(study: Study) -> Table | None:
                     _mean(solved, "makespan_s"),
                 ]
             )
-    return Table(
+    return ReportTable(
         "table_4_cost",
         "Table IV: makespan and cost where every planner found a plan",
         (

@@ -176,7 +176,7 @@ def shown(run: AnyRun) -> tuple[RunRecord, About]:
 
 
 @dataclass(frozen=True)
-class Frame:
+class PageFrame:
     """How places on the floor are written: as cells of a grid from the lower left."""
 
     low: FloatArray  # [2] m
@@ -213,7 +213,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
     num_samples, num_robots = execution.x_m.shape
     if not num_samples or not num_robots:
         raise MrpSumoError(f"{about.name}: nothing to replay: {num_robots} robots, {num_samples} samples")
-    frame = Frame(*extent(record, about.outline))
+    frame = PageFrame(*extent(record, about.outline))
     low, high = frame.low, frame.high
     columns = Columns()
     head: dict[str, Any] = {
@@ -335,7 +335,7 @@ def _lateness(value: float | None) -> str | None:
     return "none" if abs(value) < 0.05 else f"{abs(value):.1f} s {'early' if value < 0 else 'late'}"
 
 
-def _add_motion(columns: Columns, execution: Execution, frame: Frame) -> dict[str, Any]:
+def _add_motion(columns: Columns, execution: Execution, frame: PageFrame) -> dict[str, Any]:
     """Poses and states, robot by robot."""
     stride = math.ceil(execution.x_m.size / MAX_POSES)
     state = view_states(execution)
@@ -350,7 +350,7 @@ def _add_motion(columns: Columns, execution: Execution, frame: Frame) -> dict[st
     return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": frame.unit_m}
 
 
-def _add_people(columns: Columns, log: PeopleLog, frame: Frame, num_kept: int, num_samples: int) -> dict[str, Any]:
+def _add_people(columns: Columns, log: PeopleLog, frame: PageFrame, num_kept: int, num_samples: int) -> dict[str, Any]:
     """Where people are, person by person, at every so many of the samples that are kept."""
     stride = math.ceil(num_samples / max(1, num_kept))
     every = math.ceil(len(log.person) / stride / MAX_SIGHTINGS) or 1

@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
-from mrp_sumo.reports.study import Study, numbers, short_key
-from mrp_sumo.reports.tables.table import Cell, Link, Table, between, percent, whole
+from mrp_sumo.reports.study import ReportedRuns, numbers, short_key
+from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, between, percent, whole
 
 MAX_PAIRS = 45  # pairs of series that are compared
 WORST = 12  # runs
 REASONS = 15
 
 
-def capacity(study: Study, enough: float = 0.95) -> Table | None:
+def capacity(study: ReportedRuns, enough: float = 0.95) -> ReportTable | None:
     """How many robots fit: the largest fleet up to which a series succeeded often enough, by map."""
     if not study.is_executed or len(study.robots) < 2:
         return None
@@ -33,7 +33,7 @@ def capacity(study: Study, enough: float = 0.95) -> Table | None:
                 most = n
             row.append(None if not tried else "none" if not most else f"{most}" if most < tried[-1] else f"≥ {most}")
         rows.append(row)
-    return Table(
+    return ReportTable(
         "capacity",
         f"Largest fleet up to which at least {100 * enough:g} % of the runs succeed",
         ("planner", *study.maps),
@@ -42,7 +42,7 @@ def capacity(study: Study, enough: float = 0.95) -> Table | None:
     )
 
 
-def statuses(study: Study) -> Table:
+def statuses(study: ReportedRuns) -> ReportTable:
     """How runs ended, by series."""
     order = {status: i for i, status in enumerate(("completed", "planned", "loaded"))}
     ended = study.frame["status"].astype(str).value_counts(sort=False)
@@ -51,10 +51,10 @@ def statuses(study: Study) -> Table:
     rows: list[list[Cell]] = [[s, *(int(counts.get((s, status), 0)) for status in names)] for s in study.series]
     if len(rows) > 1:
         rows.append(["all", *(int(ended[status]) for status in names)])
-    return Table("statuses", "How the runs ended", ("planner", *(n.replace("_", " ") for n in names)), rows)
+    return ReportTable("statuses", "How the runs ended", ("planner", *(n.replace("_", " ") for n in names)), rows)
 
 
-def reasons(study: Study) -> Table | None:
+def reasons(study: ReportedRuns) -> ReportTable | None:
     """The most frequent reasons of runs that did not succeed."""
     failed = study.frame[~study.frame["_succeeded"]]
     if "reason" not in failed or not len(failed):
@@ -68,10 +68,10 @@ def reasons(study: Study) -> Table | None:
         [status.replace("_", " "), why or "no reason is given", int(row["count"]), short_key(str(row["example"]))]
         for (status, why), row in grouped.iterrows()
     ]
-    return Table("reasons", "Why runs did not succeed", ("status", "reason", "runs", "such as"), rows, labels=1, folded=len(rows) > 6)
+    return ReportTable("reasons", "Why runs did not succeed", ("status", "reason", "runs", "such as"), rows, labels=1, folded=len(rows) > 6)
 
 
-def main_figures(study: Study) -> Table | None:
+def main_figures(study: ReportedRuns) -> ReportTable | None:
     """Execution in numbers, one row per map, fleet and series."""
     if not study.is_executed:
         return None
@@ -91,7 +91,7 @@ def main_figures(study: Study) -> Table | None:
         overlaps = numbers(runs, "num_overlaps")
         row.append(int((overlaps > 0).sum()) if len(overlaps) else None)
         rows.append(row)
-    return Table(
+    return ReportTable(
         "execution",
         "Execution",
         (
@@ -116,7 +116,7 @@ def main_figures(study: Study) -> Table | None:
     )
 
 
-def paired(study: Study) -> Table | None:
+def paired(study: ReportedRuns) -> ReportTable | None:
     """Differences of series on the same instances."""
     if len(study.series) < 2 or not study.is_planned:
         return None
@@ -153,7 +153,7 @@ def paired(study: Study) -> Table | None:
         for (a, b, rate, values), p1, p2 in zip(results, p_rate, p_time)
     ]
     what = "execution time" if study.is_executed else "planning time"
-    return Table(
+    return ReportTable(
         "paired",
         "Paired differences on the same instances, second minus first",
         ("first", "second", "instances", "success, points", "p", "both", f"{what} {unit}", "effect", "p of time"),
@@ -167,7 +167,7 @@ def paired(study: Study) -> Table | None:
     )
 
 
-def worst_runs(study: Study, page: Path) -> Table | None:
+def worst_runs(study: ReportedRuns, page: Path) -> ReportTable | None:
     """Runs that did not arrive, then those on invalid plans, then by the time blocked; with links to what is kept of them."""
     if not study.is_executed or len(study.frame) < 2:
         return None
@@ -185,7 +185,7 @@ def worst_runs(study: Study, page: Path) -> Table | None:
         if run is not None:
             replay = run.folder / "replay.html"
             target = replay if replay.is_file() else run.folder
-            link = Link("replay" if replay.is_file() else "folder", Path(os.path.relpath(target.resolve(), page.resolve())).as_posix())
+            link = FileLink("replay" if replay.is_file() else "folder", Path(os.path.relpath(target.resolve(), page.resolve())).as_posix())
         seed = row["seed"]
         rows.append(
             [
@@ -201,7 +201,7 @@ def worst_runs(study: Study, page: Path) -> Table | None:
                 link,
             ]
         )
-    return Table(
+    return ReportTable(
         "worst_runs",
         "The worst runs",
         ("run", "status", "map", "robots", "planner", "seed", "goals reached", "blocked s", "largest lateness s", "kept"),

@@ -50,7 +50,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Link:
+class FileLink:
     """Text that leads to a file beside the page; plain text elsewhere."""
 
     text: str
@@ -72,11 +72,11 @@ def whole(value: Any) -> int | None:
     return None if str(value) in ("None", "nan", "<NA>") else int(value)
 
 
-Cell = str | float | int | Range | Link | None
+Cell = str | float | int | Range | FileLink | None
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """A table with one heading per column."""
 
     name: str  # of its files
@@ -95,7 +95,7 @@ class Table:
     def is_folded(self) -> bool:
         return len(self.rows) > LONG if self.folded is None else self.folded
 
-    def without_empty(self) -> "Table":
+    def without_empty(self) -> "ReportTable":
         """The table without empty columns."""
         columns = [i for i in range(len(self.columns)) if i < self.labels or any(row[i] is not None for row in self.rows)]
         return replace(self, columns=tuple(self.columns[i] for i in columns), rows=[[row[i] for i in columns] for row in self.rows])
@@ -103,7 +103,7 @@ class Table:
     def to_html(self) -> str:
         """A `table` element."""
         lines = [f'<table aria-label="{html.escape(self.title, quote=True)}">', "<thead><tr>"]
-        is_text = [i < self.labels or any(isinstance(row[i], str | Link) for row in self.rows) for i in range(len(self.columns))]
+        is_text = [i < self.labels or any(isinstance(row[i], str | FileLink) for row in self.rows) for i in range(len(self.columns))]
         lines += [f'<th scope="col"{"" if text else NUMERIC}>{_heading(name)}</th>' for name, text in zip(self.columns, is_text)]
         lines.append("</tr></thead><tbody>")
         above: Sequence[Cell] | None = None
@@ -137,7 +137,7 @@ class Table:
                 if isinstance(cell, Range):
                     line += [_exact(cell.value), _exact(cell.low), _exact(cell.high)]
                 else:
-                    line.append(cell.text if isinstance(cell, Link) else _exact(cell))
+                    line.append(cell.text if isinstance(cell, FileLink) else _exact(cell))
                     line += ["", ""] if is_wide else []
             writer.writerow(line)
         return out.getvalue()
@@ -181,7 +181,7 @@ class Table:
             digits = self.digits.get(self.columns[column], _decimals(cell.value))
             low, high = _short(cell.low, digits), _short(cell.high, digits)
             return f"{_short(cell.value, digits)} [{low}, {high}]"
-        if isinstance(cell, Link):
+        if isinstance(cell, FileLink):
             return cell.text
         return cell if isinstance(cell, str) else self._number(column, cell)
 
@@ -193,7 +193,7 @@ class Table:
         return _short(cell, self.digits.get(self.columns[column], _decimals(cell)))
 
     def _html(self, column: int, cell: Cell) -> str:
-        if isinstance(cell, Link):
+        if isinstance(cell, FileLink):
             return f'<a href="{html.escape(cell.target, quote=True)}">{html.escape(cell.text)}</a>'
         text = html.escape(self.text(column, cell))
         value, _, interval = text.partition(" [") if isinstance(cell, Range) else (text, "", "")

@@ -17,7 +17,7 @@ from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor
 from mrp_sumo.reports.pictures.view import ABSENT, state_names
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Canvas, Pixels, font, shortened_to
-from mrp_sumo.reports.video.scene import Moment, Scene
+from mrp_sumo.reports.video.scene import Scene, SceneState
 
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 NAMED = 60  # number of robots up to which each has a name beside it; inside them, names are for all
@@ -106,7 +106,7 @@ class Film:
         at_s = np.array([self.timing.from_s + (self.timing.to_s - self.timing.from_s) / 3])
         return self.draw([pane.scene.moments(at_s)[0] for pane in self.panes])
 
-    def draw(self, moments: Sequence[Moment]) -> Pixels:
+    def draw(self, moments: Sequence[SceneState]) -> Pixels:
         """The frame of a moment of each run."""
         self.canvas.clear()
         for pane, state in zip(self.panes, moments):
@@ -173,7 +173,7 @@ class Film:
         self.canvas.fill(_rectangle(right - length * pane.scale, y - 1.5 * u, length * pane.scale, 3 * u), LIGHT["muted"])
         self.canvas.write(f"{length:g} m", right - length * pane.scale - 8 * u, y, 16 * u, LIGHT["muted"], align="right")
 
-    def _write_counts(self, pane: Pane, scene: Moment) -> None:
+    def _write_counts(self, pane: Pane, scene: SceneState) -> None:
         """How many robots are in which state, in places that do not move, and in runs with tasks how many are done."""
         u, counts = self.unit, np.bincount(scene.state, minlength=5)
         x, y = pane.left, pane.bottom + pane.foot_px - 28 * u
@@ -248,7 +248,7 @@ def _panes(scenes: Sequence[Scene], size: tuple[int, int], unit: float) -> list[
     return best
 
 
-def _draw_robots(canvas: Canvas, pane: Pane, moment: Moment) -> None:
+def _draw_robots(canvas: Canvas, pane: Pane, moment: SceneState) -> None:
     scene, u = pane.scene, pane.unit
     clip = _clip(pane)
     xy = pane.pixels(moment.xy)

@@ -20,7 +20,7 @@ AHEAD_S = 10.0  # of the plan
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class PlannedRoute:
     """What a robot was to do from a time on, until it was sent elsewhere: N visits."""
 
     since_s: float
@@ -37,7 +37,7 @@ class Way:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class SceneState:
     """R robots at a time."""
 
     t_s: float
@@ -57,7 +57,7 @@ class Scene:
     low: FloatArray  # [2] lower left of what is shown, m
     high: FloatArray  # [2]
     state: NDArray[np.int8]  # [T, R]
-    ways: tuple[tuple[Way, ...], ...]  # by robot, by time
+    ways: tuple[tuple[PlannedRoute, ...], ...]  # by robot, by time
     waits: tuple[tuple[tuple[float, float, int], ...], ...]  # by robot: from, until, and for whom
     name: tuple[str, ...]  # [R] as written beside robots
     chosen: BoolArray  # [R] whom the viewer asked for
@@ -67,21 +67,21 @@ class Scene:
     def end_s(self) -> float:
         return float(self.record.execution.t_s[-1])
 
-    def moments(self, t_s: FloatArray) -> list[Moment]:
+    def moments(self, t_s: FloatArray) -> list[SceneState]:
         """The run at ascending times; after its end as at its end."""
         execution = self.record.execution
         x, y, yaw = positions_at(execution, t_s)
         sample = np.clip(np.searchsorted(execution.t_s, t_s + 1e-9) - 1, 0, len(execution.t_s) - 1)
         state = self.state[sample].copy()
         state[~(np.isfinite(x) & np.isfinite(y))] = ABSENT
-        return [Moment(float(t), np.column_stack((x[k], y[k])), yaw[k], state[k]) for k, t in enumerate(t_s)]
+        return [SceneState(float(t), np.column_stack((x[k], y[k])), yaw[k], state[k]) for k, t in enumerate(t_s)]
 
     def ahead(self, robot: int, t_s: float) -> FloatArray:
         """[K, 2] where a robot's plan goes on."""
         path = next((path for path in reversed(self.ways[robot]) if path.since_s <= t_s), None)
         return path.ahead(t_s) if path else np.zeros((0, 2))
 
-    def waited_for(self, state: Moment) -> list[tuple[int, int]]:
+    def waited_for(self, state: SceneState) -> list[tuple[int, int]]:
         """Who waits for whom."""
         pairs = []
         for robot in np.flatnonzero((state.state == WAITING) | (state.state == BLOCKED)).tolist():
@@ -158,10 +158,10 @@ def _extent_of_level(record: RunRecord, outline: Outline | None, level: str, sou
     return low - MARGIN_M, high + MARGIN_M
 
 
-def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[Way, ...], ...]:
+def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...], ...]:
     """What each robot was to do, by time: the plan, and what came instead while it drove."""
     num_robots, execution, xy = record.fleet.num_robots, record.execution, record.graph.xy
-    paths: list[list[Way]] = [[] for _ in range(num_robots)]
+    paths: list[list[PlannedRoute]] = [[] for _ in range(num_robots)]
     columns: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
     if plan is None or len(execution.arrived_s) != len(plan.vertex):
         return tuple(() for _ in range(num_robots))
@@ -182,9 +182,9 @@ def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[Way, ...], ...]:
     return tuple(map(tuple, paths))
 
 
-def _way(since_s: float, vertex: NDArray[np.int64], arrive_s: FloatArray, arrived_s: FloatArray, xy: FloatArray) -> Way:
+def _way(since_s: float, vertex: NDArray[np.int64], arrive_s: FloatArray, arrived_s: FloatArray, xy: FloatArray) -> PlannedRoute:
     reached = np.where(np.isfinite(arrived_s), arrived_s, np.inf)
-    return Way(since_s, xy[vertex], arrive_s, np.maximum.accumulate(reached))
+    return PlannedRoute(since_s, xy[vertex], arrive_s, np.maximum.accumulate(reached))
 
 
 def _waits(record: RunRecord) -> tuple[tuple[tuple[float, float, int], ...], ...]:

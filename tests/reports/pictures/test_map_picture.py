@@ -11,7 +11,7 @@ from PIL import Image
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.drawing import Drawing
-from mrp_sumo.maps.finding import Finding
+from mrp_sumo.maps.finding import MapFinding
 from mrp_sumo.maps.generate import rack_warehouse
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
@@ -58,9 +58,9 @@ def test_components_get_colours(tmp_path: Path) -> None:
 
 
 def test_warnings_are_ringed_unless_unwanted_and_notes_are_not(tmp_path: Path) -> None:
-    near = Finding("t_junction_near_miss", "warn", 1, ("graph 0 level L1 vertex 1 near lane 1: 0.088 m",))
-    crossing = Finding("lanes_cross_without_vertex", "warn", 1, ("graph 0 level L1 lanes 1 and 3 at (5.50, -4.00)",))
-    elsewhere = Finding("t_junction_near_miss", "warn", 1, ("graph 0 level L2 vertex 1 near lane 1: 0.088 m",))
+    near = MapFinding("t_junction_near_miss", "warn", 1, ("graph 0 level L1 vertex 1 near lane 1: 0.088 m",))
+    crossing = MapFinding("lanes_cross_without_vertex", "warn", 1, ("graph 0 level L1 lanes 1 and 3 at (5.50, -4.00)",))
+    elsewhere = MapFinding("t_junction_near_miss", "warn", 1, ("graph 0 level L2 vertex 1 near lane 1: 0.088 m",))
     map_ = replace(small_map(tmp_path), findings=(near, crossing))
     assert "warning" in words(map_, tmp_path)
     assert "warning" not in words(map_, tmp_path, findings=False)
@@ -102,7 +102,7 @@ def test_map_without_building_is_drawn(tmp_path: Path) -> None:
 
 
 def test_warnings_of_a_repaired_map_are_ringed_by_label(tmp_path: Path) -> None:
-    near = Finding("t_junction_near_miss", "warn", 1, ("level L1 vertex depot near lane v1 - shelf: 0.088 m",))
+    near = MapFinding("t_junction_near_miss", "warn", 1, ("level L1 vertex depot near lane v1 - shelf: 0.088 m",))
     map_ = replace(small_map(tmp_path), findings=(near,))
     assert "warning" not in words(map_, tmp_path)
     assert "warning" in words(replace(map_, changes=("something",)), tmp_path)

@@ -6,7 +6,7 @@ import pytest
 from mrp_sumo.cli.main import main
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.video.film import Film, Timing, clock
-from mrp_sumo.reports.video.scene import Way, scene_of
+from mrp_sumo.reports.video.scene import PlannedRoute, scene_of
 
 
 def test_mp4_has_a_frame_for_every_thirtieth_of_a_second_and_a_poster(folder, tmp_path, capsys):
@@ -52,10 +52,10 @@ def test_runs_are_beside_each_other_at_one_scale_of_time(folder):
 
 
 def test_plan_ahead_is_what_is_in_force():
-    first = Way(0.0, np.array([(0.0, 0), (1, 0), (2, 0)]), np.array([0.0, 1, 2]), np.array([0.0, 1.5, np.inf]))
+    first = PlannedRoute(0.0, np.array([(0.0, 0), (1, 0), (2, 0)]), np.array([0.0, 1, 2]), np.array([0.0, 1.5, np.inf]))
     assert first.ahead(0.5).tolist() == [[1, 0], [2, 0]]
     assert first.ahead(1.6).tolist() == [[2, 0]]
-    far = Way(0.0, np.arange(60.0).reshape(30, 2), np.arange(30.0), np.arange(30.0))
+    far = PlannedRoute(0.0, np.arange(60.0).reshape(30, 2), np.arange(30.0), np.arange(30.0))
     assert len(far.ahead(2.5)) == 11
     assert len(far.ahead(40)) == 0
 

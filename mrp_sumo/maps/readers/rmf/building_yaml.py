@@ -19,8 +19,8 @@ import numpy as np
 
 from mrp_sumo.errors import nearest
 from mrp_sumo.maps.building import Building, Lift, Model
-from mrp_sumo.maps.finding import Finding, Notes, RefusedMap
-from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader, draft_of, shown
+from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
+from mrp_sumo.maps.readers.rmf.level import LevelDraft, LevelReader, draft_of, shown
 from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
 from mrp_sumo.maps.yaml_text import Text, parse, read_text
 
@@ -97,7 +97,7 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
     )
 
 
-def _models(source: Text, draft: Draft, placement: Placement, crs_name: str) -> tuple[Model, ...]:
+def _models(source: Text, draft: LevelDraft, placement: Placement, crs_name: str) -> tuple[Model, ...]:
     """Things in metres (model.py, generate): a level's turn is added to theirs."""
     if not draft.models:
         return ()
@@ -153,7 +153,7 @@ def _header(document: Any, source: Text, meters_per_pixel: float | None) -> tupl
     if not isinstance(levels, Mapping) or not levels:
         raise RefusedMap(
             str(source.fault("no levels: nothing to drive on", "levels")),
-            (Finding("no_levels", "refuse", 1, ("levels: {}" if levels == {} else "levels",)),),
+            (MapFinding("no_levels", "refuse", 1, ("levels: {}" if levels == {} else "levels",)),),
         )
     reference = str(document.get("reference_level_name", next(iter(levels))))
     if reference not in map(str, levels):
@@ -166,7 +166,7 @@ def _header(document: Any, source: Text, meters_per_pixel: float | None) -> tupl
 def _lifts(
     reader: LevelReader,
     document: Any,
-    drafts: Mapping[str, Draft],
+    drafts: Mapping[str, LevelDraft],
     placements: Mapping[str, Placement],
     reference: str,
     crs_name: str,  # where coordinates are degrees
@@ -223,7 +223,7 @@ def _door_widths(reader: LevelReader, lift: str, document: Any) -> dict[str, flo
     }
 
 
-def _note_lanes(notes: Notes, drafts: Mapping[str, Draft]) -> None:
+def _note_lanes(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
     graphs: dict[int, int] = {}
     for draft in drafts.values():
         for lane in draft.lanes:
@@ -240,7 +240,7 @@ def _note_lanes(notes: Notes, drafts: Mapping[str, Draft]) -> None:
             notes.add("level_without_lanes", f"level {name}")
 
 
-def _note_names(notes: Notes, drafts: Mapping[str, Draft]) -> None:
+def _note_names(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
     count: dict[str, int] = {}
     for draft in drafts.values():
         for name in draft.vertex_name:

@@ -19,7 +19,7 @@ FARTHEST = 1e8  # no building is larger, in pixels or metres; SUMO computes with
 
 
 @dataclass(frozen=True, eq=False)
-class Draft:
+class LevelDraft:
     """A level in units of its file."""
 
     name: str
@@ -115,7 +115,7 @@ class LevelReader:
 _TYPES: Mapping[int, tuple[type, ...]] = {0: (str, int, float, bool, type(None)), 1: (str,), 2: (int,), 3: (float, int), 4: (bool,)}
 
 
-def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: str) -> Draft:
+def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: str) -> LevelDraft:
     at: tuple[str | int, ...] = ("levels", key)
     if document is None:
         document = {}
@@ -154,7 +154,7 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
         return tuple(outlines)
 
     lanes = [_lane(reader, what, keys, *edge) for what, keys, edge in edges("lanes", "lane")]
-    return Draft(
+    return LevelDraft(
         name=name,
         elevation_m=reader.number(document.get("elevation", 0) or 0, f"level {name}: elevation", (*at, "elevation")),
         raw_xy=np.array(xy, np.float64).reshape(-1, 2),

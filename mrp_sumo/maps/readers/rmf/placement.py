@@ -12,7 +12,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import first_line
-from mrp_sumo.maps.readers.rmf.level import Draft, LevelReader
+from mrp_sumo.maps.readers.rmf.level import LevelDraft, LevelReader
 from mrp_sumo.maps.yaml_text import Text
 
 LIKELY_DEFAULT_M = 1.0  # a measurement the editor has made and nobody has set
@@ -32,7 +32,7 @@ class Placement:
 
 
 def placements_of(
-    reader: LevelReader, drafts: Mapping[str, Draft], reference: str, system: str, meters_per_pixel: float | None
+    reader: LevelReader, drafts: Mapping[str, LevelDraft], reference: str, system: str, meters_per_pixel: float | None
 ) -> dict[str, Placement]:
     """Where each level lies: the reference level by its measurements, the others by fiducials they share with it."""
     if system != "reference_image":
@@ -52,7 +52,7 @@ def placements_of(
     return placements
 
 
-def _scale(reader: LevelReader, draft: Draft, is_reference: bool) -> float | None:
+def _scale(reader: LevelReader, draft: LevelDraft, is_reference: bool) -> float | None:
     """Mean of the measurements' metres per pixel (level.py, calculate_scale_using_measurements); None without any."""
     scales = []
     for i, (start, end, distance_m) in enumerate(draft.measurements):
@@ -74,7 +74,7 @@ def _scale(reader: LevelReader, draft: Draft, is_reference: bool) -> float | Non
     return float(np.mean(scales)) if scales else None
 
 
-def _aligned(reader: LevelReader, draft: Draft, reference: Draft, scale: float) -> Placement:
+def _aligned(reader: LevelReader, draft: LevelDraft, reference: LevelDraft, scale: float) -> Placement:
     """The similarity that lays a level's fiducials on the reference's (transform.py, set_from_fiducials)."""
     pairs = [(f, g) for f in reference.fiducials for g in draft.fiducials if f[2] == g[2]]
     here = [g[2] for g in draft.fiducials]
