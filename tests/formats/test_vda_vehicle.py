@@ -212,6 +212,7 @@ REFUSED = {  # name -> reason, and what is sent to a vehicle that drives o1 from
     "not_json": ("malformed", lambda w: b'{"orderId": '),
     "not_text": ("malformed", lambda w: b"\xff\xfe\x00"),
     "number_without_end": ("malformed", lambda w: b'{"headerId": NaN}'),
+    "number_that_nobody_computes_with": ("malformed", lambda w: w.order("bc", order="o2") | {"unknown": 1e308}),
     "too_deep": ("malformed", lambda w: b"[" * 100_000),
     "too_long": ("too_large", lambda w: b" " * (LONGEST_PAYLOAD + 1)),
     "too_many_nodes": ("too_large", lambda w: w.order("ab" * MOST_NODES, order="o2")),

@@ -15,7 +15,7 @@ from typing import Any
 from mrp_sumo.errors import nearest
 from mrp_sumo.files.reading import json_value
 
-LARGEST = 1e15  # number that can be computed with
+LARGEST_NUMBER = 1e15  # number that can be computed with
 NUMBER, INT, TEXT, FLAG, LIST, OBJECT = (int, float), int, str, bool, list, dict
 HEADER = {"headerId": int, "timestamp": TEXT, "version": TEXT, "manufacturer": TEXT, "serialNumber": TEXT}
 NODE = {"nodeId": TEXT, "sequenceId": int, "released": FLAG, "actions": LIST}
@@ -166,9 +166,9 @@ def _read(line: str) -> tuple[float, str, Mapping[str, Any]] | str:
     if len(line) > LONGEST_LINE:
         return f"a line of {len(line)} characters; more than {LONGEST_LINE} are not read"
     try:
-        document = json_value(line, largest=LARGEST)
+        document = json_value(line, largest=LARGEST_NUMBER)
     except (ValueError, RecursionError):
-        return f"not JSON with numbers up to {LARGEST:g}"
+        return f"not JSON with numbers up to {LARGEST_NUMBER:g}"
     if not isinstance(document, dict):
         return "expected an object with t_s, topic and payload"
     t_s, topic, payload = (document.get(key) for key in ("t_s", "topic", "payload"))

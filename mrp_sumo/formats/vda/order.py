@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mrp_sumo.files.reading import json_value
-from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LIST, NODE, NUMBER, OBJECT, STAMP, TEXT, WORDS, members
+from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LARGEST_NUMBER, LIST, NODE, NUMBER, OBJECT, STAMP, TEXT, WORDS, members
 from mrp_sumo.formats.vda.errors import MALFORMED, TOO_LARGE, RefusalError
 from mrp_sumo.formats.vda.messages import Dialect, Json
 
@@ -124,9 +124,9 @@ def read_document(payload: bytes) -> Json:
     if len(payload) > LONGEST_PAYLOAD:
         raise RefusalError(TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
     try:
-        document = json_value(payload, finite=True)
+        document = json_value(payload, largest=LARGEST_NUMBER)
     except (ValueError, RecursionError):
-        raise RefusalError(MALFORMED, "not JSON") from None
+        raise RefusalError(MALFORMED, f"not JSON with numbers up to {LARGEST_NUMBER:g}") from None
     if not isinstance(document, dict):
         raise RefusalError(MALFORMED, "expected an object")
     return document

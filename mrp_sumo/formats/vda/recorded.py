@@ -14,7 +14,7 @@ from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import json_value, require_regular, shortened
-from mrp_sumo.formats.vda.check import FLAG, INT, LARGEST, LONGEST_LINE, NUMBER, OBJECT, TEXT, WORDS, members, seconds_of
+from mrp_sumo.formats.vda.check import FLAG, INT, LARGEST_NUMBER, LONGEST_LINE, NUMBER, OBJECT, TEXT, WORDS, members, seconds_of
 
 LARGEST_LOG = 2**40  # bytes; a line is read at a time
 READ = ("state", "visualization", "order", "factsheet")
@@ -69,7 +69,7 @@ def read_log(path: Path) -> RecordedLog:
 
 def _read_line(log: RecordedLog, line: str, where: str) -> None:
     try:
-        document = json_value(line, largest=LARGEST)
+        document = json_value(line, largest=LARGEST_NUMBER)
     except (ValueError, RecursionError):
         raise MrpSumoError(f"{where}: not JSON" + (", or longer than is read" if len(line) > LONGEST_LINE else "")) from None
     _require(document, {"topic": TEXT, "payload": OBJECT}, "", where)
