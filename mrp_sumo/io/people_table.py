@@ -61,6 +61,8 @@ def read_people(path: Path, t_ns: IntArray, levels: "Levels | None", num_robots:
     time, person = table.integers("t_ns"), table.integers("person", 0, num_people - 1).astype(np.int32)
     x_m, y_m = (table.numbers(name).astype(np.float32) for name in ("x_m", "y_m"))
     order = np.lexsort((person, time))
+    if ((np.diff(time[order]) == 0) & (np.diff(person[order]) == 0)).any():
+        raise table.fault("a person is at two places at once")
     level = listed["level"].astype(np.int64)
     if levels:
         on = level[person]

@@ -8,6 +8,7 @@ from worlds import CART, record_of_four
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.people import PeopleLog
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.people_table import read_people, write_people
 from mrp_sumo.io.trajectory import Levels
 from mrp_sumo.metrics.audit import audit
@@ -94,3 +95,11 @@ def test_people_are_read_as_they_were_written(tmp_path):
         again = read_people(tmp_path / "people.parquet", np.rint(t_s * 1e9).astype(np.int64), shifts, len(log.lost_s))
         for name in ("first", "person", "x_m", "y_m", "level", "waited_s", "lost_s", "stop_s", *FIELDS):
             assert np.array_equal(getattr(again, name), getattr(log, name)), name
+
+
+def test_person_at_two_places_at_once_is_refused(tmp_path):
+    t_s, log = np.arange(3) * 0.1, sightings(np.array([1.0, 1.1, 1.2]), np.full(3, 2.0))
+    twice = replace(log, first=np.array([0, 2, 3, 3]))  # the second sighting is at the first time, too
+    write_people(tmp_path / "people.parquet", twice, t_s, None)
+    with pytest.raises(MrpSumoError, match="people.parquet: a person is at two places at once"):
+        read_people(tmp_path / "people.parquet", np.rint(t_s * 1e9).astype(np.int64), None, len(log.lost_s))
