@@ -173,12 +173,14 @@ def test_a_task_that_no_robot_can_do_is_refused(tmp_path, monkeypatch, capsys):
         ({"streams": [{**STREAM, "stops": ["a", "a"]}]}, "tasks.streams.0: no way leads"),
         ("none.csv", "none.csv: no such file"),
         ("bad.csv", r"bad.csv:3: release_s: .*found 'soon'"),
+        ("far.csv", r"far.csv:2: release_s: .*less than or equal to 1000000000, found '1e306'"),
         ("lacks.csv", "lacks.csv:1: has no column 'stops'"),
         ("name.csv", "name.csv:2: 'zz' is no station"),
     ],
 )
 def test_what_is_wrong_is_one_line_with_its_place(tmp_path, choice, says):
     (tmp_path / "bad.csv").write_text("release_s,stops\n1,a\nsoon,b\n")
+    (tmp_path / "far.csv").write_text("release_s,stops\n1e306,a\n")
     (tmp_path / "lacks.csv").write_text("release_s\n1\n")
     (tmp_path / "name.csv").write_text("release_s,stops\n1,zz\n")
     with pytest.raises(ScenarioError, match=says) as raised:

@@ -46,15 +46,18 @@ class ServiceChoice(Strict):
         return self
 
 
+TaskTime = Annotated[float, Field(ge=0, le=1e9)]  # seconds: 30 years
+
+
 class TaskChoice(Strict):
     """One task."""
 
     name: str = ""
     stops: list[str] = Field(min_length=1, description="Names of stations or vertices.")
-    release_s: NotNegative = 0.0
-    due_s: NotNegative | None = None
+    release_s: TaskTime = 0.0
+    due_s: TaskTime | None = None
     priority: int = 0
-    service_s: NotNegative | list[NotNegative] = Field(0.0, description="At each stop, or one for each.")
+    service_s: TaskTime | list[TaskTime] = Field(0.0, description="At each stop, or one for each.")
     robot_type: str = Field("", description="The only type of robot that can do it; by default any can.")
 
     @model_validator(mode="after")
