@@ -101,5 +101,5 @@ def test_person_at_two_places_at_once_is_refused(tmp_path):
     t_s, log = np.arange(3) * 0.1, sightings(np.array([1.0, 1.1, 1.2]), np.full(3, 2.0))
     twice = replace(log, first=np.array([0, 2, 3, 3]))  # the second sighting is at the first time, too
     write_people(tmp_path / "people.parquet", twice, t_s, None)
-    with pytest.raises(MrpSumoError, match="people.parquet: a person is at two places at once"):
+    with pytest.raises(MrpSumoError, match="a person is at two places at once"):
         read_people(tmp_path / "people.parquet", np.rint(t_s * 1e9).astype(np.int64), None, len(log.lost_s))

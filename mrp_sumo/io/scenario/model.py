@@ -7,7 +7,7 @@ that fit) is checked when the run is set up.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.io.scenario.execution import ExecutionChoice
@@ -80,6 +80,8 @@ def folder_name(name: str) -> str:
 
 class ScenarioModel(Strict):
     """One problem and how to solve, execute and record it."""
+
+    model_config = ConfigDict(title="Scenario")
 
     name: Annotated[str, AfterValidator(folder_name)] = Field(
         "", pattern=r"^[\w.+-]*$", description="Of the run folder; the file's name by default."
