@@ -210,5 +210,5 @@ def test_line_works_and_says_nothing_beside(case, material, tmp_path, open_port)
                 process.send_signal(signal.SIGINT)
         printed, said = process.communicate(timeout=300)
     assert process.returncode == case.code, printed + said
-    assert re.fullmatch(f"(?:{case.says}\n)" if case.says else "", said), said
+    assert re.fullmatch(f"(?:{case.says})\n" if case.says else "", said), said
     assert not [path.name for path in folder.rglob("*.partial")]
