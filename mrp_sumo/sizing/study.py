@@ -247,28 +247,22 @@ class Study:
         """
         self.question = self._with_charging
         answer: Answer | None = None
-        known: Lookup | None = None
         clock = _Clock(self._began_s + self.question.effort.budget_s, stop)
 
         def choose(lookup: Lookup) -> list[PlannedRun]:
-            nonlocal answer, known
-            known = lookup
-            answer, trials = answer_of(self.question, lambda trial: self._recorded(trial, lookup))
+            nonlocal answer
+            answer, trials = answer_of(self.question, lambda trial: self._recorded(trial, lookup), closed=clock.is_over)
             wondered(answer)
             return [self.planned(trial) for trial in trials]
 
-        run_batch(
-            self.variations.suite,
-            folder,
-            watcher,
-            workers=workers,
-            scheduler=scheduler,
-            stop=clock,
-            function=FUNCTION,
-            chooser=choose,
-        )
-        if answer is None and clock.is_over and (last := known):
-            answer, _ = answer_of(self.question, lambda trial: self._recorded(trial, last), closed=True)
+        def make(until: Callable[[], int]) -> None:
+            run_batch(
+                self.variations.suite, folder, watcher, workers=workers, scheduler=scheduler, stop=until, function=FUNCTION, chooser=choose
+            )
+
+        make(clock)
+        if answer is None and clock.is_over:
+            make(stop)  # from what there is: only what confirms it is missing, which comes on top of the budget
         return answer
 
     def planned(self, trial: Trial) -> PlannedRun:

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from mrp_sumo.cli.capacity import _Watcher
 from mrp_sumo.io.scenario.read import read_scenario
+from mrp_sumo.sizing import study
 from mrp_sumo.sizing.question import DEMAND, QUICK, SATURATED, Cycle, Question, Trial, values_of
 from mrp_sumo.sizing.search import grid
 from mrp_sumo.sizing.study import Pilot, Study
@@ -67,3 +69,14 @@ def test_fleets_that_places_to_charge_do_not_keep_going_are_not_tried(tmp_path, 
     (tmp_path / "charging.yaml").write_text(CHARGING)
     cycle = Cycle(3000.0, 1000.0, places) if places else None
     assert grid(Question(read_scenario(tmp_path / "charging.yaml"), (1, 8), QUICK, charging=cycle)) == sizes
+
+
+@pytest.mark.slow
+def test_what_confirms_is_made_when_the_budget_is_over(tmp_path, monkeypatch):
+    (tmp_path / "one.yaml").write_text(CHARGING.partition("  charging")[0])
+    effort = replace(QUICK, horizon_s=60.0)
+    question = Question(read_scenario(tmp_path / "one.yaml"), (1, 2), effort, confirm=True)
+    folder = tmp_path / "new"
+    monkeypatch.setattr(study, "monotonic", lambda: 1e9 if len(list(folder.glob("runs/*/*.json"))) >= 2 * effort.seeds else 0.0)
+    answer = Study(question).run(folder, _Watcher(), workers=1)
+    assert not answer.in_time and [size.name for size in answer.confirmed]
