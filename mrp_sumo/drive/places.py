@@ -127,26 +127,30 @@ class RobotPlaces:
         return self._nearest(robot, at, free, taken)
 
     def _where_to_wait(self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int], waits: set[int]) -> int | None:
-        """The first free place to wait of a stop's station; elsewhere the nearest vertex that leaves the way out open."""
+        """The first free place to wait of a stop's station; elsewhere the nearest vertex that leaves the way out open.
+
+        It is best behind those who wait already: on a one-way ring they would have to drive once round to let this one pass.
+        """
         known, graph = self._distances(robot), self._graph(robot)
         away, place = min((int(known.to(v)[at]), v) for v in stop.places)
         if away >= UNREACHABLE:
             return None
-        reach = self._reach(robot, at, blocked)
+        past = self._reach(robot, at, blocked)
+        behind = self._reach(robot, at, blocked | waits - {at}) if waits else past
         for v in stop.queue:
-            if v not in taken and reach[v] < UNREACHABLE:
+            if v not in taken and past[v] < UNREACHABLE:
                 return v
         occupied = self._occupied(robot, at, place, blocked)
         steps, held = known.to(place), np.array(sorted(taken), np.int64)
-        for v in np.argsort(np.where(reach < UNREACHABLE, steps, UNREACHABLE), kind="stable").tolist():
-            if reach[v] >= UNREACHABLE or steps[v] >= UNREACHABLE:
-                return None
-            if v in taken or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
-                continue
-            if len(held) and self._is_near(graph, v, held):
-                continue
-            if all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
-                return int(v)
+        for reach in (behind, past):
+            there = (reach < UNREACHABLE) & (steps < UNREACHABLE)
+            for v in np.argsort(np.where(there, steps, UNREACHABLE), kind="stable").tolist()[: there.sum()]:
+                if v in taken or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
+                    continue
+                if len(held) and self._is_near(graph, v, held):
+                    continue
+                if all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
+                    return int(v)
         return None
 
     def _occupied(self, robot: int, at: int, place: int, blocked: set[int]) -> list[int]:
