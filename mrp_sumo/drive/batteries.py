@@ -6,7 +6,6 @@ import numpy as np
 
 from mrp_sumo.core.battery import Battery, BatteryLog
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
-from mrp_sumo.drive.state import Motion
 
 BATTERIES = 43  # purpose of the stream of chance
 SAMPLE_S = 10.0
@@ -15,8 +14,8 @@ SAMPLE_S = 10.0
 class Batteries:
     """States of charge of R robots."""
 
-    def __init__(self, batteries: Sequence[Battery], kind: IntArray, start: tuple[float, float], seed: int) -> None:
-        """`batteries` [K] are those of the types, `kind` [R] says which each robot is."""
+    def __init__(self, batteries: Sequence[Battery], kind: IntArray, start: tuple[float, float], seed: int, period_s: float) -> None:
+        """`batteries` [K] are those of the types, `kind` [R] says which each robot is; `period_s` is the time between two samples."""
         num_robots = len(kind)
         self._of_kind = [(battery, np.flatnonzero(kind == k)) for k, battery in enumerate(batteries)]
         self._energy_j, self._full_s = (np.zeros(num_robots) for _ in range(2))
@@ -24,34 +23,36 @@ class Batteries:
             self._energy_j[mine], self._full_s[mine] = battery.energy_j, battery.charge_s(1.0)
         self.level: FloatArray = np.random.default_rng([seed, BATTERIES]).uniform(*start, num_robots)  # [R] shares of the capacity
         self._used_j, self._charged_j = np.zeros(num_robots), np.zeros(num_robots)
-        self._before: tuple[float, FloatArray, FloatArray, FloatArray] | None = None  # s, speed, yaw, turn rate
+        self._period_s = period_s
+        self._samples: list[FloatArray] = []  # [K, 2, R] headings and speeds since the last look, and the last before it
+        self._rate = np.zeros((1, num_robots))  # at which robots turned before that
         self._t_s: list[float] = []
         self._levels: list[FloatArray] = []
 
-    def observe(self, now_s: float, motion: Motion, charging: BoolArray) -> list[int]:
-        """Drain and fill batteries by what robots have done since the last call. Returns those that have run empty in it."""
-        speed_mps, yaw_rad, turn_rate = motion.speed_mps.copy(), motion.yaw_rad.copy(), np.zeros(len(self.level))
-        empty: list[int] = []
-        if self._before is not None and now_s > self._before[0]:
-            then_s, speed_then, yaw_then, rate_then = self._before
-            dt = now_s - then_s
-            turn_rate = (yaw_rad - yaw_then + np.pi) % (2 * np.pi) - np.pi
-            turn_rate /= dt
-            mean_mps, accel = (speed_mps + speed_then) / 2, (speed_mps - speed_then) / dt
-            turning, power_w = (turn_rate - rate_then) / dt, np.zeros(len(self.level))
-            for battery, mine in self._of_kind:
-                power_w[mine] = battery.power_w(mean_mps[mine], accel[mine], turn_rate[mine], turning[mine])
-            before, filled = self.level, np.where(charging, dt / self._full_s, 0.0)
-            drained = ~charging & (power_w * dt >= before * self._energy_j)
-            used_j = np.where(charging, 0.0, np.minimum(power_w * dt, before * self._energy_j))  # no more than there is
-            self.level = np.where(drained, 0.0, np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0))
-            self._used_j += used_j
-            self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self._energy_j
-            empty = np.flatnonzero((self.level <= 0) & (before > 0)).tolist()
-        self._before = now_s, speed_mps, yaw_rad, turn_rate
+    def add(self, yaw_rad: FloatArray, speed_mps: FloatArray) -> None:
+        """Samples [K, R] of what robots did, one period after the other."""
+        self._samples.append(np.stack([yaw_rad, speed_mps], 1))
+
+    def observe(self, now_s: float, charging: BoolArray) -> list[int]:
+        """Drain and fill batteries by what robots have done since the last look. Returns those that have run empty in it."""
+        samples, dt = np.concatenate(self._samples), self._period_s
+        yaw_rad, speed_mps = samples[:, 0], samples[:, 1]
+        turn_rate = ((np.diff(yaw_rad, axis=0) + np.pi) % (2 * np.pi) - np.pi) / dt
+        turning = np.diff(turn_rate, axis=0, prepend=self._rate) / dt
+        mean_mps, accel = (speed_mps[1:] + speed_mps[:-1]) / 2, np.diff(speed_mps, axis=0) / dt
+        drawn_j = np.zeros(len(self.level))
+        for battery, mine in self._of_kind:
+            drawn_j[mine] = battery.power_w(mean_mps[:, mine], accel[:, mine], turn_rate[:, mine], turning[:, mine]).sum(0) * dt
+        before, filled = self.level, np.where(charging, len(turn_rate) * dt / self._full_s, 0.0)
+        drained = ~charging & (drawn_j > 0) & (drawn_j >= before * self._energy_j)
+        used_j = np.where(charging, 0.0, np.minimum(drawn_j, before * self._energy_j))  # no more than there is
+        self.level = np.where(drained, 0.0, np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0))
+        self._used_j += used_j
+        self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self._energy_j
+        self._samples, self._rate = [samples[-1:]], np.concatenate([self._rate, turn_rate])[-1:]
         if now_s >= len(self._t_s) * SAMPLE_S - 1e-9:
             self._note(now_s)
-        return empty
+        return np.flatnonzero((self.level <= 0) & (before > 0)).tolist()
 
     def log(self, now_s: float, critical: float) -> BatteryLog:
         """What has become of them until now."""

@@ -178,7 +178,10 @@ class Drive:
         )
         self.batteries: Batteries | None = None
         if settings.tasks and settings.batteries:
-            self.batteries = Batteries(settings.batteries, self.ledger.problem.fleet.kind, settings.start_level, settings.seed)
+            self.batteries = Batteries(
+                *(settings.batteries, self.ledger.problem.fleet.kind, settings.start_level, settings.seed),
+                settings.steps_per_sample * settings.step_length_s,
+            )
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.around, self.work, self.controller.kinematics)
         self._reported: set[str] = set()  # why there was no plan
@@ -211,16 +214,14 @@ class Drive:
         wall, cpu, step = time.perf_counter(), time.process_time(), 0
         seen: list[Event] | None = None  # what happened in this step, where the controller has seen it already
         while True:
-            for wish in self.asked(self.now_s) if self.asked else ():
-                if isinstance(wish, Task):
-                    self.tasks.add(wish)
-                else:
-                    self.world.add(wish)
+            self._take_wishes()
             self.events += self.world.update(self.now_s, state.grants)
             self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0) if seen is None else seen
             if self.people.any:
                 self.events += self.people.notice(self.now_s)
             is_sample = step % sample_every == 0
+            if is_sample and self.batteries is not None:
+                self.batteries.add(state.motion.yaw_rad[None], state.motion.speed_mps[None])
             is_last = is_sample and self._is_over()
             if is_last:
                 self._close()
@@ -250,6 +251,14 @@ class Drive:
             self.findings += [f"{self.now_s:.2f} s: {finding}" for finding in found]
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
 
+    def _take_wishes(self) -> None:
+        """Tasks and disturbances that nobody knew of."""
+        for wish in self.asked(self.now_s) if self.asked else ():
+            if isinstance(wish, Task):
+                self.tasks.add(wish)
+            else:
+                self.world.add(wish)
+
     def _drive_on(self, step: int, bodies: KinematicEngine, alone: Alone) -> tuple[int, list[Event] | None]:
         """Take steps from `step` on, as long as nothing happens in them. Returns the step that is to be shown next, and what happened in
         it, None where the controller has not seen it.
@@ -271,6 +280,8 @@ class Drive:
         tape = Tape(row, alone.grants.known, *self._tape_grants)
         seen, made, num_samples, num_grants = self.controller.drive_on(step, most, sample_every, bodies, self.world.conditions, tape)
         alone.recorder.add(num_samples)
+        if self.batteries is not None:
+            self.batteries.add(row[:num_samples, 1], row[:num_samples, 2])
         if num_grants:
             t_s, robot, granted = self._tape_grants
             alone.grants.add(t_s[:num_grants].copy(), robot[:num_grants].copy(), granted[:num_grants].copy())
@@ -354,7 +365,7 @@ class Drive:
         """Note what robots have done, and what that took from their batteries. Those that have run empty stay where they are."""
         state, level = self.ledger.state, None
         if self.batteries is not None:
-            for robot in self.batteries.observe(self.now_s, state.motion, self.tasks.at_charger):
+            for robot in self.batteries.observe(self.now_s, self.tasks.at_charger):
                 self.events.append(self.world.strand(robot, self.now_s))
                 self.tasks.lose(robot, self.now_s, EMPTY, self.ledger.visits)
             level = self.batteries.level

@@ -170,7 +170,7 @@ class VirtualFleet:
         self.controller = Controller(self.ledger, self.policy, self.settings, paced=False)
         self.batteries: Batteries | None = None
         if batteries := batteries_of(robot_types(setup.file)):
-            self.batteries = Batteries(batteries, problem.fleet.kind, settings.start_level, settings.seed)
+            self.batteries = Batteries(batteries, problem.fleet.kind, settings.start_level, settings.seed, settings.step_length_s)
         self.serials = serials_of(problem.fleet.robot_name)
         self.robot_of = {serial: r for r, serial in enumerate(self.serials)}
         self.faults = sorted(faults, key=lambda fault: fault.begin_s)
@@ -256,7 +256,8 @@ class VirtualFleet:
         self._yaw = motion.yaw_rad.copy()
         if self.batteries is not None:
             charging = np.array([vehicle.charging for vehicle in self.vehicles])
-            for robot in self.batteries.observe(now_s, motion, charging):
+            self.batteries.add(motion.yaw_rad[None], motion.speed_mps[None])
+            for robot in self.batteries.observe(now_s, charging):
                 self.vehicles[robot].is_empty = True
         rank = visits.rank[visits.reached].tolist()
         ends = (visits.reached == visits.granted) & (motion.speed_mps == 0) & ~state.grants.on_lane

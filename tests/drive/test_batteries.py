@@ -1,7 +1,5 @@
 """Batteries of a fleet drain by time and motion, and fill at chargers."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,10 +10,21 @@ SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # 36 kJ: a thousandth a s
 
 
 def test_standing_drains_by_time_and_charging_fills():
-    batteries = Batteries([SMALL], np.zeros(2, np.int64), (0.5, 0.5), 0)
-    still = SimpleNamespace(speed_mps=np.zeros(2), yaw_rad=np.zeros(2))
+    batteries = Batteries([SMALL], np.zeros(2, np.int64), (0.5, 0.5), 0, 0.5)
     for now_s in np.arange(0.0, 10.5, 0.5):
-        batteries.observe(now_s, still, np.array([False, True]))
+        batteries.add(np.zeros((1, 2)), np.zeros((1, 2)))
+        batteries.observe(now_s, np.array([False, True]))
     assert batteries.level == pytest.approx([0.49, 0.6])
     log = batteries.log(10.0, 0.2)
     assert log.used_j == pytest.approx([360, 0]) and log.charged_j == pytest.approx([0, 3600]) and log.t_s.tolist() == [0, 10]
+
+
+@pytest.mark.parametrize("looks", [(3,), (2, 1), (1, 1, 1)])
+def test_speeding_up_and_braking_between_two_looks_draw_both(looks):
+    """1 kg to 1 m/s and back in a second: 0.5 J each, beside 36 W."""
+    batteries = Batteries([SMALL], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5)
+    speed_mps = np.array([[0.0], [1.0], [0.0]])
+    for first, many in zip(np.cumsum((0, *looks)).tolist(), looks):
+        batteries.add(np.zeros((many, 1)), speed_mps[first : first + many])
+        batteries.observe(first * 0.5, np.array([False]))
+    assert batteries.log(1.0, 0.2).used_j == pytest.approx([37.0])
