@@ -1,4 +1,4 @@
-"""Tables of the documentation that the code makes: plug-ins with their parameters, bundled suites, scenarios and maps.
+"""Tables of the documentation that the code makes: plug-ins with their parameters, metrics, bundled suites and scenarios.
 
     .venv/bin/python tools/doc_tables.py          # write them into docs/*.md
     .venv/bin/python tools/doc_tables.py --check  # exit code 1 when a page differs
@@ -10,10 +10,12 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mrp_sumo.cli.listing import _files, _plug_ins, _shown
+from mrp_sumo.metrics.registry import METRICS
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -90,7 +92,17 @@ def scenarios() -> str:
     return _table(("a goal for each robot", "orders"), (names,))
 
 
+def metrics(module: str) -> str:
+    """Metrics that a module of `mrp_sumo.metrics` defines."""
+    rows = (
+        (f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in METRICS if one.function.__module__.endswith(f".{module}")
+    )
+    return _table(("metric", "better", "formula"), rows)
+
+
+METRIC_MODULES = ("planning", "service", "motion", "safety", "facilities", "mrp_bench", "tasks", "fleet_use", "people", "zones")
 TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios)}
+TABLES |= {f"metrics_{module}": partial(metrics, module) for module in METRIC_MODULES}
 
 
 if __name__ == "__main__":
