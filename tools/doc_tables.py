@@ -94,9 +94,8 @@ def scenarios() -> str:
 
 def metrics(module: str) -> str:
     """Metrics that a module of `mrp_sumo.metrics` defines."""
-    rows = (
-        (f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in METRICS if one.function.__module__.endswith(f".{module}")
-    )
+    of_module = (one for one in METRICS if one.function.__module__.endswith(f".{module}"))
+    rows = ((f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in of_module)
     return _table(("metric", "better", "formula"), rows)
 
 

@@ -1,8 +1,7 @@
 """Put what `mrp-sumo paper` wrote into docs/paper.md.
 
-    mrp-sumo paper --out runs/paper
     mrp-sumo paper --out runs/paper_own --maps MRP_BENCH
-    python tools/paper_page.py bundled=runs/paper mrp_bench=runs/paper_own
+    python tools/paper_page.py mrp_bench=runs/paper_own
 
 What stands between `<!-- NAME -->` and `<!-- end -->` is replaced by the sections in SECTIONS; their figures are copied to
 docs/figures/NAME_*.svg. All sections are in the command's own index.html.
@@ -23,7 +22,6 @@ SECTIONS = {  # which the page shows, by campaign
         "Replicability",
         "Why numbers differ",
     ),
-    "bundled": ("Table III: execution", "Table IV: makespan and cost"),
 }
 
 

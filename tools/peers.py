@@ -5,8 +5,8 @@
 
 Nothing is downloaded; a program that is not given is left out. INSTANCES holds MovingAI files as for `tools/bench_planners.py`, whose
 measurement this is: same instances, same machine, same run, every planner asked an instance before the next one, CPU time of the whole
-process, every plan read from the program's file and judged by our referee. What was measured elsewhere stands in rows of its own
-(`tools/peers_earlier.yaml`). Of docs/peers.md the part between `<!-- measured -->` and `<!-- end -->` is written anew.
+process, every plan read from the program's file and judged by our referee. Of docs/peers.md the part between `<!-- measured -->` and
+`<!-- end -->` is written anew.
 
 Programs with other formats (pibt2, EPIBT, CCBS) can take part by a small program of yours that translates: --peer
 'pibt2=./translate.py {map} {scen} {agents} {out}', places as in `mrp_sumo.planning.external`.
@@ -19,7 +19,6 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import yaml
 from bench_planners import BENCHMARK, PAPER, Row, made, measure
 
 from mrp_sumo.errors import MrpSumoError
@@ -27,7 +26,6 @@ from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.registry import planner
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "peers.md"
-EARLIER = Path(__file__).with_name("peers_earlier.yaml")
 LISTED = "-m {map} -a {scen} -k {agents} -t {time_limit} -o {out}.csv --outputPaths={out}"  # EECBS, CBSH2-RTC and MAPF-LNS2
 LIBMRP = {  # program of its build folder -> (name, command)
     "cbs": ("CBS, libMultiRobotPlanning", "-i {yaml} -o {out}"),
@@ -110,7 +108,6 @@ def _program(path: Path) -> Path:
 
 def block(size: str, rows: list[Row]) -> str:
     """The table of a map and number of robots; nothing without instances."""
-    earlier: dict[str, Any] = yaml.safe_load(EARLIER.read_text(encoding="utf-8")).get(size, {})
     if not rows:
         return ""
     lines = [
@@ -121,10 +118,6 @@ def block(size: str, rows: list[Row]) -> str:
     for row in rows:
         cells = [f"{row.solved} of {row.instances - row.refused}", _ms(row.cpu_median_s), _ms(row.cpu_max_s), _number(row.cost)]
         lines.append(_line([f"`{row.planner}`" if row.planner in OURS else row.planner, *cells]))
-    lines += [
-        _line([f"{name}, earlier", f"{solved} of {of}", _ms(median_s), _ms(longest_s), _number(cost)])
-        for name, (solved, of, median_s, longest_s, cost) in earlier.items()
-    ]
     return "\n".join(lines) + "\n"
 
 
