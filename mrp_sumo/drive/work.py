@@ -48,7 +48,6 @@ NONE = -1
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
 STALLED_S = 60.0  # for which a robot with work has not got on, nor stood for the work's sake
-LINE_STEPS = 2  # of a line in which robots wait, for each of them
 STANDS_S = 360.0  # for which a robot has not got on, or no stop was made, in a run that counts as stalled
 LATE = 3.0  # so many times the longest way to a stop is more than robots need for it
 SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop without service, its way on is asked for
@@ -513,8 +512,8 @@ class Work:
     def _turn(self, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray) -> list[int]:
         """Robots in the order in which they choose where to make their stops.
 
-        The most urgent first; then who came first and waits; then who is nearest. Nobody comes before one that stands on its way there,
-        unless it waits right behind and the other can let it pass: one that had to drive on may be far away, on the other side of a ring.
+        The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
+        unless it waits behind a single one that can let it pass: a whole line would have to drive on, round a ring or against others.
         """
         stands = set(start[stays].tolist())
         away = {r: self._places.away(r, int(start[r]), stop) for r, stop in stops.items()}
@@ -526,10 +525,9 @@ class Work:
             nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
             if nearer:
                 way, waits = self._places.way(r, int(start[r]), stops[r]), np.isfinite(self._came_s[r])
-                behind = {s for s in nearer if waits and away[r] - away[s] <= LINE_STEPS * len(stops)}
-                ahead = [s for s in nearer if int(start[s]) in way[:-1]]
-                stuck = [s for s in ahead if s not in behind or not self._places.can_let_pass(s, int(start[s]), way, stands)]
-                order += sorted(stuck, key=lambda s: away[s])
+                ahead = sorted((s for s in nearer if int(start[s]) in way[:-1]), key=lambda s: away[s])
+                if not (waits and len(ahead) == 1 and self._places.can_let_pass(ahead[0], int(start[ahead[0]]), way, stands)):
+                    order += ahead
             order.append(r)
         return order
 
