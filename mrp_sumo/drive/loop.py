@@ -174,7 +174,7 @@ class Drive:
             parking=settings.parking,
             batteries=settings.batteries,
             charging=settings.charging,
-            ahead_steps=steps_ahead(settings, self.ledger.problem.step_s),
+            ahead_steps=steps_ahead(settings, self.ledger.problem),
         )
         self.batteries: Batteries | None = None
         if settings.tasks and settings.batteries:

@@ -11,12 +11,16 @@ a window, step by step and however crowded they are; where even that fails they 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from resource import RUSAGE_CHILDREN, getrusage
 from time import perf_counter, process_time
 
 import numpy as np
 
+from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.execution import Event, PlannerCalls
+from mrp_sumo.core.graph import BoolArray, PlanGraph
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.replanning import AnswerLimits, LatePlanError, planned, supports_of
@@ -28,7 +32,8 @@ from mrp_sumo.drive.work import WorkRequest
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.plugins.registry import find
 
-WINDOW_STEPS = 20
+WINDOW_STEPS = 20  # at least, by default
+BEYOND_STEPS = 10  # the way into the longest aisle and back
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
 
 
@@ -48,7 +53,7 @@ class Rolling:
         self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
         self.calls = PlannerCalls(cpu_time_s=0.0 if _is_in_this_process(settings.planner) else None)
         self.answer: WindowAnswer | None = None  # that has not taken effect yet
-        self._window_steps = window_of(settings, around.ledger.problem.step_s)
+        self._window_steps = window_of(settings, around.ledger.problem)
         self._next_s = 0.0  # no request before
         self._window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
@@ -177,14 +182,32 @@ def _cpu_s() -> float:
     return process_time() + ended.ru_utime + ended.ru_stime
 
 
-def window_of(settings: ExecutionSettings, step_s: float) -> int:
-    """Steps for which robots keep clear of each other; 0: to the end."""
+def window_of(settings: ExecutionSettings, problem: Problem) -> int:
+    """Steps for which robots keep clear of each other; 0: to the end.
+
+    Robots that see less than the way into the longest aisle and back drive into it against others, and are sent back again and again.
+    """
     window_s = settings.planning.window_s
-    return WINDOW_STEPS if window_s is None else max(1, round(window_s / step_s)) if window_s else 0
+    if window_s is None:
+        return max(WINDOW_STEPS, 2 * longest_aisle(problem.for_any().graph) + BEYOND_STEPS)
+    return max(1, round(window_s / problem.step_s)) if window_s else 0
 
 
-def steps_ahead(settings: ExecutionSettings, step_s: float) -> int:
+def longest_aisle(graph: PlanGraph) -> int:
+    """The most lanes in a row that lead both ways and from which none branches off; rings, which have no ends, do not count."""
+    count = partial(np.bincount, minlength=graph.num_vertices)
+    ends, both = np.stack([graph.tail, graph.head]), (graph.reverse >= 0) & (graph.tail < graph.head)
+    narrow: BoolArray = count(ends[:, both | (graph.reverse < 0)].ravel()) <= 2
+    two_way = ends[:, both]
+    inner = two_way[:, narrow[two_way].all(0)]
+    piece = weak_components(graph.num_vertices, *inner)
+    of_lane = np.where(narrow[two_way[0]], piece[two_way[0]], piece[two_way[1]])[narrow[two_way].any(0)]
+    has_ends = count(piece[inner[0]]) < count(piece[narrow])
+    return int(count(of_lane)[has_ends].max(initial=0))
+
+
+def steps_ahead(settings: ExecutionSettings, problem: Problem) -> int:
     """Steps for which the planner wants to know the stops of robots that they need not stay at; 0: it knows each robot's next one."""
     if not settings.tasks or "stops" not in supports_of(settings.planner, settings.planner_parameters):
         return 0
-    return window_of(settings, step_s)
+    return window_of(settings, problem)

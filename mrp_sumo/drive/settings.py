@@ -23,7 +23,7 @@ class Planning:
 
     budget_s: float = 0.0  # an answer takes effect so long after it was asked for
     period_s: float = 0.0  # the least time between two requests
-    window_s: float | None = None  # for which robots keep clear of each other, for planners that support it; None: 20 planned steps
+    window_s: float | None = None  # for which robots keep clear of each other, for planners that support it; None: see `window_of`
     effort: int = 1_000_000  # labels that a planner may make for an answer
 
     def __post_init__(self) -> None:

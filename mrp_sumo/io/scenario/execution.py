@@ -46,7 +46,8 @@ class PlanningChoice(Strict):
     window_s: Annotated[float, Field(ge=0, le=1e6)] | None = Field(
         None,
         description="Plans reach so far ahead: beyond, robots need not keep clear of each other. 0: to the end. "
-        "By default 20 planned steps for planners that support windows, to the end for others.",
+        "By default the way into the longest aisle and back and 10 planned steps, at least 20, for planners that support windows, "
+        "to the end for others.",
     )
     effort: Annotated[int, Field(ge=1)] = Field(
         1_000_000, description="Labels that a planner may make for an answer: what ends its search."

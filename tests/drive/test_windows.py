@@ -1,0 +1,41 @@
+"""How far ahead plans reach by default: into the longest aisle and back, or robots meet in it again and again."""
+
+import numpy as np
+import pytest
+from floors import driven, lanes, scenario
+from worlds import graph_of
+
+from mrp_sumo.drive.rolling import longest_aisle
+
+ROW = [(float(k), 0.0) for k in range(8)]
+LINE = [(k, k + 1) for k in range(7)]
+BRANCH = [*ROW, (4.0, 1.0)]
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+ROUND = [(0, 1), (1, 2), (2, 3), (3, 0)]
+
+
+@pytest.mark.parametrize(
+    ("xy", "pairs", "one_way", "length"),
+    [
+        (ROW, LINE, (), 7),
+        (ROW, LINE[3:], LINE[:3], 4),
+        (BRANCH, [*LINE, (4, 8)], (), 4),
+        (SQUARE, ROUND, (), 0),
+    ],
+    ids=("line", "partly one-way", "branch", "ring"),
+)
+def test_longest_aisle(xy, pairs, one_way, length):
+    assert longest_aisle(graph_of(xy, pairs, one_way=one_way)) == length
+
+
+@pytest.mark.parametrize("planner", ["lacam", "prioritised"])
+def test_robots_take_turns_in_a_long_dead_end(tmp_path, planner):
+    """An aisle of 30 m off a one-way ring: an order keeps it for 64 s and two turns, and 84 s are allowed."""
+    xy = {"a": (0.0, 0.0), "b": (10.0, 0.0), "c": (10.0, 10.0), "d": (0.0, 10.0), "end": (10.0, 40.0)}
+    floor = lanes(tmp_path / "ring.csv", xy, [("a", "b"), ("b", "c"), ("c", "d"), ("d", "a")], False)
+    spur = lanes(tmp_path / "spur.csv", xy, [("c", "end")], True).read_text().partition("\n")[2]
+    floor.write_text(floor.read_text() + spur)
+    tasks = {"streams": [{"name": "o", "stops": ["a", "end"], "service": [2, 4], "arrivals": {"open": 6}}]}
+    result = driven(scenario(floor, tasks, robots=3, planner=planner, execution={"time_limit_s": 1500.0}))
+    begin_s = np.sort(result.execution.stops.begin_s[np.array(result.execution.stops.station) == "end"])
+    assert result.operations_audit["passed"] and np.diff(begin_s).mean() < 84
