@@ -36,7 +36,7 @@ def kind_of(path: Path, chosen: str | None) -> str:
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file is a plan rather than a map; False where there is no such file."""
+    """True if a file is a plan rather than a map; False where there is no such file."""
     import re
 
     from mrp_sumo.formats.peers import format_of

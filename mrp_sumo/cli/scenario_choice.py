@@ -82,7 +82,7 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
 
 
 def is_map(name_or_path: str) -> bool:
-    """Whether a file is a map rather than a scenario, or a name that of a bundled map and of no bundled scenario."""
+    """True if a file is a map rather than a scenario, or a name that of a bundled map and of no bundled scenario."""
     from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
 
     path = Path(name_or_path)

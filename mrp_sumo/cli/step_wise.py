@@ -16,7 +16,7 @@ DEFAULT, PROGRAM = "epibt", "program"
 
 
 def is_problem(name: str | None) -> bool:
-    """Whether what is named as a scenario is a problem of the League instead."""
+    """True if the name given for a scenario is that of a problem of the League."""
     path = Path(name or "")
     if path.suffix != ".json" or not path.is_file():
         return False

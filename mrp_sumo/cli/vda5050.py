@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Session:
-    """What both parts begin with."""
+    """Set-up that both parts share."""
 
     options: argparse.Namespace
     setup: "SetUp"

@@ -23,7 +23,7 @@ NO_DOORS = np.zeros((0, 2, 2))
 
 
 def logs_of(run: RunResult) -> Logs:
-    """What is judged of a run with tasks that has just been driven."""
+    """Logs of a run with tasks that has just been driven, for the operations audit."""
     building, problem, execution = run.setup.map.building, run.solution.problem, run.execution
     assert execution is not None
     doors_xy = outline_of(building, run.nav.level_names).doors if building else NO_DOORS
@@ -32,7 +32,7 @@ def logs_of(run: RunResult) -> Logs:
 
 
 def logs_in(run: RunFolder) -> Logs | None:
-    """What is judged of the run in a folder, by its tables as they are now; None where there are no tasks.
+    """Logs of the run in a folder, read from its tables, for the operations audit; None without tasks.
 
     Raises
     ------

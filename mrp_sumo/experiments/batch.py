@@ -77,7 +77,7 @@ class BatchFolder:
         return fresh + again
 
     def counts(self) -> Counter[str]:
-        """How many runs ended how."""
+        """Numbers of runs by how they ended."""
         return Counter(self.status.values())
 
 
@@ -192,7 +192,7 @@ def run_batch(
 
 
 def summary(batch: BatchFolder) -> str:
-    """How a batch stands, in a line."""
+    """State of a batch, in a line."""
     counts = batch.counts()
     broken = [f"{counts[status]} {status.replace('_', ' ')}" for status in BROKEN if counts[status]]
     return ", ".join([f"{len(batch.status)} of {len(batch.runs)} runs done", *broken])
@@ -378,7 +378,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def is_under_way(folder: Path) -> bool:
-    """Whether a batch is writing to the folder now."""
+    """True while a batch is writing to the folder."""
     try:
         with (folder / "batch.lock").open("rb") as lock:  # not to make one
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -30,7 +30,7 @@ WORSE_BY = {Sense.MORE: -1, Sense.LESS: 1, Sense.NONE: 0}  # the sign of a chang
 
 @dataclass(frozen=True)
 class Difference:
-    """What became of a metric."""
+    """Change of a metric between two batches."""
 
     metric: str
     paired: PairedRates | PairedValues

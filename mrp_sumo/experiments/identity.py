@@ -1,4 +1,4 @@
-"""What makes a run the same run: its scenario, the files it reads, the plug-ins it names, and the code that runs it.
+"""Identity of a run: its scenario, the files it reads, the plug-ins it names, and the code that runs it.
 
 Keys are the same on every machine: paths are as the suite has them, files count by their content.
 """

@@ -1,4 +1,4 @@
-"""What somebody who watches a run does to it: breaks a robot, closes a lane, adds a task.
+"""Interventions of somebody who watches a run: a broken robot, a closed lane, a new task.
 
 Everything becomes a key of the run's scenario, with the simulated time at which it was done, so that the run can be made again from its
 folder. The thread that drives takes what those that serve have asked for.
@@ -57,7 +57,7 @@ class Interventions:
         return ""
 
     def take(self, now_s: float) -> list[Intervention]:
-        """What is to be done now."""
+        """Interventions that are due now."""
         found: list[Intervention] = []
         while not self._asked.empty():
             choice, wishes = self._asked.get()(now_s)

@@ -86,7 +86,7 @@ class MapCache:
         return self._once((id(nav), choice, doubled), make, nav)
 
     def narrow(self, map_: "Map", graph: "PlanGraph", robot: "RobotType") -> "Narrow":
-        """Where walls leave a type of robot no room on a plan graph."""
+        """Places where walls leave a type of robot no room on a plan graph."""
         from mrp_sumo.maps.clearance import narrow
 
         return self._once(("narrow", id(graph), robot), lambda: narrow(graph, map_.building, robot), graph)

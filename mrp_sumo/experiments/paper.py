@@ -33,7 +33,7 @@ NUM_HARD, NUM_EASY = 2, 1  # scenarios of each kind that are driven a hundred ti
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is to be made, and where."""
+    """Studies to make, and their folder."""
 
     folder: Path
     maps: Path | None = None  # an MRP-Bench checkout, or a folder with its maps; bundled maps by default
@@ -46,7 +46,7 @@ class Campaign:
 
 @dataclass(frozen=True)
 class Made:
-    """What a call has made of a campaign."""
+    """Result of a call that made a campaign, or part of it."""
 
     num_runs: int  # of the campaign
     num_made: int  # by this call

@@ -26,7 +26,7 @@ SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
 
 
 class Makers(Protocol):
-    """Who makes runs: processes here, or a cluster."""
+    """Makers of runs: processes here, or a cluster."""
 
     @property
     def running(self) -> int:
@@ -34,7 +34,7 @@ class Makers(Protocol):
 
     @property
     def free(self) -> int:
-        """How many more runs are wanted."""
+        """Number of further runs that can be taken on."""
 
     def submit(self, job: Job) -> None:
         """Hand over a run."""
@@ -135,7 +135,7 @@ class _Worker:
             self.connection.send_bytes(json.dumps(job).encode())
 
     def hear(self) -> Answer | None:
-        """What it has to say: the answer of its run, None for being ready."""
+        """Message of the process: the answer of its run, None for being ready."""
         try:
             said = self.connection.recv_bytes()
         except (EOFError, OSError):

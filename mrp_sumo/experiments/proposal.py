@@ -68,7 +68,7 @@ class Stations:
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the user says himself; None and '' where the proposal decides."""
+    """Choices that the user made; None and '' where the proposal decides."""
 
     robot_type: str = ""
     num_robots: int | None = None
@@ -124,7 +124,7 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
 
 
 def stations_of(nav: NavGraph, graph: PlanGraph) -> Stations:
-    """What the places of a map are for, of those that robots can reach from each other: by what the map says, else by their names."""
+    """Purposes of a map's places, of those that robots can reach from each other: by what the map says, else by their names."""
     reached = set(drawn_among(graph).tolist())  # where robots are drawn, too
     usable = [v for v in range(nav.num_vertices) if int(graph.vertex_of_station[v]) in reached and not _is_passed(nav, graph, v)]
     named = [v for v in usable if nav.vertex_name[v] or "station" in nav.vertex_options[v]]

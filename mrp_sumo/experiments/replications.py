@@ -26,7 +26,7 @@ class BatchMeans:
 
     @property
     def independent(self) -> bool:
-        """Whether the limits can be trusted: neighbouring batches hardly depend on each other."""
+        """True if the limits can be trusted: neighbouring batches hardly depend on each other."""
         return abs(self.lag_1) < INDEPENDENT
 
 
@@ -92,7 +92,7 @@ def batch_means(series: ArrayLike, num_batches: int = 20, confidence: float = 0.
 
 
 def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, resolution: float = 0.0) -> PairedMeans:
-    """Whether two alternatives differ, by Student's test of their differences on common random numbers.
+    """Student's test of whether two alternatives differ, of their differences on common random numbers.
 
     Parameters
     ----------

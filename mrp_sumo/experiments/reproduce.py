@@ -32,7 +32,7 @@ CLOCK_LIMITED = ("planning_timed_out", "out_of_time", "out_of_memory")  # status
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came of making something again."""
+    """Outcome of making a run or a batch again."""
 
     equal: int  # files of a run, runs of a batch
     differences: tuple[str, ...]  # a line each

@@ -54,12 +54,12 @@ class RunResult:
 
     @property
     def source(self) -> str:
-        """What it is called in messages."""
+        """Name in messages."""
         return self.setup.scenario.name
 
     @property
     def executed(self) -> bool:
-        """Whether there is a trajectory."""
+        """True if there is a trajectory."""
         return self.execution is not None
 
     @property
@@ -95,7 +95,7 @@ class RunResult:
 
     @property
     def believed(self) -> "Trajectory | None":
-        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        """Believed poses of robots, [T, R]; None if they are the true ones."""
         from mrp_sumo.io.trajectory import trajectory_of
 
         execution = self._driven
@@ -154,7 +154,7 @@ class RunResult:
 
     @cached_property
     def result(self) -> dict[str, Any]:
-        """What `result.json` holds, but for its list of files."""
+        """Content of `result.json`, but for its list of files."""
         return result_document(**self._told)
 
     @property
@@ -206,7 +206,7 @@ class RunResult:
 
     @property
     def trace(self) -> "Trace | None":
-        """What metrics can be computed from later; None for a run that is too long to keep."""
+        """Trace from which metrics can be computed later; None for a run that is too long to keep."""
         from mrp_sumo.io.trace import trace_of
 
         with TemporaryDirectory(prefix="mrp_sumo_trace_") as folder:

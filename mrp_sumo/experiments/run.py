@@ -42,7 +42,7 @@ class Steering(Protocol):
     """Somebody who steps in while robots drive."""
 
     def take(self, now_s: float) -> Sequence[Intervention]:
-        """What comes up now."""
+        """Interventions that come up now."""
 
     def recorded(self, file: ScenarioFile) -> ScenarioFile:
         """The scenario with all that came up."""
@@ -92,7 +92,7 @@ def run_scenario(
 
 @contextmanager
 def interrupts() -> Iterator[Callable[[], bool] | None]:
-    """Whether the user has pressed Ctrl-C, which ends nothing by itself the first time. None where it means something else."""
+    """Test of whether the user has pressed Ctrl-C, which ends nothing by itself the first time. None where it means something else."""
     usual = signal.getsignal(signal.SIGINT)
     if usual is not signal.default_int_handler or current_thread() is not main_thread():
         yield None

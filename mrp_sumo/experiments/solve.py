@@ -33,7 +33,7 @@ def silent(stage: str, done: float, of: float) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
-    """What assignment and planning came to, judged."""
+    """Outcome of assignment and planning, judged."""
 
     setup: SetUp  # with the planner
     problem: Problem  # with the assignment the plan is for
@@ -49,7 +49,7 @@ class Solution:
 
     @property
     def status(self) -> Status:
-        """How planning ended."""
+        """Status in which planning ended."""
         return self.result.status
 
     @property
@@ -59,7 +59,7 @@ class Solution:
 
     @property
     def is_valid(self) -> bool:
-        """Whether there is a plan, and the referee has nothing against it."""
+        """True if there is a plan, and the referee finds no fault in it."""
         return self.verdict is not None and self.verdict.valid
 
     @property
@@ -70,12 +70,12 @@ class Solution:
 
     @property
     def lower_bound_steps(self) -> float:
-        """What the planner proved about the sum of costs of any plan; 0 where it proved nothing."""
+        """Bound that the planner proved on the sum of costs of any plan; 0 if it proved none."""
         return self.result.lower_bound_steps
 
     @property
     def makespan_s(self) -> float | None:
-        """When the last robot arrives, as planned."""
+        """Planned arrival of the last robot."""
         return None if self.plan is None else float(self.plan.end_s.max(initial=0.0))
 
     @property
@@ -231,7 +231,7 @@ def _keeps_order(setup: SetUp) -> bool:
 
 
 def plans_in_seconds(planner: Planner) -> bool:
-    """Whether a planner's times are those of real motion; others count steps."""
+    """True for planners whose times are those of real motion; others count steps."""
     return "seconds" in getattr(planner, "supports", ())
 
 

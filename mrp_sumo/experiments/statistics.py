@@ -142,7 +142,7 @@ def _bootstrap(
 
 
 def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:
-    """Whether two yes-or-no outcomes of the same runs differ: McNemar's test, exact.
+    """McNemar's exact test of whether two yes-or-no outcomes of the same runs differ.
 
     The interval of the difference is Newcombe's tenth (Statistics in Medicine 17, 1998, 2635-2650).
 
@@ -173,7 +173,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
 
 
 def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed: int = 0) -> PairedValues:
-    """Whether two measurements of the same runs differ: Wilcoxon's signed-rank test, exact for few runs.
+    """Wilcoxon's signed-rank test, exact for few runs, of whether two measurements of the same runs differ.
 
     The effect size is the matched-pairs rank-biserial correlation (Kerby, Comprehensive Psychology 3, 2014).
     Runs without both values are left out.

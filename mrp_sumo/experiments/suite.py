@@ -36,7 +36,7 @@ Until = Literal["map", "plan", "execution"]
 
 
 class RunLimits(Strict):
-    """What one run may take before it is killed with its children."""
+    """Limits of one run, beyond which it is killed with its children."""
 
     wall_s: Annotated[float, Field(gt=0)] | None = Field(
         None, description="Wall time; by default a minute, twice the planner's time limit and twice the execution's."
@@ -45,7 +45,7 @@ class RunLimits(Strict):
 
 
 class Suite(Strict):
-    """What a suite file says."""
+    """Content of a suite file."""
 
     name: str = Field("", pattern=r"^[\w.+-]*$", description="The file's name by default.")
     description: str = ""
@@ -81,7 +81,7 @@ class SuiteFile:
 
     @property
     def folder(self) -> Path:
-        """Where relative paths of its runs begin."""
+        """Folder where relative paths of its runs begin."""
         return self.document.path.resolve().parent
 
 

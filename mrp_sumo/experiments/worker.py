@@ -92,7 +92,7 @@ def failure(status: str, reason: str) -> Answer:
 
 @cache
 def machine() -> dict[str, str]:
-    """Where runs are made."""
+    """Machine on which runs are made."""
     model = platform.processor()
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -1,4 +1,4 @@
-"""What the record of a batch's run must hold, so that everything that reads records can rely on it.
+"""Checks of the record of a batch's run, so that everything that reads records can rely on it.
 
 A checksum says that a file is what was written, not that a batch wrote it. Keys that are not named here may hold anything.
 """
@@ -55,7 +55,7 @@ class _Record(_Strict):
 
 
 def fault_of_record(body: bytes) -> str:
-    """What is wrong with the content of a record, given as JSON; '' for nothing."""
+    """Fault in the content of a record, given as JSON; '' if there is none."""
     try:
         _Record.__pydantic_validator__.validate_json(body)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""What lifts and doors did, as Parquet, a row for each change.
+"""States of lifts and doors as Parquet, a row for each change.
 
 `lifts.parquet`: `t_s`, `lift`, `state` (closed, coming, open, taken, held), `level` of the car, `target` level, `robot` for which it comes
 or that is in it ('' for none, '(people)' for people), `doors` (closed, moving, open), `motion` (stopped, up, down), `mode` (agv, human,

@@ -1,4 +1,4 @@
-"""Where two files of runs begin to differ, in words."""
+"""First difference of two files of runs, in words."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What robots drove on, kept in the run folder so that logs can be derived when the map is gone.
+"""Graphs and fleet of a run, kept in the run folder so that logs can be derived when the map is gone.
 
 `floor.json`: the nav graph, the plan graph and the fleet; `map.png` with `map.yaml`: the walls, in the
 form that Nav2's map_server reads. Reading them back gives the same arrays. Refuses files of another schema.

@@ -1,4 +1,4 @@
-"""When robots were granted more of their ways, as Parquet: `t_s`, `robot` (name), `visit`, the last that it may drive to from then on, and
+"""Grants of a run as Parquet: `t_s`, `robot` (name), `visit`, the last that it may drive to from then on, and
 `enters`: it may also enter the lane to the next visit, short of which it waits for others.
 
 Visits are counted from 0, the start, along the robot's whole way, replans included.

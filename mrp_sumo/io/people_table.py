@@ -1,4 +1,4 @@
-"""Where people were, as Parquet: `people.parquet`, person by person, at the times of the trajectory's samples.
+"""Positions of people as Parquet: `people.parquet`, person by person, at the times of the trajectory's samples.
 
 Columns: `t_ns` int64, `person` int32, `x_m`, `y_m` float32; where robots change levels `level`, too, and positions are in its frame,
 as in the trajectory. The file's metadata hold what belongs to no sample: radius, each person's level and how long it stood before

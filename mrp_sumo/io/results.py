@@ -86,7 +86,7 @@ def _sync(folder: Path) -> None:
 
 
 def record_path(folder: Path, key: str) -> Path:
-    """Where the record of a run is."""
+    """Path of the record of a run."""
     return folder / "runs" / key[:2] / f"{key}.json"
 
 
@@ -181,7 +181,7 @@ def _read_body(path: str, name: str) -> bytes:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """What the batch of a folder is.
+    """Plan of the batch in a folder.
 
     Raises
     ------
@@ -245,7 +245,7 @@ def write_tables(folder: Path, records: Iterable[BatchRecord]) -> None:
 
 
 def tables_are_whole(folder: Path) -> bool:
-    """Whether the tables are there as they were written."""
+    """True if the tables are there as they were written."""
     return all(_is_whole(folder, name) for name in (CSV, TABLE))
 
 

@@ -1,4 +1,4 @@
-"""What robots were at, as Parquet: `robot_states.parquet`, a row for each interval, by robot and time, of a run with tasks.
+"""States of robots as Parquet: `robot_states.parquet`, a row for each interval, by robot and time, of a run with tasks.
 
 Columns: `robot`, `state` (`core.robot_states.ROBOT_STATES`), `begin_s`, `end_s`, `task` (row of the order in `tasks.parquet`, -1: none).
 The intervals of a robot follow each other without a gap from 0 to the end of the run.

@@ -109,7 +109,7 @@ class RunFolder:
 
     @property
     def source(self) -> str:
-        """Where it is from, for messages."""
+        """Origin, for messages."""
         return str(self.folder)
 
     @property
@@ -123,7 +123,7 @@ class RunFolder:
 
     @property
     def executed(self) -> bool:
-        """Whether there is a trajectory. Raises MrpSumoError where it is lost."""
+        """True if there is a trajectory. Raises MrpSumoError where it is lost."""
         return self._has("trajectory.parquet")
 
     @cached_property

@@ -13,7 +13,7 @@ NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
 
 
 def run_summary(result: Mapping[str, Any]) -> Summary:
-    """How a run ended, what was planned and what was driven.
+    """Summary of a run: how it ended, what was planned and what was driven.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class Table:
         return self.content.cast(self.schema).replace_schema_metadata(None)
 
     def has(self, name: str) -> bool:
-        """Whether there is such a column."""
+        """True if there is such a column."""
         return name in self.content.column_names
 
     def numbers(self, name: str, missing: float | None = None) -> FloatArray:

@@ -34,7 +34,7 @@ REVEALED = 1.5  # tasks known for each robot in the League of Robot Runners
 
 @dataclass(frozen=True)
 class TaskNames:
-    """What names in tasks may mean, and where they stand."""
+    """Meanings of names in tasks, and their vertices."""
 
     vertex_of: Callable[[str], int | None]  # the vertex of the plan graph by its name on the map
     known: Sequence[str]  # all names
@@ -77,7 +77,7 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
 
 
 def charging_of(choice: TasksChoice, site: TaskNames) -> Charging | None:
-    """When and where robots charge. As `sources_of`."""
+    """Charging of a scenario's robots. As `sources_of`."""
     if (chosen := choice.charging) is None:
         return None
     return Charging(

@@ -1,4 +1,4 @@
-"""What became of the tasks of a run, as Parquet: `tasks.parquet`, a row for each task that was known, by release.
+"""Tasks of a run as Parquet: `tasks.parquet`, a row for each task that was known, by release.
 
 Columns: `task` (name), `robot` (null: nobody had it), `released_s`, `assigned_s`, `opened_s` (its first stop was reached), `done_s` (null:
 not yet, or never), `ended_s` (it was done, failed or cancelled; null: not yet), `status` (`core.task.TASK_STATES`, at the end of the run),

@@ -47,7 +47,7 @@ def trace_of(folder: Path) -> Trace | None:
 
 
 def trace_path(folder: Path, key: str) -> Path:
-    """Where the trace of a run of a batch is."""
+    """Path of the trace of a batch's run."""
     return record_path(folder, key).with_suffix(".trace")
 
 

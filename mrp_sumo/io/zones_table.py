@@ -1,4 +1,4 @@
-"""How occupied zones were, as Parquet: `zones.parquet`, a row for each zone that robots were in, the busiest first.
+"""Occupation of zones as Parquet: `zones.parquet`, a row for each zone that robots were in, the busiest first.
 
 Columns: `zone` (name), `kind` (`crossing`, `aisle`, `door`, `lift` or `area`), `occupied_share` of the time, `robots_mean`, `robots_max`.
 """

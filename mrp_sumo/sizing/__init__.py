@@ -1,1 +1,1 @@
-"""How many robots fit: studies that choose their own runs, and what they find."""
+"""Capacity studies, which choose their own runs, and their answers."""

@@ -21,7 +21,7 @@ SPREADSHEET = 0.8  # utilisation of robots that planning sheets count with
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """What a change brings: throughput beside that of the scenario as it is, on the same orders."""
+    """Gain of a change: throughput beside that of the scenario as it is, on the same orders."""
 
     change: str
     difference: PairedMeans  # orders an hour
@@ -38,7 +38,7 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a study has found. Everything in it follows from the question and finished runs."""
+    """Answer of a study. Everything in it follows from the question and finished runs."""
 
     question: Question
     trials: tuple[Trial, ...]  # that it stands on
@@ -67,12 +67,12 @@ class Answer:
 
     @property
     def planner(self) -> str:
-        """What planned the runs of the answer."""
+        """Planner of the runs of the answer."""
         return (self._curve.planner if self._curve else "") or self.question.file.scenario.planner.name
 
     @property
     def limit(self) -> Share | None:
-        """What binds: the planner where it has no plans for the next larger fleets, else as at the peak."""
+        """Limit that binds: the planner where it has no plans for the next larger fleets, else as at the peak."""
         if not self.points:
             return (
                 Share("planner", "", self.unfit[0].unanswered_share) if self.unfit and self.unfit[0].unanswered_share > UNANSWERED else None
@@ -101,7 +101,7 @@ class Answer:
 
     @property
     def at_peak(self) -> Reasons | None:
-        """What binds at the peak, or at the last size where none was found."""
+        """Limit that binds at the peak, or at the last size if there is no peak."""
         if not (self.limits and self.reasons):
             return None
         best = self.limits.curve.best
@@ -117,7 +117,7 @@ class Answer:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the reader should know before the figures are believed."""
+        """Caveats that a reader should know before believing the figures."""
         found = (
             []
             if self.in_time
@@ -156,7 +156,7 @@ class Answer:
 
     @property
     def of_batteries(self) -> list[str]:
-        """What batteries and chargers mean for the answer."""
+        """Notes on batteries and chargers."""
         cycle = self.question.charging
         if not self.limits or cycle is None or not self.points:
             return []

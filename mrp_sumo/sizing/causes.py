@@ -51,7 +51,7 @@ class Doing:
 
 
 def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float) -> dict[Cause, Pressed]:
-    """What robots stood for from a time on, and how much of that time each was pressed.
+    """Causes for which robots stood from a time on, and how much of that time each was pressed.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Confirmation:
 
     @property
     def agrees(self) -> bool:
-        """Whether the engines differ by no more than chance, or by little."""
+        """True if the engines differ by no more than chance, or by little."""
         mean = self.difference.difference
         return mean.low <= 0 <= mean.high or abs(mean.value) <= TOLERANCE * self.difference.first
 

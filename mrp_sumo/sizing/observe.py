@@ -1,4 +1,4 @@
-"""What a capacity study keeps of a run beside its metrics: every order's times, and where robots stood, waited and were served.
+"""Observations of a run that a study keeps beside its metrics: every order's times, and where robots stood, waited and were served.
 
 Worker processes call `observe`; it is JSON, so that a study can be resumed and asked again from what it has on disk.
 """
@@ -29,7 +29,7 @@ def observe(job: Job, maps: MapCache) -> Answer:
 
 
 def observation(result: RunResult) -> dict[str, Any]:
-    """What is kept of a run that was driven, as JSON.
+    """Observations of a run that was driven, as JSON.
 
     Returns
     -------

@@ -44,7 +44,7 @@ class Point:
 
     @property
     def observed(self) -> list[Mapping[str, Any]]:
-        """What runs that were driven have left."""
+        """Observations of the runs that were driven."""
         return [record["observed"] for record in self.records if record.get("observed")]
 
     @property
@@ -87,7 +87,7 @@ class Point:
 
     @cached_property
     def until_s(self) -> float:
-        """When the first robot of any run ran empty, else the end: what is driven after a death is nobody's throughput."""
+        """Time at which the first robot of any run ran empty, else the end: what is driven after a death is nobody's throughput."""
         deaths = [run["batteries"]["empty_s"] for run in self.observed if run["batteries"] and run["batteries"]["empty_s"] is not None]
         return min([self.horizon_s, *deaths])
 
@@ -100,12 +100,12 @@ class Point:
 
     @cached_property
     def is_steady(self) -> bool:
-        """Whether the runs are long enough to tell the warm-up."""
+        """True if the runs are long enough to tell the warm-up."""
         return warm_up_length(self.series) is not None
 
     @cached_property
     def warm_up_s(self) -> float:
-        """What is left out of every run: MSER-5 on `series`, and half of it where that cannot be told."""
+        """Warm-up, left out of every run: MSER-5 on `series`, and half of it where that cannot be told."""
         length = warm_up_length(self.series)
         return self.until_s * (0.5 if length is None else length / BINS)
 
@@ -152,7 +152,7 @@ class Point:
 
     @property
     def has_due_times(self) -> bool:
-        """Whether orders are due at some time."""
+        """True if orders have due times."""
         return any(bool(np.isfinite(t["due_s"]).any()) for t in self.observed)
 
     @property

@@ -1,4 +1,4 @@
-"""What a capacity study asks, and the runs that it may ask for.
+"""Question of a capacity study, and the trials that it may request.
 
 A trial is a run of the study: so many robots, one seed. Trials of one seed meet the same orders and start from the same draws whatever the
 size of the fleet: common random numbers. Refuses questions that the scenario cannot answer.
@@ -30,7 +30,7 @@ IN_SUMO = "execution.engine: sumo"  # the change of trials that confirm the answ
 
 @dataclass(frozen=True)
 class Effort:
-    """How exact an answer is to be, and what it may cost."""
+    """Precision of an answer, and its budget."""
 
     horizon_s: float  # simulated time of a run
     seeds: int  # of every size at first
@@ -67,7 +67,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of a scenario."""
+    """Question about a scenario."""
 
     file: ScenarioFile
     sizes: tuple[int, int]  # least and most robots
@@ -89,7 +89,7 @@ class Question:
 
     @property
     def has_tasks(self) -> bool:
-        """Whether orders come while robots drive."""
+        """True if orders come while robots drive."""
         return self.file.scenario.tasks is not None
 
 
@@ -127,7 +127,7 @@ def driving_cpu_s(robots: int, sim_time_s: float) -> float:
 
 
 def values_of(trial: Trial, question: Question, changed: Values) -> Values:
-    """What a trial has otherwise than the scenario, as for `io.scenario.changed`; `changed` is what its change says, the tasks included."""
+    """Values of a trial other than the scenario's, as for `io.scenario.changed`; `changed` is what its change says, the tasks included."""
     changed = dict(changed)
     values: Values = {
         **_robots(question.file.scenario.robots.fleet, trial.robots),

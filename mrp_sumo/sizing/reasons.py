@@ -23,7 +23,7 @@ SERVERS = ("station", "lift", "charger", "planner")
 
 @dataclass(frozen=True)
 class Share:
-    """How busy something is."""
+    """Share of time for which a place or the fleet is busy."""
 
     kind: str  # 'station', 'lift', 'charger', 'planner', 'fleet', 'orders', 'crossing', 'aisle', 'door' or 'area'
     name: str
@@ -33,7 +33,7 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Reasons:
-    """What binds a fleet of one size."""
+    """Limits that bind a fleet of one size."""
 
     robots: int
     limit: Share
@@ -49,7 +49,7 @@ class Reasons:
 
 
 def reasons(point: Point) -> Reasons:
-    """What binds, from the runs of a fleet."""
+    """Limits that bind, from the runs of a fleet."""
     runs = point.observed
     seconds = sum(point.until_s - min(run["steady_s"], point.until_s) for run in runs) or 1.0
     served, queued, room = defaultdict[str, float](float), defaultdict[str, float](float), defaultdict[str, float](float)
@@ -94,7 +94,7 @@ def _limit(point: Point, places: Sequence[Share], fleet: Share) -> Share:
 
 
 def in_words(share: Share) -> str:
-    """What binds, and how much."""
+    """Limit that binds, and how much, in words."""
     percent = f"{100 * share.utilisation:.0f} %"
     match share.kind:
         case "fleet":
@@ -115,7 +115,7 @@ def cycle(point: Point) -> dict[str, float]:
 
 
 def undisturbed_s(point: Point) -> float:
-    """What an order takes from when a robot has it, in the smallest fleet: nearly alone."""
+    """Time from an order's assignment to its end in the smallest fleet, where robots are nearly alone."""
     parts = cycle(point)
     return sum(parts.values()) - parts["assignment"]
 

@@ -54,7 +54,7 @@ class Bracket:
 
 @dataclass
 class Desk:
-    """Where trials are asked for and paid: a budget in predicted seconds, so that it buys the same on every machine."""
+    """Requests for trials and the budget that pays them, in predicted seconds, so that it buys the same on every machine."""
 
     question: Question
     recorded: Recorded
@@ -65,7 +65,7 @@ class Desk:
     closed: bool = False  # no more runs can be made: the clock has reached the budget
 
     def affords(self, trials: Sequence[Trial], reason: str) -> bool:
-        """Whether the budget buys these trials; what it does not is noted."""
+        """True if the budget pays for these trials; those that it does not are noted."""
         cost = sum(predicted_cpu_s(trial, self.question) for trial in trials if trial not in self.asked) / CORES
         made = not self.closed or all(self.recorded(trial) is not None for trial in trials)
         if made and self.spent_s + cost <= self.share * self.question.effort.budget_s:
@@ -141,13 +141,13 @@ class Curve:
         return max(self.sizes, key=lambda n: (self.points[n].throughput.value, -n))
 
     def seeds(self, n: int) -> int:
-        """How many seeds a size has."""
+        """Number of seeds of a size."""
         return len(self.points[n].records) if n in self.points else 0
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a saturated fleet comes to by its size."""
+    """Throughput of saturated fleets by size, with peak, knee and collapse."""
 
     curve: Curve
     peak: Bracket

@@ -118,7 +118,7 @@ class Pilot:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a study is likely to take, on `CORES` cores; measured on a pilot where orders come while robots drive."""
+    """Likely time of a study on `CORES` cores; measured on a pilot where orders come while robots drive."""
 
     sizes: tuple[int, ...]  # of the coarse grid, as far as the budget goes
     grid_s: float  # the grid alone
@@ -169,7 +169,7 @@ class Study:
 
     @property
     def estimate(self) -> Estimate:
-        """How long it is likely to take. Said before it begins."""
+        """Likely time of the study, stated before it begins."""
         question = self._with_charging
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         slower = self.pilot.slower if question.has_tasks else 1.0
@@ -272,7 +272,7 @@ class Study:
         return self._runs[trial]
 
     def values(self, trial: Trial) -> Mapping[Any, tuple[str, Any]]:
-        """What a trial has otherwise than the scenario."""
+        """Values of a trial that differ from the scenario's."""
         change = values_of_change(trial.change, self.question, self.nav) if trial.change else {}
         return values_of(trial, self.question, change)
 

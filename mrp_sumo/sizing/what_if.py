@@ -1,4 +1,4 @@
-"""What would help: changes of a scenario, written as users write them, and which of them are obvious.
+"""Changes of a scenario that may help, written as users write them, and which of them are obvious.
 
     one_way: [v3, v17]      lanes along the shortest way from the first vertex to the second go in that direction only
     doubled: [v3, v17]      lanes along the shortest way between two vertices get a second track (of roadmaps)
@@ -69,7 +69,7 @@ def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:
 
 
 def obvious(question: Question, found: Reasons) -> tuple[str, ...]:
-    """What is worth trying for a fleet: the busiest stations once more, the worst aisle otherwise, another planner, policy, dispatcher."""
+    """Changes worth trying for a fleet: the busiest stations once more, the worst aisle otherwise, another planner, policy, dispatcher."""
     scenario, tasks = question.file.scenario, question.file.scenario.tasks
     assert tasks is not None
     grown = []

@@ -1,4 +1,4 @@
-"""What a scenario chooses by name, apart from its map: robots, planner, assigner, policy and the settings of its execution.
+"""Choices of a scenario by name, apart from its map: robots, planner, assigner, policy and the settings of its execution.
 
 Refuses names that are not there, wrong parameters, and programs that are not trusted.
 """
@@ -33,7 +33,7 @@ TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
 
 
 def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[RobotType, ...], Planner, Assigner | None, ExecutionSettings]:
-    """What a scenario chooses by name, apart from its map: the robots' types first; refused where that are programs which are not trusted.
+    """Choices of a scenario by name, apart from its map: the robots' types first; refused where that are programs which are not trusted.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
 
 
 def type_at(file: ScenarioFile, kind: int) -> Place:
-    """Where a scenario says the type of its robots, or of a group of them."""
+    """Key under which a scenario says the type of its robots, or of a group of them."""
     return ("robots", "type") if file.scenario.robots.fleet is None else ("robots", "fleet", kind, "type")
 
 
@@ -132,7 +132,7 @@ def _checked_dispatcher(name: str, parameters: Mapping[str, Any], folder: Path) 
 
 
 def settings_of(file: ScenarioFile) -> ExecutionSettings:
-    """How a scenario wants to be driven, apart from what only its map can tell."""
+    """Settings of a scenario's execution, apart from those that only its map can tell."""
     execution = file.scenario.execution
     _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
     tasks = file.scenario.tasks
@@ -210,5 +210,5 @@ def _disturbances(choice: DisturbanceChoice) -> Disturbances:
 
 
 def from_the_start(outage: OutageChoice) -> bool:
-    """Whether a lift or a door is never in service, so that planners need not count on it."""
+    """True if a lift or a door is never in service, so that planners need not count on it."""
     return outage.begin_s == 0 and outage.duration_s is None

@@ -1,4 +1,4 @@
-"""How a map becomes a plan graph where the scenario leaves that open: lanes are driven where the map has them, else a grid of cells.
+"""Choice of a plan graph where the scenario leaves it open: lanes are driven where the map has them, else a grid of cells.
 
 Steps are as fine as the scenario asks for and as long as its robots need.
 """

@@ -1,4 +1,4 @@
-"""Whether the tasks of a scenario can be done at all: some robot can make the stops of each, one after the other.
+"""Check that the tasks of a scenario can be done at all: some robot can make the stops of each, one after the other.
 
 Refuses tasks at places that no robot can reach, in one line.
 """
@@ -14,7 +14,7 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 
 
 def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
-    """What no robot can do, for people; '' where all tasks can be done."""
+    """Tasks that no robot can do, in words; '' where all tasks can be done."""
     found = [strong_components(graph.num_vertices, graph.tail, graph.head) for graph in problem.graph_of_kind]
     if not any(piece.any() for piece in found):  # all is one piece
         return ""

@@ -1,4 +1,4 @@
-"""Whether robots fit a plan graph: steps long enough for two of them, room beside the walls, a place to brake.
+"""Check that robots fit a plan graph: steps long enough for two of them, room beside the walls, a place to brake.
 
 Refuses what does not fit in one line, with what would help.
 """

@@ -1,4 +1,4 @@
-"""What a scenario changes about the lanes of its map: tracks, one-ways, mutex groups, closures, lifts and doors out of service.
+"""Changes of a scenario to the lanes of its map: tracks, one-ways, mutex groups, closures, lifts and doors out of service.
 
 Refuses names that the map does not have, and ways that do not exist.
 """

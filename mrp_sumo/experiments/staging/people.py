@@ -20,7 +20,7 @@ DRAW = 50  # purpose of the stream of chance
 
 
 def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneSpeeds | None:
-    """Who walks among the robots of a scenario; None where it has no people."""
+    """People who walk among the robots of a scenario; None where it has no people."""
     choice, seed = file.scenario.people, file.scenario.seed
     if choice is None:
         return None

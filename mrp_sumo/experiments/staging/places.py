@@ -1,4 +1,4 @@
-"""Where the robots of a scenario start and where they go: vertices by name or drawn, and how robots face there.
+"""Starts and goals of a scenario's robots: vertices by name or drawn, and how robots face there.
 
 Refuses names the map does not have, goals that cannot be reached, headings that no lane has.
 """
@@ -113,7 +113,7 @@ def as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], name
 
 
 def named_places(scenario: ScenarioModel) -> bool:
-    """Whether a scenario names starts and goals."""
+    """True if a scenario names starts and goals."""
     return scenario.robots.starts is not None or any(group.starts and group.goals for group in scenario.robots.fleet or ())
 
 

@@ -41,7 +41,7 @@ class ScenarioFile:
 
     @property
     def folder(self) -> Path:
-        """Where relative paths begin."""
+        """Folder where relative paths begin."""
         return self.document.path.parent
 
 

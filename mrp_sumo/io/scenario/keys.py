@@ -11,7 +11,7 @@ from mrp_sumo.io.scenario.model import ScenarioModel
 
 
 def unknown_key(key: str) -> str:
-    """What is wrong with a dotted key of scenarios, '' if nothing is."""
+    """Fault in a dotted key of scenarios, '' if there is none."""
     model: Any = ScenarioModel
     for i, part in enumerate(parts := key.split(".")):
         if model is None or model is dict:

@@ -80,7 +80,7 @@ def require_trust(file: ScenarioFile, *folders: Path) -> None:
 
 
 def is_plug_in(key: str) -> bool:
-    """Whether a dotted key, or what it is short for, names a plug-in."""
+    """True if a dotted key, or the key that it is short for, names a plug-in."""
     return f"{key}.{MAIN_KEYS.get(key)}" in PLUG_INS or key in PLUG_INS
 
 

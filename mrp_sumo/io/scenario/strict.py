@@ -1,4 +1,4 @@
-"""What all models of scenario files share: unknown keys are refused, and so is what is no figure."""
+"""Base of all models of scenario files: unknown keys are refused, and so is what is no figure."""
 
 from typing import Annotated
 
