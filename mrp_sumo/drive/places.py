@@ -75,12 +75,16 @@ class RobotPlaces:
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
         blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
         waits: set[int] = set()  # vertices where somebody is to wait
+        ways: list[tuple[Stop, list[int]]] = []  # of those who have a place
         stuck: list[int] = []
         for r in turn:
-            place = self._place(r, int(start[r]), stops[r], taken, blocked)
+            at, stop = int(start[r]), stops[r]
+            place = self._place(r, at, stop, taken, blocked)
+            past = {v for other, way in ways if other.places == stop.places and at in way for v in way}
             if place is not None:
                 vertex[r], makes[r] = place, True
-            elif (wait := self._where_to_wait(r, int(start[r]), stops[r], taken, blocked, waits)) is not None:
+                ways.append((stop, self._way(r, at, place)))
+            elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits)) is not None:
                 vertex[r] = wait
                 waits.add(wait)
             else:

@@ -63,7 +63,7 @@ class WorkRequest(Request):
 
     given: Mapping[int, int] = field(default_factory=dict)  # tasks, by the robots that are to have them
     legs: Mapping[int, Sequence["Leg"]] = field(default_factory=dict)  # stops on the ways of its robots
-    waits: frozenset[int] = frozenset()  # robots that are to wait for a place at the ends of their ways
+    waits: Mapping[int, int] = field(default_factory=dict)  # vertices where robots are to wait for a place
     at_once: frozenset[int] = frozenset()  # robots that may begin with what they are given as soon as they are done with what they have
 
 
@@ -123,7 +123,7 @@ class Work:
         self.wake_s = 0.0  # when something will have changed that is known already
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
         self._legs: list[list[Leg]] = [[] for _ in range(num_robots)]  # stops that each robot's way leads to, in their order
-        self._wait_at = np.full(num_robots, NONE)  # [R] vertex where its way ends and it is to wait for a place
+        self._wait_at = np.full(num_robots, NONE)  # [R] vertex where it is to wait for a place
         self._came_s = np.full(num_robots, np.inf)  # [R] since when it has waited as near as there
         self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over that it is at
         self._over_s = np.full(num_robots, -np.inf)  # [R] when its last one was
@@ -281,7 +281,7 @@ class Work:
             reason="tasks",
             given=dict(given),
             legs={r: (*kept[r], *legs[r]) for r in robots.tolist()},
-            waits=frozenset(r for r in stop if not makes[r]),
+            waits={r: int(vertex[r]) for r in stop if not makes[r]},
             at_once=frozenset(r for r in given if self.duties.of[r] == LEAVING or self._is_just_done(r)),
         )
         return with_stops_before(request, via)
@@ -306,7 +306,7 @@ class Work:
             if self._is_charge(r):  # nobody charges before the answer is there, even at a charger
                 self._earliest_s[r] = max(float(self._earliest_s[r]), now_s)
             self._legs[r] = [leg for leg in request.legs[r] if self._is_ahead(r, leg)]
-            self._wait_at[r] = visits.vertex[visits.last[r]] if r in request.waits and self.current[r] != NONE else NONE
+            self._wait_at[r] = request.waits.get(r, NONE) if self.current[r] != NONE else NONE
             if self.duties.of[r] == LEAVING:
                 self.duties.enter(r, TO_STOP, now_s, int(self.current[r]))
             self._note(r, now_s, visits, booked_s[r])
@@ -513,7 +513,7 @@ class Work:
         """Robots in the order in which they choose where to make their stops.
 
         The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
-        unless it waits behind a single one that can let it pass: a whole line would have to drive on, round a ring or against others.
+        but for those who set out when it waited already, if they can let it pass.
         """
         stands = set(start[stays].tolist())
         away = {r: self._places.away(r, int(start[r]), stop) for r, stop in stops.items()}
@@ -524,12 +524,17 @@ class Work:
                 continue
             nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
             if nearer:
-                way, waits = self._places.way(r, int(start[r]), stops[r]), np.isfinite(self._came_s[r])
-                ahead = sorted((s for s in nearer if int(start[s]) in way[:-1]), key=lambda s: away[s])
-                if not (waits and len(ahead) == 1 and self._places.can_let_pass(ahead[0], int(start[ahead[0]]), way, stands)):
-                    order += ahead
+                way = self._places.way(r, int(start[r]), stops[r])
+                later = [s for s in nearer if np.isinf(self._came_s[s]) and self._sets_out_s(s, task[s]) > self._came_s[r]]
+                ahead = [s for s in nearer if int(start[s]) in way]
+                stuck = [s for s in ahead if s not in later or not self._places.can_let_pass(s, int(start[s]), way, stands)]
+                order += sorted(stuck, key=lambda s: away[s])
             order.append(r)
         return order
+
+    def _sets_out_s(self, robot: int, task: int) -> float:
+        """Since when a robot has been on the way to the stop of a task, inf: not yet."""
+        return float(self._since_s[robot]) if self.current[robot] == task else np.inf
 
     def _after_committed(self, r: int, committed: Sequence[int]) -> tuple[list[Leg], int, int]:
         """Stops that a robot makes on what it is committed to; then the task that it goes on with, and which of its stops."""
