@@ -1,8 +1,13 @@
-"""A folder of anybody's runs nothing, whichever command is used in it: no module, no configuration of a library."""
+"""A folder of anybody's is not read, whichever command is used in it: no module is opened, no configuration of a library."""
 
 import ast
+import ctypes
+import os
+import struct
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -22,7 +27,17 @@ CONFIGURATIONS = {  # whatever libraries might look for, of which some would be 
     "setup.cfg": "[options]\n",
     "pyvenv.cfg": "home = .\n",
     ".netrc": "x",
+    ".duckdbrc": "none such\n",
+    ".env": "NUMBA_DISABLE_JIT=1\n",
+    ".mpl.toml": "x",
+    "dask.yaml": "none such: [\n",
+    "planted.pth": "import planted\n",
+    "pydevd.cfg": "x",
+    "pyproject.toml": "none such\n",
+    "pytest.ini": "none such\n",
+    "sumo.sumocfg": "none such\n",
 }
+IN_OPEN = 0x20  # of Linux's inotify.h
 SUITE = "name: s\nbase: {map: office, robots: {count: 2}}\ngrid_search: {seed: [0]}\nuntil: plan\n"
 LINES = {  # at least one of every command; {run} and {batch} are made beforehand
     "run": "run office_5 --out out --replay",
@@ -48,7 +63,7 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "warmup": "warmup astar",
     "report": "report {run}",
     "demo": "demo --no-open --out /dev/null",
-    "init": "init office --out site",
+    "init": "init office --out new_site",
     "completion": "completion bash",
     "schema": "schema",
 }
@@ -56,10 +71,12 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder that holds a module of every name that anything imports, each of which says when it runs."""
+    """A folder that holds a module and a package of every name that anything imports, each of which ends who imports it."""
     folder = tmp_path_factory.mktemp("strange")
     for name in MODULES:
-        (folder / f"{name}.py").write_text(f"open({str(folder / 'ran')!r}, 'a').write({name!r} + chr(10))\nraise SystemExit({name!r})\n")
+        (folder / name).mkdir()
+        for file in (folder / f"{name}.py", folder / name / "__init__.py"):
+            file.write_text(f"raise SystemExit({name!r})\n")
     for name, text in CONFIGURATIONS.items():
         (folder / name).write_text(text)
     (folder / "suite.yaml").write_text(SUITE)
@@ -76,10 +93,44 @@ def made(tmp_path_factory):
     return {"run": made / "run", "batch": made / "batch"}
 
 
-def check_nothing_ran(folder, command):
-    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-    ran = folder / "ran"
-    assert not ran.exists(), f"{command} ran {set(ran.read_text().split())}"
+@contextmanager
+def opened_in(folder: Path) -> Iterator[set[str]]:
+    """Names of the folder's modules and configurations, and its packages, that any process opens, by inotify; filled at the end."""
+    kernel = ctypes.CDLL(None, use_errno=True)
+    watcher = kernel.inotify_init1(os.O_NONBLOCK)
+    names = {}
+    for path in (folder, *(folder / name for name in MODULES)):
+        watch = kernel.inotify_add_watch(watcher, bytes(path), IN_OPEN)
+        assert watch >= 0, os.strerror(ctypes.get_errno())
+        names[watch] = path.name
+    opened: set[str] = set()
+    planted = {*CONFIGURATIONS, *(f"{name}.py" for name in MODULES)}
+    try:
+        yield opened
+        for watch, name in _events(watcher):
+            opened |= {name} & planted if names[watch] == folder.name else {names[watch]} if name else set()
+    finally:
+        os.close(watcher)
+
+
+def _events(watcher: int) -> Iterator[tuple[int, str]]:
+    while True:
+        try:
+            data = os.read(watcher, 1 << 16)
+        except BlockingIOError:
+            return
+        at = 0
+        while at < len(data):
+            watch, mask, _, length = struct.unpack_from("iIII", data, at)
+            assert watch >= 0, f"events were lost: {mask}"
+            yield watch, data[at + 16 : at + 16 + length].rstrip(b"\0").decode()
+            at += 16 + length
+
+
+def check_nothing_is_opened(folder, command):
+    with opened_in(folder) as opened:
+        ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert not opened, f"{command} opened {opened}"
     assert "Traceback" not in ended.stderr
     for name in ("matplotlib", "numba", "Bad value", "SystemExit"):
         assert name not in ended.stderr
@@ -93,30 +144,34 @@ def test_lines_are_of_every_command():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_command_runs_nothing_of_the_folder(folder, made, name):
-    ended = check_nothing_ran(folder, [CONSOLE, *LINES[name].format(**made).split()])
+    ended = check_nothing_is_opened(folder, [CONSOLE, *LINES[name].format(**made).split()])
     assert ended.returncode in (0, 1, 2)
 
 
 def test_module_runs_nothing_of_the_folder(folder):
-    assert not check_nothing_ran(folder, [sys.executable, "-P", "-m", "mrp_sumo", "list", "planners"]).returncode
+    assert not check_nothing_is_opened(folder, [sys.executable, "-P", "-m", "mrp_sumo", "list", "planners"]).returncode
 
 
 def test_current_folder_is_left_even_where_python_was_told_to_import_from_it(folder):
     code = "import sys; from mrp_sumo.core.children import leave_current_folder as leave; sys.path[:0] = ['', {!r}]; leave(); import wave"
-    assert not check_nothing_ran(folder, [sys.executable, "-P", "-c", code.format(str(folder))]).returncode
+    assert not check_nothing_is_opened(folder, [sys.executable, "-P", "-c", code.format(str(folder))]).returncode
 
 
 def test_process_of_ours_runs_nothing_of_the_folder_though_python_would(folder):
-    assert not check_nothing_ran(folder, children.command("mrp_sumo.experiments.kernels:prepare_driving")).returncode
-    subprocess.run([sys.executable, "-c", "import numpy"], cwd=folder, capture_output=True)
-    assert (folder / "ran").read_text() == "numpy\n"
-    (folder / "ran").unlink()
+    assert not check_nothing_is_opened(folder, children.command("mrp_sumo.experiments.kernels:prepare_driving")).returncode
+    for name in ("numpy", "planners"):
+        with opened_in(folder) as opened:
+            subprocess.run([sys.executable, "-c", f"import {name}"], cwd=folder, capture_output=True)
+        assert name in opened
+    with opened_in(folder) as opened:
+        (folder / "matplotlibrc").read_text()
+    assert opened == {"matplotlibrc"}
 
 
 @pytest.mark.slow
 def test_cold_cache_runs_nothing_of_the_folder(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not check_nothing_ran(
+    assert not check_nothing_is_opened(
         folder, [CONSOLE, "run", "office_5", "--planner", "prioritised", "--out", str(tmp_path / "out")]
     ).returncode
 
