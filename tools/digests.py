@@ -1,14 +1,14 @@
 """Digests of what runs write, so that a change of the code can be shown to change no byte.
 
-    python tools/digests.py OUT.json                       the bundled scenarios with all planners, and disturbed runs
-    python tools/digests.py OUT.json --maps DIR            runs on the maps below DIR too (*.building.yaml), grid and roadmap
+    python tools/digests.py OUT.json                       the bundled scenarios with all planners, runs with work, and disturbed runs
+    python tools/digests.py OUT.json --maps DIR [DIR ...]  runs on 30 maps below each DIR too (*.building.yaml), grid and roadmap
     python tools/digests.py OUT.json --only disturbed      those whose name begins so
     python tools/digests.py OUT.json --processes 2
     python tools/digests.py --compare BEFORE.json AFTER.json
 
 Runs are made by the command line alone, in spawned processes, with the package that Python finds first: with PYTHONPATH set to
-another checkout, another version's. Digests are those of the run folders: SHA-256 of the plan, the trajectory, the visits, the
-events and the bag. Planners that work until the clock stops them are given as much as they can use.
+another checkout, another version's. Digests are those of the run folders: SHA-256 of the plan, the tables, the events and the bag.
+Planners that work until the clock stops them are given as much as they can use.
 """
 
 import argparse
@@ -22,11 +22,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 BUNDLED = ("office_5", "office_9", "warehouse_5", "warehouse_9", "airport_5", "airport_9")
 PLANNERS = ("astar", "prioritised", "cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta", "pibt", "lacam", "lns2")
 POLICIES = ("adg", "adg_timed", "timed", "open_loop")
 NUM_CORPUS, NUM_DISTURBED = 30, 30
-FILES = ("plan.json", "trajectory.parquet", "believed.parquet", "visits.parquet", "events.jsonl")
+WORK_S = 240  # simulated, of each run with work
+FILES = ("plan.json", "events.jsonl")  # and tables, and the bag
 
 Run = tuple[str, dict[str, Any]]  # name, scenario
 
@@ -41,6 +45,17 @@ def bundled_runs() -> Iterator[Run]:
             yield f"bundled {scenario} {planner}", what
 
 
+def work_runs() -> Iterator[Run]:
+    """Bundled scenarios with orders, lifts, doors, people and mixed fleets, shortened, with two planners and both engines."""
+    for path in sorted(SCENARIOS.glob("*.yaml")):
+        scenario = yaml.safe_load(path.read_text())
+        if not any(key in scenario for key in ("tasks", "people")) and "doors" not in scenario.get("execution", {}):
+            continue
+        for planner, engine in (("prioritised", "sumo"), ("lacam", "kinematic")):
+            execution = {**scenario.get("execution", {}), "time_limit_s": WORK_S, "engine": engine}
+            yield f"work {path.stem} {planner}", {**scenario, "planner": planner, "execution": execution}
+
+
 def corpus_runs(folder: Path) -> Iterator[Run]:
     """Each map below a folder as a grid and as a roadmap, other planners and policies in turn."""
     maps = [path for path in sorted(folder.rglob("*.building.yaml")) if "mergeconflict" not in path.name]
@@ -48,7 +63,7 @@ def corpus_runs(folder: Path) -> Iterator[Run]:
     step = max(1, len(cases) // NUM_CORPUS)
     for i, (path, kind) in enumerate(cases[::step][:NUM_CORPUS]):
         yield (
-            f"corpus {path.parent.name}/{path.name} {kind}",
+            f"{folder.name} {path.relative_to(folder)} {kind}",
             {
                 "map": {"file": str(path.resolve()), "graph": "all"},
                 "discretisation": {"kind": kind, "cell_m": 0.5},
@@ -105,7 +120,11 @@ def digests(run: Run) -> tuple[str, dict[str, str]]:
         if code == 2:
             return name, {"refused": said.getvalue().strip().replace(scratch, "")}
         result = json.loads((out / "result.json").read_text())
-        kept = {f: result["files"][f]["sha256"][:16] for f in sorted(result["files"]) if f in FILES or f.startswith("bag/")}
+        kept = {
+            f: result["files"][f]["sha256"][:16]
+            for f in sorted(result["files"])
+            if f in FILES or f.endswith(".parquet") or f.startswith("bag/")
+        }
     return name, {"status": result["status"], **kept}
 
 
@@ -128,7 +147,7 @@ def main() -> int:
     """See the head of the file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, nargs="?")
-    parser.add_argument("--maps", type=Path)
+    parser.add_argument("--maps", type=Path, nargs="+", default=[])
     parser.add_argument("--only", default="")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--compare", type=Path, nargs=2)
@@ -137,14 +156,15 @@ def main() -> int:
         return int(compare(*options.compare) > 0)
     if options.out is None:
         parser.error("give a file to write, or --compare")
-    runs = [*bundled_runs(), *(corpus_runs(options.maps) if options.maps else ()), *disturbed_runs()]
+    corpora = [run for folder in options.maps for run in corpus_runs(folder)]
+    runs = [*bundled_runs(), *work_runs(), *corpora, *disturbed_runs()]
     runs = [run for run in runs if run[0].startswith(options.only)]
-    found = {}
+    written = {}
     with multiprocessing.get_context("spawn").Pool(options.processes, maxtasksperchild=40) as pool:
         for i, (name, digest) in enumerate(pool.imap(digests, runs)):
-            found[name] = digest
+            written[name] = digest
             print(f"{i + 1}/{len(runs)} {name}: {digest.get('status') or digest['refused']}", file=sys.stderr)
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+    options.out.write_text(json.dumps(written, indent=1) + "\n")
     return 0
 
 
