@@ -5,14 +5,13 @@ import re
 import shlex
 from dataclasses import fields
 from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import get_args
 
 import pytest
 import yaml
 from pydantic import BaseModel
-from test_architecture import FLOORS
+from test_architecture import FLOORS, tool
 
 from mrp_sumo.cli.main import COMMANDS
 from mrp_sumo.io.scenario.model import ScenarioModel
@@ -228,11 +227,3 @@ def test_page_of_the_index_begins_with_three_commands_and_is_followed(page):
     ]
     assert len(commands) >= 3
     assert page in tool("docs").TUTORIALS
-
-
-def tool(name):
-    """A program of `tools/`, as a module."""
-    spec = spec_from_file_location(f"tool_{name}", PROJECT / "tools" / f"{name}.py")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from test_docs import tool
+from test_architecture import tool
 
 WORDS = tool("words")
 
