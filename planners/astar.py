@@ -23,7 +23,7 @@ class AStar:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners.conflict_based._warm import warm
+        from planners.conflict_based.warm import warm
 
         warm(self)
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
+from planners import PLUGINS
+
 PROJECT = Path(__file__).resolve().parents[1]
 PACKAGE = PROJECT / "mrp_sumo"
 
@@ -29,6 +31,8 @@ FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"cli"},
 )
 BELOW = {room: set().union(*FLOORS[:k]) for k, floor in enumerate(FLOORS) for room in floor}
+BELOW_PLANNERS = ("core", "errors", "formats", "planning", "search", "traffic")
+PLUG_INS = {target.partition(":")[0] for table in PLUGINS.values() for target in table.values()}  # modules of planners and assigners
 HOMES = {
     "libsumo": ("mrp_sumo/engines/sumo/",),
     "traci": ("mrp_sumo/engines/sumo/",),
@@ -83,10 +87,8 @@ def may_import(path, module):
     inside, parts = path.relative_to(PROJECT).parts, module.split(".")
     if parts[0] not in ("mrp_sumo", "planners"):
         return True
-    if inside[0] == "planners":  # of each other planners know what begins with "_"
-        if parts[0] == "mrp_sumo":
-            return parts[1] in ("core", "errors", "formats", "planning", "search", "traffic")
-        return (PROJECT / Path(*parts)).is_dir() or parts[-1].startswith("_")
+    if inside[0] == "planners":  # no planner imports another one
+        return module not in PLUG_INS if parts[0] == "planners" else parts[1] in BELOW_PLANNERS
     if len(inside) == 2:  # mrp_sumo/__init__.py, __main__.py and errors.py
         return inside[1] in ("__init__.py", "__main__.py")
     return parts[0] != "planners" and (len(parts) == 1 or parts[1] == inside[1] or parts[1] in BELOW[inside[1]])

@@ -40,7 +40,7 @@ from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.draw import uniform_draw
-from planners.safe_interval._timetable import Timetable
+from planners.safe_interval.timetable import Timetable
 
 SETTINGS = ExecutionSettings(policy="adg_timed")
 BURGER = RobotType("turtlebot3", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84)

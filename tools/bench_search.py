@@ -22,8 +22,8 @@ from mrp_sumo.search._constraints import EXPANSIONS, load
 from mrp_sumo.search._earliest import earliest_arrival
 from mrp_sumo.search._occupancy import install_all, uninstall
 from mrp_sumo.search._space_time import find_path
-from planners.conflict_based._incumbent import Incumbent
-from planners.conflict_based._tree import Tree, limits
+from planners.conflict_based.incumbent import Incumbent
+from planners.conflict_based.tree import Tree, limits
 
 ASKED = (("random-32-32-20", 100), ("random-32-32-10", 200), ("airport_terminal_0.4", 20), ("warehouse-10-20-10-2-1", 200))
 PLENTY = 1 << 40

@@ -14,7 +14,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Kinematics, Rules, Tape, empty_log, empty_news
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
-from mrp_sumo.search._entry import entry_for
+from mrp_sumo.search.entry import entry_for
 
 A_CELL_LESS_M = 0.0100003  # robots stop a millimetre before a vertex, and have advanced by a cell; uneven, so that no distance is equal
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events

@@ -13,14 +13,14 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from planners.configuration._parameters import check_local
+from planners.parameters import check_local
 
 
 @dataclass(frozen=True)
 class Lacam:
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
-    Where robots use the map thinly, the first solution is one of prioritised planning, see `_first_paths`. Elsewhere robots are guided by
+    Where robots use the map thinly, the first solution is one of prioritised planning, see `first_paths`. Elsewhere robots are guided by
     ways of their own where lanes are little used, see `_ways`, and else, where tables allow, by the traffic flow at first, see `_flow`;
     before each step, they are led round each other by local guidance, see `_local_guidance`.
     Where tables allow, the first solution is polished by
@@ -58,9 +58,9 @@ class Lacam:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners._world import small_problem
-        from planners.configuration._lacam_search import prepare_to_grow
-        from planners.neighbourhood._refinement import prepare
+        from planners.configuration.lacam_search import prepare_to_grow
+        from planners.neighbourhood.refinement import prepare
+        from planners.world import small_problem
 
         replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
         replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
@@ -74,6 +74,6 @@ class Lacam:
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
-        from planners.configuration._lacam_search import plan_by_lacam
+        from planners.configuration.lacam_search import plan_by_lacam
 
         return plan_by_lacam(self, problem, time_limit_s, packed)

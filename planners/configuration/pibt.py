@@ -19,7 +19,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from planners.configuration._parameters import check_local
+from planners.parameters import check_local
 
 
 @dataclass
@@ -130,7 +130,7 @@ class Pibt:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners._world import small_problem
+        from planners.world import small_problem
 
         for ways, packed in ((1, False), (0, False), (0, True)):
             replace(self, ways=ways, flow=1)._plan(small_problem(), np.inf, packed)
@@ -140,6 +140,6 @@ class Pibt:
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
-        from planners.configuration._pibt_search import plan_by_pibt
+        from planners.configuration.pibt_search import plan_by_pibt
 
         return plan_by_pibt(self, problem, time_limit_s, packed)

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
-from planners.conflict_based._parameters import check
+from planners.parameters import check_tree
 
 
 @dataclass(frozen=True)
@@ -30,17 +30,17 @@ class Ecbs:
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     def __post_init__(self) -> None:
-        check(self.memory_mb, self.w)
+        check_tree(self.memory_mb, self.w)
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners.conflict_based._warm import warm
+        from planners.conflict_based.warm import warm
 
         warm(self)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners.conflict_based._focal import Focal
-        from planners.conflict_based._frame import search
+        from planners.conflict_based.focal import Focal
+        from planners.conflict_based.frame import search
 
         return search(self, problem, time_limit_s, lambda forest: Focal(forest, self.w), w=self.w)

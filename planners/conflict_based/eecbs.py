@@ -17,7 +17,7 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
-from planners.conflict_based._parameters import check
+from planners.parameters import check_tree
 
 
 @dataclass(frozen=True)
@@ -36,20 +36,20 @@ class Eecbs:
     supports: ClassVar[frozenset[str]] = frozenset({"effort"})
 
     def __post_init__(self) -> None:
-        check(self.memory_mb, self.w)
+        check_tree(self.memory_mb, self.w)
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners.conflict_based import _incumbent
-        from planners.conflict_based._warm import warm
+        from planners.conflict_based import incumbent
+        from planners.conflict_based.warm import warm
 
         warm(self)
-        _incumbent.prepare()
+        incumbent.prepare()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""
-        from planners.conflict_based._explicit_estimation import ExplicitEstimation
-        from planners.conflict_based._frame import search
+        from planners.conflict_based.explicit_estimation import ExplicitEstimation
+        from planners.conflict_based.frame import search
 
         return search(
             self,

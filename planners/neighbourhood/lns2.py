@@ -43,10 +43,10 @@ class Lns2:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners._world import small_problem, whole_table
         from planners.neighbourhood import _lns
         from planners.neighbourhood._collisions import find_collisions
-        from planners.neighbourhood._refinement import prepare, room_to_repair, task_of
+        from planners.neighbourhood.refinement import prepare, room_to_repair, task_of
+        from planners.world import small_problem, whole_table
 
         problem = small_problem()
         task = task_of(problem, whole_table(problem))
@@ -59,16 +59,8 @@ class Lns2:
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
         from mrp_sumo.search.distance import UNREACHABLE
-        from planners._world import (
-            checked_deadline,
-            gave_up,
-            solved,
-            steps_table,
-            sum_of_costs,
-            timed_out,
-            without_search,
-        )
-        from planners.neighbourhood._refinement import (
+        from planners.neighbourhood._traffic import path_of
+        from planners.neighbourhood.refinement import (
             Refinement,
             first_order,
             plan_in_order,
@@ -79,7 +71,15 @@ class Lns2:
             task_of,
             threads_with_room,
         )
-        from planners.neighbourhood._traffic import path_of
+        from planners.world import (
+            checked_deadline,
+            gave_up,
+            solved,
+            steps_table,
+            sum_of_costs,
+            timed_out,
+            without_search,
+        )
 
         begin_s = process_time()
         deadline_s = checked_deadline(time_limit_s)

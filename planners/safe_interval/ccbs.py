@@ -28,7 +28,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit, without_effort
 
 if TYPE_CHECKING:
-    from planners.safe_interval._conflict_tree import LowLevel
+    from planners.safe_interval.conflict_tree import LowLevel
 
 CHANCE = 15  # purpose of the stream of chance
 MOTIONS = ("real", "unit")
@@ -63,7 +63,7 @@ class Ccbs:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners.safe_interval._conflict_tree import TimedTree
+        from planners.safe_interval.conflict_tree import TimedTree
 
         problem = crossing()
         for w in {1.0, self.w}:
@@ -75,7 +75,7 @@ class Ccbs:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree has `max_nodes`."""
-        from planners.safe_interval._conflict_tree import OutOfTime, TimedTree
+        from planners.safe_interval.conflict_tree import OutOfTime, TimedTree
 
         require_limit(time_limit_s)
         began = process_time()
@@ -117,8 +117,8 @@ class Ccbs:
         return max(0.0, bound_s - num_robots * self.step_length_s) if self.motion == "real" else 0.0
 
     def _motion(self, problem: Problem, deadline_s: float) -> "LowLevel":
-        from planners.safe_interval._real_motion import RealMotion
-        from planners.safe_interval._unit_motion import UnitMotion
+        from planners.safe_interval.real_motion import RealMotion
+        from planners.safe_interval.unit_motion import UnitMotion
 
         if self.motion == "unit":
             return UnitMotion(problem, self.radius_m or problem.fleet.separation_m / 2, self.speed_mps)

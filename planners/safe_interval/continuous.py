@@ -53,10 +53,10 @@ class Continuous:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners._world import small_problem
-        from planners.safe_interval._first_ways import first_ways
-        from planners.safe_interval._improvement import Improvement
-        from planners.safe_interval._timetable import Timetable
+        from planners.safe_interval.first_ways import first_ways
+        from planners.safe_interval.improvement import Improvement
+        from planners.safe_interval.timetable import Timetable
+        from planners.world import small_problem
 
         timetable = Timetable(small_problem(), self.step_length_s)
         for robot in range(timetable.num_robots):
@@ -69,9 +69,9 @@ class Continuous:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when all orders have been tried, and lacam has no plan either."""
-        from planners.safe_interval._first_ways import first_ways
-        from planners.safe_interval._improvement import Improvement
-        from planners.safe_interval._timetable import Timetable
+        from planners.safe_interval.first_ways import first_ways
+        from planners.safe_interval.improvement import Improvement
+        from planners.safe_interval.timetable import Timetable
 
         require_limit(time_limit_s)
         began = process_time()

@@ -22,7 +22,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
 
 if TYPE_CHECKING:
-    from planners.safe_interval._timetable import TimedPath, Timetable
+    from planners.safe_interval.timetable import TimedPath, Timetable
 
 MOST = 200_000  # entries a search looks at
 
@@ -46,21 +46,21 @@ class Pbs:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners._world import small_problem
+        from planners.world import small_problem
 
         self.plan(small_problem(), 60.0)
         self.plan(replace(small_problem(), window_steps=4), 60.0)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree is searched, or has `max_nodes`."""
-        from planners.safe_interval._timetable import Timetable
+        from planners.safe_interval.timetable import Timetable
 
         require_limit(time_limit_s)
         began = process_time()
         if refusal := impossible(problem):
             return refusal
         if problem.window_steps and problem.num_robots:
-            from planners.safe_interval._window_search import plan_window
+            from planners.safe_interval.window_search import plan_window
 
             return plan_window(problem.for_any(), time_limit_s, self.max_nodes)
         if not problem.num_robots:

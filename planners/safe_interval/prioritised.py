@@ -41,13 +41,13 @@ class Prioritised:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners.safe_interval._reservations import prepare
+        from planners.safe_interval.reservations import prepare
 
         prepare(following=self.following)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when all restarts are used up."""
-        from planners.safe_interval._reservations import Reservations
+        from planners.safe_interval.reservations import Reservations
 
         require_limit(time_limit_s)
         began = process_time()

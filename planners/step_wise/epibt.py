@@ -6,13 +6,15 @@ one chooses. Here they are improved too, a counted number of times: a robot that
 where the steps that are left fall for all together. Written from the description alone. No guarantee: robots may block each other.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.errors import PlanError
-from planners.step_wise._stepper import OperationStepper
-from planners.step_wise._tasks import Choice
-from planners.step_wise._warm import prepare
+from mrp_sumo.planning.step_wise import run_step_wise
+from planners.step_wise.stepper import OperationStepper
+from planners.step_wise.tasks import Choice
 
 DENSE = 0.3  # robots per free cell from which changes that all gain by end in stand-offs
 CROWDED = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
@@ -35,8 +37,10 @@ class Epibt:
             raise PlanError("expected tries of -1 or more, limit of 0 or more and memory_mb of 1 or more")
 
     def prepare(self) -> None:
-        """Compile or load the kernels."""
-        prepare()
+        """Compile or load the kernels, by a few steps on a map of four cells."""
+        free, cells = np.ones((2, 2), np.bool_), np.arange(4)
+        problem = StepWiseProblem("four cells", free, cells[:2], np.arange(5), cells, 2)
+        run_step_wise(problem, replace(self, depth=1, tries=1, limit=10, tasks="nearest", memory_mb=1), 2)
 
     def begin(self, problem: StepWiseProblem, seed: int) -> OperationStepper:
         """The planner at work."""

@@ -11,7 +11,7 @@ from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make, names
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
-from planners.step_wise._ground import FreeCells, moved_up, operations
+from planners.step_wise.ground import FreeCells, moved_up, operations
 
 LETTERS = "FRCW"
 

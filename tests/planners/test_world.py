@@ -7,10 +7,9 @@ import pytest
 from worlds import random_grid
 
 from mrp_sumo.search.distance import UNREACHABLE, Distances, distances
-from planners import _world
 from planners._compass import UNKNOWN, read_code
-from planners._world import build_world, is_large, steps_table, tiled
 from planners.configuration.pibt import Pibt
+from planners.world import build_world, is_large, steps_table, tiled
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -21,7 +20,7 @@ def compiled():
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("vast", [False, True])
 def test_packed_distances_tell_which_neighbour_is_nearer(seed, vast, monkeypatch):
-    monkeypatch.setattr(_world, "is_vast", lambda problem: vast)
+    monkeypatch.setattr("planners.world.is_vast", lambda problem: vast)
     problem = random_grid(24, 6, seed)
     world, steps = build_world(problem, np.inf, packed=True)
     table, plain_steps = build_world(problem, np.inf, packed=False)
@@ -36,7 +35,7 @@ def test_packed_distances_tell_which_neighbour_is_nearer(seed, vast, monkeypatch
 
 
 def test_who_plans_again_and_again_keeps_tables_for_longer(monkeypatch):
-    monkeypatch.setattr(_world, "TABLE_CELLS", 0)
+    monkeypatch.setattr("planners.world.TABLE_CELLS", 0)
     problem = random_grid(8, 4, 0)
     assert is_large(problem) and not is_large(replace(problem, window_steps=10))
 

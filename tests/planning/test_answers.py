@@ -2,7 +2,7 @@
 
 from mrp_sumo.core.plan import Status
 from mrp_sumo.planning.answers import answer_of
-from planners._world import small_problem
+from planners.world import small_problem
 
 
 class Hungry:

@@ -13,7 +13,7 @@ from mrp_sumo.search import _records as st
 from mrp_sumo.search._constraints import BEFORE, LABEL, VERTEX, load
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
 from mrp_sumo.search._space_time import FINISH, find_path
-from planners.conflict_based._tree import Tree, limits
+from planners.conflict_based.tree import Tree, limits
 
 pytestmark = pytest.mark.kernel
 

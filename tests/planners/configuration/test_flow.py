@@ -6,8 +6,8 @@ from worlds import on_a_circle, problem_on, random_grid
 
 from mrp_sumo.search.distance import UNREACHABLE
 from planners.configuration import _flow
-from planners.configuration._search_start import search_start
 from planners.configuration.pibt import Pibt
+from planners.configuration.search_start import search_start
 
 
 @pytest.fixture(scope="module", autouse=True)

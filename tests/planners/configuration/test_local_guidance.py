@@ -9,12 +9,12 @@ from worlds import graph_of, problem_on, random_grid
 from mrp_sumo.core.plan import Status
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
-from planners._world import build_scratch, build_world
 from planners.configuration._flow import STEP
-from planners.configuration._guides import local_guidance
 from planners.configuration._local_guidance import COLLISION, SEARCH, guide_locally
+from planners.configuration.guides import local_guidance
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
+from planners.world import build_scratch, build_world
 
 WINDOW = 4
 

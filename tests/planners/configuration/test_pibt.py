@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from worlds import corridor, problem_on, random_grid
 
-from planners._world import build_scratch, build_world, steps_table
 from planners.configuration import _pibt
 from planners.configuration.pibt import Pibt, Step
+from planners.world import build_scratch, build_world, steps_table
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -8,11 +8,11 @@ from worlds import on_a_circle, problem_on, random_grid
 
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.traffic.referee import judge
-from planners._world import build_world, small_problem
-from planners.configuration._guides import are_thin, own_ways
-from planners.configuration._search_start import search_start
+from planners.configuration.guides import are_thin, own_ways
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
+from planners.configuration.search_start import search_start
+from planners.world import build_world, small_problem
 
 pytestmark = pytest.mark.kernel
 

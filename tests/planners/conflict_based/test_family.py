@@ -16,9 +16,8 @@ from mrp_sumo.planning.registry import planner
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
-from planners._world import steps_table
-from planners.conflict_based import _tree
-from planners.conflict_based._incumbent import Incumbent
+from planners.conflict_based.incumbent import Incumbent
+from planners.world import steps_table
 
 OPTIMAL = [
     ("cbs", {}),
@@ -86,7 +85,7 @@ def compare_with_learning(seed):
 
 @pytest.fixture
 def learns_from_the_first_split(monkeypatch):
-    monkeypatch.setattr(_tree, "SPLITS_BEFORE_LEARNING", 0)
+    monkeypatch.setattr("planners.conflict_based.tree.SPLITS_BEFORE_LEARNING", 0)
 
 
 @pytest.mark.usefixtures("learns_from_the_first_split")

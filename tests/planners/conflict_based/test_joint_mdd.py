@@ -8,7 +8,7 @@ from mrp_sumo.planning.answers import impossible
 from mrp_sumo.search import _records as st
 from mrp_sumo.search._mdd import mdd_of
 from planners.conflict_based._joint_mdd import APART, LOST, TOGETHER, joint_paths
-from planners.conflict_based._tree import Tree, limits
+from planners.conflict_based.tree import Tree, limits
 
 
 def asked(seed, *, following):

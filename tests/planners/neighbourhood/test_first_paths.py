@@ -6,10 +6,10 @@ from worlds import on_a_circle, problem_on, random_grid
 
 from mrp_sumo.core.plan import paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
-from planners._world import build_world
-from planners.configuration._search_start import search_start, task_on
 from planners.configuration.lacam import Lacam
-from planners.neighbourhood._first_paths import first_paths
+from planners.configuration.search_start import search_start, task_on
+from planners.neighbourhood.first_paths import first_paths
+from planners.world import build_world
 
 pytestmark = pytest.mark.kernel
 

@@ -7,12 +7,12 @@ from worlds import random_grid
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
-from planners._world import steps_table, sum_of_costs
 from planners.configuration.lacam import Lacam
 from planners.neighbourhood import _lns, _sipps, _traffic
 from planners.neighbourhood._collisions import find_collisions
-from planners.neighbourhood._refinement import Refinement, first_order, room_to_repair, task_of
 from planners.neighbourhood.lns2 import Lns2
+from planners.neighbourhood.refinement import Refinement, first_order, room_to_repair, task_of
+from planners.world import steps_table, sum_of_costs
 
 
 @pytest.fixture(scope="module", autouse=True)

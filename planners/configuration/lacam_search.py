@@ -12,15 +12,15 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import without_effort
 from mrp_sumo.planning.registry import planner
 from planners._compass import SLACK_STEPS, extend_all
-from planners._world import SLICE_S, build_scratch, sum_of_costs, timed_out
 from planners.configuration import _lacam, _traffic_map
-from planners.configuration._guides import is_room_for_flow, local_guidance, traffic_guide
 from planners.configuration._lacam import LacamMemory
-from planners.configuration._pibt_search import steps_of_window
-from planners.configuration._search_start import SearchStart, search_start, task_on
 from planners.configuration._traffic_map import TrafficMap
-from planners.neighbourhood._refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
+from planners.configuration.guides import is_room_for_flow, local_guidance, traffic_guide
+from planners.configuration.pibt_search import steps_of_window
+from planners.configuration.search_start import SearchStart, search_start, task_on
 from planners.neighbourhood._traffic import RepairTask
+from planners.neighbourhood.refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
+from planners.world import SLICE_S, build_scratch, sum_of_costs, timed_out
 
 CHANCE = 12  # purpose of the stream of chance
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL

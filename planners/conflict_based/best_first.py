@@ -3,9 +3,9 @@
 from heapq import heappop, heappush
 from itertools import count
 
-from planners.conflict_based._clusters import find_cluster
-from planners.conflict_based._frame import Forest
-from planners.conflict_based._tree import ConflictNode
+from planners.conflict_based.clusters import find_cluster
+from planners.conflict_based.frame import Forest
+from planners.conflict_based.tree import ConflictNode
 
 
 class BestFirst:

@@ -10,7 +10,7 @@ from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from planners.safe_interval import _disc_pairs, _disc_ways, _discs
-from planners.safe_interval._conflict_tree import TimedConflict
+from planners.safe_interval.conflict_tree import TimedConflict
 
 MOST = 1024  # conflicts of one way
 ORDERS = 60  # of robots that are tried

@@ -9,13 +9,13 @@ import numpy as np
 
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.clashes import clashes_of
-from planners._world import SLICE_S, small_problem, whole_table
 from planners.neighbourhood import _lns, _merging
 from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
 from planners.neighbourhood._sipps import Labels, labels_for, room_for_labels
 from planners.neighbourhood._traffic import WORD, RepairTask, Traffic, empty_traffic, path_of, traffic_of
+from planners.world import SLICE_S, small_problem, whole_table
 
 IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path

@@ -25,11 +25,11 @@ from mrp_sumo.search._constraints import EXPANSIONS
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_of
-from planners.conflict_based._buffers import Buffers
 from planners.conflict_based._cover import cover
 from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import IMPOSSIBLE, pair_weight
 from planners.conflict_based._symmetry import choose
+from planners.conflict_based.buffers import Buffers
 
 FIRST_BUDGET = 100_000  # expansions of one low-level search before the clock is looked at
 EXPANSIONS_PER_S = 3_000_000

@@ -3,8 +3,8 @@
 from heapq import heappop, heappush
 from itertools import count
 
-from planners.conflict_based._frame import Forest
-from planners.conflict_based._tree import ConflictNode
+from planners.conflict_based.frame import Forest
+from planners.conflict_based.tree import ConflictNode
 
 
 class Focal:

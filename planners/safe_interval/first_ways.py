@@ -5,7 +5,7 @@ from time import process_time
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from planners.safe_interval._timetable import TimedPath, Timetable
+from planners.safe_interval.timetable import TimedPath, Timetable
 
 EFFORTS = ((1_000, 1.0), (2_000, 1.5), (6_000, 2.5))  # entries a search looks at, and its weight
 RAISES = 1  # of each robot on average, before another order is tried

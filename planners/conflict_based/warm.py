@@ -10,7 +10,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.solvable import unsolvable
 from planners.conflict_based._cover import cover
-from planners.conflict_based._tree import Tree, limits
+from planners.conflict_based.tree import Tree, limits
 
 
 def warm(planner: Planner) -> None:

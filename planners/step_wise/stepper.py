@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
-from planners.step_wise._ground import FAR, FreeCells, moved_up, operations
-from planners.step_wise._tasks import Choice, InTurn, NearestGoal
+from planners.step_wise.ground import FAR, FreeCells, moved_up, operations
+from planners.step_wise.tasks import Choice, InTurn, NearestGoal
 
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 

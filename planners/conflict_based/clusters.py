@@ -12,7 +12,7 @@ from heapq import heappop, heappush
 from itertools import count
 
 from planners.conflict_based._pairs import IMPOSSIBLE
-from planners.conflict_based._tree import ConflictNode, Tree
+from planners.conflict_based.tree import ConflictNode, Tree
 
 MOST_ROBOTS = 8
 MOST_NODES = 40  # expanded for a cluster: what it costs more is a lower bound where they do not suffice

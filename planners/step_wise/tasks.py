@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import NOTHING
 from mrp_sumo.planning.step_wise import Observation
-from planners.step_wise._ground import FAR, FreeCells
+from planners.step_wise.ground import FAR, FreeCells
 
 MOST_PAIRS = 200_000  # of robots and tasks; where there are more, in most steps only robots without a task are given one
 PAUSE = 10  # steps from one decision on all robots to the next

@@ -10,7 +10,7 @@ from time import process_time
 
 import numpy as np
 
-from planners.safe_interval._timetable import Timetable
+from planners.safe_interval.timetable import Timetable
 
 MOST = 1_000  # entries a search looks at
 WEIGHT = 1.5  # of a search, see `_search.find`

@@ -9,11 +9,11 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import used_up
 from planners.safe_interval import _table
-from planners.safe_interval._conflict_tree import OutOfTime, TimedConflict, TimedTree
-from planners.safe_interval._first_ways import first_ways
-from planners.safe_interval._improvement import Improvement
 from planners.safe_interval._overlaps import overlaps
-from planners.safe_interval._timetable import TimedPath, Timetable
+from planners.safe_interval.conflict_tree import OutOfTime, TimedConflict, TimedTree
+from planners.safe_interval.first_ways import first_ways
+from planners.safe_interval.improvement import Improvement
+from planners.safe_interval.timetable import TimedPath, Timetable
 
 Held = tuple[tuple[int, int], ...]  # (resource, step) that a robot may not hold
 

@@ -13,8 +13,8 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
-from planners.neighbourhood._refinement import AT_ONCE, room_bytes, room_to_repair
 from planners.neighbourhood._traffic import RepairTask, path_of
+from planners.neighbourhood.refinement import AT_ONCE, room_bytes, room_to_repair
 
 SPARE = 64  # steps beyond the longest shortest way
 MOST_LABELS = 1 << 19  # of a search; so few stay in the processor's cache on any map

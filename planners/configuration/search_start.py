@@ -9,12 +9,12 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import order_clash
-from planners._world import build_world, checked_deadline, is_large, is_vast, solved, sum_of_costs, tiled, timed_out, without_search
-from planners.configuration._guides import are_thin, guide_of
 from planners.configuration._pibt_instance import PibtInstance
-from planners.neighbourhood._first_paths import first_paths
-from planners.neighbourhood._refinement import packed_task, task_of
+from planners.configuration.guides import are_thin, guide_of
 from planners.neighbourhood._traffic import RepairTask
+from planners.neighbourhood.first_paths import first_paths
+from planners.neighbourhood.refinement import packed_task, task_of
+from planners.world import build_world, checked_deadline, is_large, is_vast, solved, sum_of_costs, tiled, timed_out, without_search
 
 FEW = 16  # vertices for each robot, from which on there is a way past the others, however long ways are
 

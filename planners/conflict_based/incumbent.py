@@ -11,12 +11,12 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
-from planners._world import small_problem, sum_of_costs, whole_table
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
-from planners.neighbourhood._refinement import Refinement, room_bytes, room_to_repair, task_of
-from planners.neighbourhood._refinement import prepare as prepare_refinement
 from planners.neighbourhood._traffic import path_of
+from planners.neighbourhood.refinement import Refinement, room_bytes, room_to_repair, task_of
+from planners.neighbourhood.refinement import prepare as prepare_refinement
+from planners.world import small_problem, sum_of_costs, whole_table
 
 CHANCE = 14  # purpose of the stream of chance
 NEIGHBOURHOOD = 8  # robots planned again at a time while there are collisions, half of it afterwards

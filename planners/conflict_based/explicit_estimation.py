@@ -3,9 +3,9 @@
 from heapq import heappop, heappush
 from itertools import count
 
-from planners.conflict_based._frame import Forest, Paths
-from planners.conflict_based._incumbent import Incumbent
-from planners.conflict_based._tree import ConflictNode, OutOfReach, Tree
+from planners.conflict_based.frame import Forest, Paths
+from planners.conflict_based.incumbent import Incumbent
+from planners.conflict_based.tree import ConflictNode, OutOfReach, Tree
 
 LABELS = 2  # of the incumbent for each unit of the tree's work
 ROOTS = 8  # the incumbent's first turn comes when the tree has done this many times the work of its root

@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import goals_clash, impossible
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.ranking import ranked_assignments
-from planners.conflict_based._tree import ConflictNode, OutOfReach, SearchLimits, Tree, limits
+from planners.conflict_based.tree import ConflictNode, OutOfReach, SearchLimits, Tree, limits
 
 Paths = list[IntArray]  # [R] the vertex of each robot at each step
 

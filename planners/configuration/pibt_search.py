@@ -8,10 +8,10 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import used_up, without_effort
-from planners._world import SLICE_S, build_scratch, gave_up, timed_out
 from planners.configuration import _pibt
-from planners.configuration._guides import local_guidance
-from planners.configuration._search_start import SearchStart, search_start
+from planners.configuration.guides import local_guidance
+from planners.configuration.search_start import SearchStart, search_start
+from planners.world import SLICE_S, build_scratch, gave_up, timed_out
 
 CHANCE = 11  # purpose of the stream of chance
 
