@@ -142,7 +142,7 @@ def text_of(proposal: "Proposal", map_file: str) -> str:
         f"  type: {plain(robots['type'])}  # {why['type']}",
         "planner: auto",
         "tasks:",
-        "  groups:  # by what the map says of its places, else by their names: move names where that is wrong",
+        f"  groups:  # {why['groups']}",
         *(f"    {group}: {plain(names, ensure_ascii=False)}" for group, names in tasks["groups"].items()),
         "  streams:",
         f"    - name: {stream['name']}",

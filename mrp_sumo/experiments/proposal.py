@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import STATIONS, NavGraph, PlanGraph
+from mrp_sumo.core.graph import STATIONS, FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
 from mrp_sumo.experiments.map_cache import MapCache
@@ -27,6 +27,7 @@ from mrp_sumo.traffic.draw import drawn_among, most_drawn
 
 MOST_ROBOTS = 8
 MOST_STATIONS = 60  # of a group
+NUM_SPREAD = 24  # places of a floor that names none
 SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
 ORDERS_A_ROBOT = 5  # that a run has time for, at the least
 BUSY = 0.25  # share of their time that robots would work if nobody were in their way
@@ -139,10 +140,24 @@ def stations_of(nav: NavGraph, graph: PlanGraph) -> Stations:
     if not found.stops and found.charger:
         found = replace(found, place=found.place + found.charger)
     if not found.stops:
-        dead_ends = [v for v in usable if v not in named and np.count_nonzero(nav.tail == v) == 1]
-        unnamed = dead_ends if len(dead_ends) > 1 else [v for v in usable if v not in named]
-        found = replace(found, place=found.place + tuple(nav.label(v) for v in unnamed))
+        is_named = set(named)
+        unnamed = [v for v in usable if v not in is_named]
+        if graph.kind == "grid":  # of free floor, whose cells with one neighbour are chance
+            ends = [unnamed[k] for k in spread(nav.xy[unnamed], NUM_SPREAD)]
+        else:
+            ends = [v for v in unnamed if np.count_nonzero(nav.tail == v) == 1]
+        found = replace(found, place=found.place + tuple(nav.label(v) for v in (ends if len(ends) > 1 else unnamed)))
     return found
+
+
+def spread(xy: FloatArray, count: int) -> list[int]:
+    """Up to `count` of the points [N, 2], ascending: the first, then again and again the one that is farthest from those before."""
+    chosen: list[int] = []
+    apart_m2 = np.full(len(xy), np.inf)
+    while len(chosen) < min(count, len(xy)):
+        chosen.append(int(apart_m2.argmax()))
+        apart_m2 = np.minimum(apart_m2, ((xy - xy[chosen[-1]]) ** 2).sum(axis=1))
+    return sorted(chosen)
 
 
 def _is_passed(nav: NavGraph, graph: PlanGraph, v: int) -> bool:
@@ -188,7 +203,7 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
     if wanted:
         return with_type(wanted), "as you say"
     smallest, refused = with_type(SMALL), []
-    reached, count = _num_reached(smallest), max(1, min(2, _room(smallest)))
+    reached, count = _reached(smallest), max(1, min(2, _room(smallest)))
     is_industrial = any("path" in options or "edge_id" in options for options in smallest.map.nav.lane_options)
     guess = "guessed: the largest type that reaches the stations; `mrp-sumo list robots` names others, docs/robots.md your own"
     candidates: list[tuple[str, str | dict[str, Any], str]] = [(name, name, guess) for name in (LARGE, MEDIUM)[not is_industrial :]]
@@ -203,9 +218,11 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
         except MrpSumoError as error:
             refused.append(f"{name}: {str(error).partition(': ')[2]}")
             continue
-        if _num_reached(setup) >= KEPT * reached:
+        if _reached(setup) >= KEPT * reached:
             return setup, why
-        refused.append(f"{name}: reaches {_num_reached(setup)} of {reached} stations")
+        refused.append(
+            f"{name}: reaches {_reached(setup):.0f} of {reached:.0f} {'m2' if setup.problem.graph.kind == 'grid' else 'stations'}"
+        )
     return smallest, f"guessed, as larger ones do not fit ({refused[-1]})"
 
 
@@ -224,9 +241,10 @@ def _room(setup: SetUp) -> int:
     return most_drawn(setup.problem.graph, 0, setup.problem.fleet.separation_m)
 
 
-def _num_reached(setup: SetUp) -> int:
-    """How many stations robots reach from each other."""
-    return len(drawn_among(setup.problem.graph))
+def _reached(setup: SetUp) -> float:
+    """Number of stations that robots reach from each other; of a grid, whose cells are as large as robots need, their area in m2."""
+    graph = setup.problem.graph
+    return len(drawn_among(graph)) * (setup.scenario.discretisation.cell_m**2 if graph.kind == "grid" else 1.0)
 
 
 def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
@@ -252,7 +270,10 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
     stream = {"name": "order", "arrivals": {"rate_per_h": rate_per_h}, "stops": stops, "service": [service]}
     tasks: dict[str, Any] = {"groups": groups, "streams": [stream]}
     why = {
-        "cell": f"the least step from 0.4 m on that '{setup.problem.fleet.type_name[0]}' fits on every lane",
+        "groups": "guessed: cells far apart from each other, as the map names no places"
+        if choice.kind == "grid"
+        else "by what the map says of its places, else by their names: move names where that is wrong",
+        "cell": f"the least {'cell' if choice.kind == 'grid' else 'step'} from 0.4 m that '{setup.problem.fleet.type_name[0]}' needs",
         "orders": f"guessed: a way between stops takes {trip_s:.0f} s, so robots work {BUSY:.0%} of their time if nobody is in their way"
         if wishes.rate_per_h is None
         else "as you say",

@@ -17,6 +17,7 @@ from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
 NEAR_MISS_M = 0.15  # closer to a lane, a vertex was probably meant to be on it
 MISALIGNED_M = 0.1  # the fleet adapter refuses lift vertices further apart
 SHORTEST_LANE_M = 1e-3
+VERY_SLOW_MPS = 0.02  # below, a limit is probably a placeholder: a metre takes a minute
 NEEDS_LANE = (
     "is_charger",
     "is_parking_spot",
@@ -75,6 +76,8 @@ def check_graph(nav: NavGraph) -> tuple[MapFinding, ...]:
             notes.add("t_junction_near_miss", f"level {name} vertex {nav.label(v)} near lane {lane(i)}: {d:.3f} m")
         for i, j, (x, y) in zip(*crossings(nav.xy, ends)):
             notes.add("lanes_cross_without_vertex", f"level {name} lanes {lane(i)} and {lane(j)} at ({x:.2f}, {y:.2f})")
+    for i in np.flatnonzero(nav.speed_mps < VERY_SLOW_MPS).tolist():
+        notes.add("very_slow_lanes", f"from {nav.label(nav.tail[i])} to {nav.label(nav.head[i])}: {nav.speed_mps[i]:g} m/s")
     driven = np.unique(np.concatenate([nav.tail, nav.head]))
     sizes = np.sort(np.bincount(np.unique(nav.component[driven], return_inverse=True)[1]))[::-1] if len(driven) else np.zeros(0)
     weak = len(sizes)

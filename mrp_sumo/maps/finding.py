@@ -72,6 +72,7 @@ SEVERITY: dict[str, Severity] = {
     "several_vehicle_types": "warn",
     "edge_without_its_nodes": "warn",
     "speed_of_nothing": "warn",
+    "very_slow_lanes": "warn",
     "load_dependent_lanes": "warn",
     "turns_restricted": "warn",
     "trajectory_unusable": "warn",
@@ -97,6 +98,7 @@ CURE = {  # what the user can do about it
     "reference_level_without_measurement": "state the scale with --meters-per-pixel",
     "level_without_fiducials": "choose --level or add fiducials",
     "no_lanes": "draw lanes in Open-RMF's traffic editor",
+    "very_slow_lanes": "raise the limit, or leave such a direction out",
 }
 
 

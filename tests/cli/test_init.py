@@ -2,12 +2,13 @@
 
 import shlex
 
+import numpy as np
 import pytest
 import yaml
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.graph import nav_graph
-from mrp_sumo.experiments.proposal import stations_of
+from mrp_sumo.experiments.proposal import spread, stations_of
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.roadmap import cut_lanes
 
@@ -94,6 +95,27 @@ def test_a_type_of_which_one_alone_fits_is_not_proposed_where_two_smaller_ones_d
     monkeypatch.chdir(tmp_path)
     assert main(["init", "shop.building.yaml"]) == 0
     assert yaml.safe_load((tmp_path / "shop" / "scenario.yaml").read_text())["robots"]["type"] == robots
+
+
+def test_on_a_floor_without_names_places_lie_far_apart_and_large_robots_that_cover_it_are_proposed(tmp_path, monkeypatch):
+    """A hall of 8 x 8 m with a nook of 0.6 x 0.6 m, whose cells are of 0.4 m for small robots and of 0.95 m for larger ones."""
+    pixels = np.zeros((160, 160), np.uint8)
+    pixels[4:-16, 4:-4] = 254
+    pixels[-16:-4, 80:92] = 254
+    (tmp_path / "hall.pgm").write_bytes(b"P5 160 160 255\n" + pixels.tobytes())
+    (tmp_path / "hall.yaml").write_text("image: hall.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "hall.yaml"]) == 0
+    text = (tmp_path / "hall" / "scenario.yaml").read_text()
+    scenario = yaml.safe_load(text)
+    assert scenario["robots"]["type"] == "amr_600" and scenario["discretisation"]["kind"] == "grid"
+    assert len(scenario["tasks"]["groups"]["place"]) == 24 and "cells far apart from each other, as the map names no places" in text
+
+
+def test_spread_places_are_each_the_farthest_from_those_before():
+    xy = np.array([[0.0, 0], [1, 0], [2.1, 0], [10, 0]])
+    assert spread(xy, 3) == [0, 2, 3]  # 0, then 10, then 2.1, which is 2.1 from 0
+    assert spread(xy, 9) == [0, 1, 2, 3]
 
 
 def test_orders_come_as_robots_that_drive_as_fast_as_each_lane_allows_can_do_a_quarter_of_the_time(shop):

@@ -1,9 +1,11 @@
 """Findings about graphs, on small drawings."""
 
 import numpy as np
+import pytest
 
+from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.maps.boxes import overlapping
-from mrp_sumo.maps.check import crossings, near_misses
+from mrp_sumo.maps.check import check_graph, crossings, near_misses
 
 
 def test_a_stub_that_ends_beside_a_corridor_is_a_near_miss():
@@ -31,3 +33,10 @@ def test_overlapping_boxes_are_those_of_brute_force():
     a, b = boxes[:150, None], boxes[None, 150:]
     brute = (a[..., 0] <= b[..., 2]) & (b[..., 0] <= a[..., 2]) & (a[..., 1] <= b[..., 3]) & (b[..., 1] <= a[..., 3])
     assert np.stack([i, j], axis=1).tolist() == np.argwhere(brute).tolist()
+
+
+@pytest.mark.parametrize(("limit_mps", "is_slow"), [(0.019, True), (0.02, False)])
+def test_a_lane_on_which_a_metre_takes_a_minute_is_a_finding_that_names_its_direction(limit_mps, is_slow):
+    nav = nav_graph(name="two", xy=[[0, 0], [5, 0]], lanes=[[0, 1], [1, 0]], speed_mps=[1.0, limit_mps])
+    lines = [finding.line for finding in check_graph(nav) if finding.kind == "very_slow_lanes"]
+    assert lines == [f"very slow lanes: from v1 to v0: {limit_mps} m/s: raise the limit, or leave such a direction out"] * is_slow
