@@ -194,8 +194,13 @@ def seal() -> None:
 
 
 def _drop_unsound(folder: Path) -> None:
-    """Delete all files that are not what was stored."""
+    """Delete all that is not what was stored, whatever it is."""
     with suppress(OSError):  # nothing is stored
+        if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+            folder.unlink()
+        for each in folder.iterdir():
+            if each.is_symlink() or not each.is_file():
+                rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
         lines = (folder / CHECKSUMS).read_text(encoding="utf-8", errors="replace").split("\n") if (folder / CHECKSUMS).exists() else []
         sound = {name: checksum for checksum, _, name in (line.partition(" ") for line in lines)}
         for file in _stored_in(folder):

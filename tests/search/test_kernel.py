@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -113,6 +114,26 @@ def test_damaged_file_is_dropped_and_the_others_stay(tmp_path, name, damage):
     (tmp_path / name).write_bytes(damage(name.encode()))
     _kernel._drop_unsound(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {*names, "checksums"} - {name}
+
+
+@pytest.mark.parametrize("name", ["a.py311.nbi", "checksums", ""])
+@pytest.mark.parametrize("replaced", [Path.mkdir, lambda path: path.symlink_to("/dev/zero"), lambda path: os.mkfifo(path)])
+def test_what_is_no_file_is_dropped_unread(tmp_path, name, replaced):
+    folder = tmp_path / "kernel"
+    folder.mkdir()
+    (folder / "a.py311.nbi").write_bytes(b"code")
+    _kernel._unsealed.add(folder)
+    _kernel.seal()
+    shutil.rmtree(folder / name) if not name else (folder / name).unlink()
+    replaced(folder / name)
+    _kernel._drop_unsound(folder)
+    assert not folder.is_dir() or "a.py311.nbi" not in {file.name for file in folder.iterdir()}
+    folder.mkdir(exist_ok=True)
+    (folder / "a.py311.nbi").write_bytes(b"new")
+    _kernel._unsealed.add(folder)
+    _kernel.seal()
+    _kernel._drop_unsound(folder)
+    assert {file.name for file in folder.iterdir()} == {"a.py311.nbi", "checksums"}
 
 
 @pytest.mark.slow
