@@ -137,13 +137,14 @@ class Reading:
         return SLOW.get(self.command[0], 1.0)
 
 
-STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--budget", "5s", "--horizon", "1min", "--workers", "1", "--out", "study")
+STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--horizon", "1min", "--workers", "1", "--out", "study", "--budget")
 SLOW = {"report": 0.01, "analyze": 0.05, "query": 0.05, "compare": 0.05, "render": 0.05, "run": 0.1, "export": 0.1, "import": 0.1}
-SLOW |= {"replay": 0.1, "batch": 0.3, "reproduce": 0.05}
+SLOW |= {"replay": 0.1, "batch": 0.3, "reproduce": 0.05, "init": 0.02}
 SLOW_BELOW = SLOW | {"report": 0.03, "analyze": 0.3, "query": 0.3, "compare": 0.2, "render": 0.1, "export": 0.3, "capacity": 0.02}
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
 MAPS = ("small.lif.json", "small.xml", "small.site.json", "route.geojson", "small.geojson", "small.net.xml", "lanes.csv", "link.json")
+MAPS += ("small.nav.yaml", "hall.dxf", "lifts.building.yaml")
 ON_MAP = ("--map", "small.map", "--scen", "small.scen")
 READINGS = (
     Reading("scenario.yaml", ("plan", "scenario.yaml"), ("small.building.yaml", "cart.yaml")),
@@ -160,7 +161,11 @@ READINGS = (
     Reading("room.pgm", ("import", "sheet.yaml", "--out", "out"), ("sheet.yaml",)),
     Reading("instance.yaml", ("plan", "--map", "instance.yaml")),
     *(Reading(name, ("import", name, "--out", "out")) for name in MAPS),
-    *(Reading(name, ("convert", name, out)) for name, out in (("small.lif.json", "out.xml"), ("small.xml", "out.lif.json"))),
+    *(Reading(name, ("convert", name, "out.xml" if name != "small.xml" else "out.lif.json")) for name in MAPS),
+    *(Reading(name, ("init", name, "--out", "out")) for name in ("small.building.yaml", "small.nav.yaml", "small.lif.json", "small.xml")),
+    Reading("hall.png", ("convert", "hall.png", "out.map", "--meters-per-pixel", "0.1", "--cell", "0.5")),
+    Reading("work.yaml", ("run", "work.yaml", "--set", "execution.time_limit_s=2", "--out", "out")),
+    Reading("work.yaml", ("capacity", "work.yaml", "--quick", "--dry-run")),
     Reading("lifelong.yaml", ("run", "lifelong.yaml", "--out", "out"), ("small.building.yaml", "cart.yaml")),
     Reading("lifelong.yaml", ("capacity", "lifelong.yaml", "--quick", "--dry-run"), ("small.building.yaml", "cart.yaml")),
     *(Reading(name, ("run", "orders.yaml", "--set", f"tasks.file={name}", "--out", "out"),
@@ -171,6 +176,7 @@ READINGS = (
       for name in ("x.json", "x.map", "x.agents", "x.tasks")),
     Reading("solution.json", ("validate", "solution.json", "--problem", "x.json"), ("x.json", "x.map", "x.agents", "x.tasks")),
     Reading("messages.jsonl", ("validate", "--vda5050", "messages.jsonl")),
+    Reading("messages.jsonl", ("import", "messages.jsonl", "--map", "small.building.yaml", "--out", "out"), ("small.building.yaml",)),
     Reading("roadmap.yaml", ("plan", "--map", "roadmap.yaml")),
     *(Reading(plan, ("validate", plan, *ON_MAP), ("small.map", "small.scen")) for plan in PLANS),
     *(Reading(plan, ("convert", plan, "out.yaml", "--map", "small.map"), ("small.map",)) for plan in PLANS),
@@ -196,6 +202,8 @@ DEEP: tuple[tuple[str, Callable[[Path, random.Random], None], tuple[str, ...]], 
         ("replay", "work"), ("render", "work", "--at", "20", "--out", "out.png"), ("export", "work", "--csv"),
         ("export", "work", "--bag", "--out", "again"), ("export", "work", "--vda5050", "--out", "vda"), ("export", "work", "--geojson"),
         ("export", "work", "--fcd"), ("export", "work", "--rmf-plans"), ("report", "work", "--out", "page.html"),
+        ("export", "work", "--viewers"), ("export", "work", "--ros1", "--out", "again.bag"), ("analyze", "work", "--audit"),
+        ("render", "work", "--video", "out.gif", "--from", "1", "--to", "2", "--speed", "4", "--size", "64x48"),
         ("analyze", "work", "--metric", "min_clearance_m"), ("analyze", "work", "--metric", "protective_stops_per_robot_h"),
         ("replay", "work", "work", "--out", "two.html"), ("validate", "work/plan.json", "work/floor.json"),
     )),
@@ -211,7 +219,15 @@ DEEP: tuple[tuple[str, Callable[[Path, random.Random], None], tuple[str, ...]], 
         ("compare", "batch", "batch"), ("status", "batch"),
     )),
     *(("study", damage_any, command) for command in (
-        ("capacity", *STUDY), ("status", "study"), ("report", "study", "--out", "page.html"), ("compare", "study", "study"),
+        ("capacity", *STUDY, "5s"), ("status", "study"), ("report", "study", "--out", "page.html"), ("compare", "study", "study"),
+        ("query", "study", "select * from results"),
+    )),
+    *(("study", damage_results, command) for command in (
+        ("compare", "study", "study"), ("report", "study", "--out", "page.html"), ("query", "study", "select * from results"),
+    )),
+    *(("batch", damage_any, command) for command in (
+        ("status", "batch"), ("report", "batch", "--out", "page.html"), ("compare", "batch", "batch"),
+        ("reproduce", "batch", "--runs", "1"),
     )),
 )  # fmt: skip
 WORDS = (
@@ -525,6 +541,9 @@ _DAMAGES: tuple[Callable[[bytes, random.Random], bytes], ...] = (
 
 def make_material(folder: Path) -> None:
     """A small file of each format, made by the commands themselves."""
+    import ezdxf
+    from PIL import Image
+
     from mrp_sumo.maps.generate import GENERATORS
 
     GENERATORS["grid"](9).write(folder / "small.building.yaml")
@@ -554,6 +573,11 @@ def make_material(folder: Path) -> None:
     (folder / "work.yaml").write_text(
         work.partition("execution:")[0] + "execution: {engine: kinematic, doors: automatic, time_limit_s: 60}\n"
     )
+    shutil.copy(PROJECT / "networks" / "hospital_levels" / "hospital_levels.building.yaml", folder / "lifts.building.yaml")
+    Image.new("L", (60, 40), 255).save(folder / "hall.png")
+    drawing = ezdxf.new()
+    drawing.modelspace().add_lwpolyline([(0, 0), (6, 0), (6, 4), (0, 4)], close=True)
+    drawing.saveas(folder / "hall.dxf")
     (folder / "room.pgm").write_bytes(b"P5\n16 16\n255\n" + bytes([254] * 256))
     (folder / "instance.yaml").write_text(
         "map:\n  dimensions: [4, 3]\n  obstacles:\n  - [1, 1]\nagents:\n"
@@ -569,7 +593,7 @@ def make_material(folder: Path) -> None:
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             for command in (
-                *(["convert", "small.building.yaml", name] for name in ("small.geojson", "small.net.xml")),
+                *(["convert", "small.building.yaml", name] for name in ("small.geojson", "small.net.xml", "small.nav.yaml")),
                 ["plan", "x.json", "--steps", "8", "--planner", "epibt", "--out", "solution.json"],
                 *(
                     ["plan", *ON_MAP, "--out", plan, "--format", kind]
@@ -581,7 +605,7 @@ def make_material(folder: Path) -> None:
                 ["export", "run", "--ros1", "--out", "ros1.bag"],
                 ["batch", "suite.yaml", "--out", "batch", "--workers", "1"],
                 ["run", "work.yaml", "--out", "work"],
-                ["capacity", *STUDY],
+                ["capacity", *STUDY, "20min"],
             ):
                 if main(command) == 2:
                     raise RuntimeError(f"the material cannot be made: {command}")
