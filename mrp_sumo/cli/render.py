@@ -36,35 +36,36 @@ def run(options: argparse.Namespace) -> int:
     """Draw the picture or the video."""
     if options.video is not None:
         return _video(options)
-    from mrp_sumo.io.run_reader import load_run
-    from mrp_sumo.reports.pictures.still import render_still
-
     if options.at is None or options.out is None:
         raise MrpSumoError("expected --at T and --out FILE for a picture, or --video FILE; see `mrp-sumo render --help`")
     if len(options.run) > 1:
         raise MrpSumoError("a picture shows one run; --video shows several beside each other")
     if not (math.isfinite(options.dpi) and 10 <= options.dpi <= 1200):
         raise MrpSumoError(f"--dpi {options.dpi:g}: expected 10 to 1200")
+    from mrp_sumo.io.run_reader import load_run
+    from mrp_sumo.reports.pictures.still import render_still
+
     file = render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=options.dpi)
     print(json.dumps({"file": str(file)}) if options.json else file)
     return 0
 
 
 def _video(options: argparse.Namespace) -> int:
-    from mrp_sumo.io.run_reader import load_run
-    from mrp_sumo.reports.video.encode import kind_of
-    from mrp_sumo.reports.video.video import Wanted, render_video
-
     if options.at is not None or options.out is not None:
         raise MrpSumoError("--video: --at and --out are for a picture; a video has --from and --to")
     if options.speed is not None and not (math.isfinite(options.speed) and 0.01 <= options.speed <= 10_000):
         raise MrpSumoError(f"--speed {options.speed:g}: expected 0.01 to 10000")
+    size = _size(options.size) if options.size else None
+    from mrp_sumo.io.run_reader import load_run
+    from mrp_sumo.reports.video.encode import kind_of
+    from mrp_sumo.reports.video.video import Wanted, render_video
+
     kind_of(options.video)
     wanted = Wanted(
         from_s=options.from_s,
         to_s=options.to_s,
         speed=options.speed,
-        size=_size(options.size) if options.size else None,
+        size=size,
         robots=tuple(options.robots.split(",")) if options.robots else (),
         level=options.level,
         titles=tuple(options.titles or ()),

@@ -23,7 +23,11 @@ def test_place_that_may_be_meant_is_named(tmp_path, monkeypatch, capsys, line, n
 
 
 @pytest.mark.parametrize(
-    "line", ["report nowhere", "render nowhere --at 0 --out x.png", "compare a b", "query nowhere", "capacity nowhere", "run nowhere"]
+    "line",
+    [
+        *("report nowhere", "render nowhere --at 0 --out x.png", "compare a b", "query nowhere", "capacity nowhere", "run nowhere"),
+        *("render . --at 0", "render . --video x.gif --size 1x1"),
+    ],
 )
 def test_refusal_loads_nothing_that_reads_draws_or_drives(line):
     code = f"import sys; from mrp_sumo.cli.main import main; main({line.split()!r}); print([n for n in {HEAVY!r} if n in sys.modules])"

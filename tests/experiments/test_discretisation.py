@@ -78,6 +78,12 @@ def test_a_grid_of_one_ways_keeps_them_and_says_so(tmp_path):
     assert nav.num_lanes == 4
 
 
+def test_cells_larger_than_the_map_are_refused_by_their_key(tmp_path):
+    assert chosen(tmp_path, "square.nav.yaml", SQUARE, discretisation={"kind": "grid", "cell_m": 2}).problem.graph.num_lanes
+    with pytest.raises(ScenarioError, match=r"cell_m: found 40 m, but the stations of 'square' lie within 4 x 4 m: no robot could go"):
+        chosen(tmp_path, "square.nav.yaml", SQUARE, discretisation={"kind": "grid", "cell_m": 40})
+
+
 def test_a_two_way_lane_beside_a_one_way_stays_open():
     nav = nav_graph(name="two", xy=[(0, 0), (8, 0), (0, 2), (8, 2)], lanes=[(0, 1), (2, 3), (3, 2), (0, 2), (2, 0)])
     graph, notes = with_drawn_one_ways(nav, paper_grid(nav, 0.4))

@@ -30,6 +30,12 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
 
     A robot that is alone on its map keeps clear of nobody.
     """
+    if graph.kind == "grid" and not graph.num_lanes:
+        across_m = " x ".join(f"{length_m:.4g}" for length_m in np.ptp(nav.xy, axis=0))
+        raise ScenarioError(
+            f"{file.at('discretisation', 'cell_m')}: found {graph.cell_m:g} m, but the stations of '{nav.name}' lie within {across_m} m: "
+            "no robot could go from cell to cell"
+        )
     if file.scenario.robots.size == 1:
         return
     kind, model = max(enumerate(models), key=lambda each: fleet_of(each[1], 1).separation_m)
