@@ -37,6 +37,7 @@ from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import warm
+from mrp_sumo.drive.listeners import ProgressReport
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.drive.retime import retime
@@ -175,7 +176,8 @@ def rows_of_starts(options: argparse.Namespace) -> Iterator[Row]:
             stepped: list[float] = []
             settings = ExecutionSettings(policy="open_loop", step_length_s=1.0, time_limit_s=2.0, record_period_s=1.0)
             planned_at = spent_s()
-            simulate(problem, plan, settings, network, progress=lambda t_s, at_goal, stepped=stepped: stepped.append(spent_s()))
+            each_second = ProgressReport(lambda t_s, at_goal, stepped=stepped: stepped.append(spent_s()))
+            simulate(problem, plan, settings, network, listeners=[each_second])
             started_s = stepped[0] - planned_at
         yield {
             "case": "startup",

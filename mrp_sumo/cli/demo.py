@@ -93,7 +93,7 @@ def _say(text: str, options: argparse.Namespace) -> None:
 def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> "RunResult":
     """Run a bundled scenario and draw it."""
     from mrp_sumo.cli.run import progress_bar
-    from mrp_sumo.experiments.run import run_scenario
+    from mrp_sumo.experiments.run import RunOptions, run_scenario
     from mrp_sumo.io.scenario.file import find_scenario
     from mrp_sumo.io.scenario.read import read_scenario
     from mrp_sumo.reports.pictures.still import render_still
@@ -101,7 +101,7 @@ def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> 
 
     overrides: dict[tuple[str | int, ...], tuple[str, Any]] = {("execution", "time_limit_s"): ("--set", limit_s)} if limit_s else {}
     with progress_bar() as progress:
-        result = run_scenario(read_scenario(find_scenario(name), overrides), out, progress=progress)
+        result = run_scenario(read_scenario(find_scenario(name), overrides), out, RunOptions(progress=progress))
     write_replay(out)
     render_still(result, min(at_s, result.metrics["sim_time_s"]), out / "still.png", dpi=80)
     return result

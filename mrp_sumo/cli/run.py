@@ -85,8 +85,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.run import PLUG_IN_FAILED  # with all that drives: after the scenario is known to be one
 
     with ExitStack() as stack:
-        watches = _watches(options, stack)
-        result = (_run_live if options.live else _run)(file, out, options, watches)
+        result = (_run_live if options.live else _run)(file, out, options, _watches(options, stack))
     if options.json:
         print_json(result, out)
     else:
@@ -146,24 +145,25 @@ def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
 
 
 def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
-    from mrp_sumo.experiments.run import run_scenario
+    from mrp_sumo.experiments.run import RunOptions, run_scenario
 
     with progress_bar() as progress:
-        return run_scenario(file, out, progress=progress, gui=options.gui, watches=watches)
+        return run_scenario(file, out, RunOptions(gui=options.gui, progress=progress, watches=watches))
 
 
 def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
     """Run it while a browser shows it."""
     import webbrowser
 
-    from mrp_sumo.experiments.run import run_scenario
+    from mrp_sumo.experiments.run import RunOptions, run_scenario
     from mrp_sumo.reports.live.watch import LiveView
 
     live = LiveView(options.port or 0)
     print(f"{live.address} (Ctrl+C ends)", flush=True)
     webbrowser.open(live.address)
     try:
-        result = run_scenario(file, out, progress=live.stage, gui=options.gui, watches=[*watches, live.watch], steer=live.steer)
+        how = RunOptions(gui=options.gui, progress=live.stage, watches=[*watches, live.watch, live.steer])
+        result = run_scenario(file, out, how)
     except BaseException:
         live.close()
         raise
@@ -172,10 +172,12 @@ def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watc
 
 
 @contextmanager
-def progress_bar() -> "Iterator[StageReport | None]":
+def progress_bar() -> "Iterator[StageReport]":
     """A progress bar on a terminal, nothing in a pipe."""
+    from mrp_sumo.experiments.solve import silent
+
     if not sys.stderr.isatty():
-        yield None
+        yield silent
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn

@@ -128,10 +128,10 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
     where = f"{len(fleet.vehicles)} vehicles at {connections.broker}, {dialect.topic('+', '+', options.manufacturer)} (Ctrl+C ends)"
     print(where, file=sys.stderr if options.json else sys.stdout, flush=True)
     stack.enter_context(fleet)
-    stopped = stack.enter_context(interrupts())
+    interrupt = stack.enter_context(interrupts())
     until_s, pace = options.duration or math.inf, Pace(options.speed)
     cpu_s, begun_s = time.process_time(), time.monotonic()
-    while fleet.now_s < until_s - 1e-9 and not (stopped and stopped()):
+    while fleet.now_s < until_s - 1e-9 and not interrupt.is_pressed:
         fleet.step(pace.wait(fleet.now_s, link.receive))
     fleet.leave()
     share = (time.process_time() - cpu_s) / max(time.monotonic() - begun_s, 1e-9)
@@ -155,7 +155,7 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
 def _drive(session: Session, stack: ExitStack) -> int:
     """Be the master of vehicles, and write the run."""
     from mrp_sumo.cli.run import print_json, print_result, progress_bar
-    from mrp_sumo.experiments.run import finish
+    from mrp_sumo.experiments.run import RunOptions, finish
     from mrp_sumo.experiments.solve import solve
     from mrp_sumo.formats.vda.messages import serials_of
     from mrp_sumo.io.run_folder import check_replaceable
@@ -177,7 +177,8 @@ def _drive(session: Session, stack: ExitStack) -> int:
     how = {"speed": options.speed, "manufacturer": options.manufacturer}
     engine = driven_vehicles(setup.problem, site, link, dialect, settings.step_length_s, **how)
     with progress_bar() as progress:
-        result = finish(setup, solve(setup, progress=progress), session.maps, progress=progress, keeps_interrupted=True, engine=engine)
+        run_options = RunOptions(progress=progress, keeps_interrupted=True, engine=engine)
+        result = finish(setup, solve(setup, progress=progress), session.maps, run_options)
     result.write(out, session.maps)
     if options.json:
         print_json(result, out)

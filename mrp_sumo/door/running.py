@@ -15,8 +15,8 @@ from mrp_sumo.door.planning import Problem, solution_of
 from mrp_sumo.door.scenario import Scenario, required
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.run import carry_out, finish
-from mrp_sumo.experiments.solve import Solution, StageReport, retimed
+from mrp_sumo.experiments.run import RunOptions, carry_out, finish
+from mrp_sumo.experiments.solve import Solution, StageReport, retimed, silent
 from mrp_sumo.experiments.staging.set_up import driven_as
 from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
@@ -256,7 +256,7 @@ def simulate(
     plan: Solution | Plan,
     policy: str | Mapping[str, Any] | None = None,
     *,
-    progress: StageReport | None = None,
+    progress: StageReport = silent,
     **execution: Any,
 ) -> Run:
     """Drive a plan in SUMO, and measure it.
@@ -301,10 +301,10 @@ def simulate(
     keys: Mapping[str, Any] = execution if policy is None else {"policy": policy, **execution}
     places: dict[Place, tuple[str, Any]] = {("execution", key): (f"simulate: {key}", value) for key, value in keys.items()}
     setup = driven_as(solution.setup, changed(solution.setup.file, places))
-    return Run(finish(setup, solution, shared_maps(), progress=progress))
+    return Run(finish(setup, solution, shared_maps(), RunOptions(progress=progress)))
 
 
-def run(scenario: Scenario, *, progress: StageReport | None = None) -> Run:
+def run(scenario: Scenario, *, progress: StageReport = silent) -> Run:
     """Plan, drive and measure a scenario.
 
     Parameters
@@ -329,7 +329,7 @@ def run(scenario: Scenario, *, progress: StageReport | None = None) -> Run:
     >>> ms.run(ms.Scenario(map="office", robots=9)).save("runs/office")
     """
     required(scenario, Scenario, "run", "a Scenario; ms.Scenario.read(...) reads a file")
-    return Run(carry_out(scenario.file, shared_maps(), progress=progress))
+    return Run(carry_out(scenario.file, shared_maps(), RunOptions(progress=progress)))
 
 
 def load_run(folder: str | Path) -> Run:

@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.facilities import FacilityLog
 from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.drive import _facilities
-from mrp_sumo.drive.listeners import Moment
+from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.drive.state import Facilities, RideRequests
 from mrp_sumo.traffic.resources import Resources, cabin_group
 
@@ -127,7 +127,7 @@ def _times(graph: NavGraph, lifts: list[str]) -> tuple[FloatArray, FloatArray, F
     return ride_s, close_s, open_s, car
 
 
-class FacilityRecorder:
+class FacilityRecorder(Listener):
     """Keeps what lifts and doors do."""
 
     def __init__(self, graph: NavGraph, facilities: Facilities) -> None:

@@ -1,14 +1,16 @@
-"""What listens to an execution: each listener is handed every moment, and changes nothing."""
+"""Listeners of an execution: who is handed its moments, and may step in or end it."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from tempfile import SpooledTemporaryFile
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.drive.disturbances import Intervention
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.state import Facilities
 from mrp_sumo.engines.protocol import Engine
@@ -38,14 +40,24 @@ class Moment(NamedTuple):
     facilities: Facilities  # lifts and doors as they are
 
 
-class Listener(Protocol):
-    """Anything that wants to know."""
+class Listener:
+    """Somebody who watches an execution, and may step in or end it. By itself it does neither: override what is of use."""
+
+    is_patient = False  # content to hear about once a simulated second, so that steps in which nothing happens may be taken together
 
     def hear(self, moment: Moment) -> None:
-        """A step has passed."""
+        """Take note of a step that has passed."""
+
+    def interventions(self, now_s: float) -> Sequence[Intervention]:
+        """Tasks and disturbances that come up now, before the next step."""
+        return ()
+
+    def wants_end(self) -> bool:
+        """Whether the execution is to end, with outcome INTERRUPTED; asked at least twice a simulated second."""
+        return False
 
 
-class Recorder:
+class Recorder(Listener):
     """Keeps samples of every robot: x, y, yaw and speed, which go to files without a name where they are many.
 
     Positions follow from distances along the robots' ways, whenever the ledger is about to forget how those went, and at the end. Who
@@ -159,7 +171,7 @@ def _at_stops(ledger: Ledger, ids: IntArray, xy: FloatArray, level: IntArray) ->
 
 
 @dataclass
-class EventLog:
+class EventLog(Listener):
     """Keeps what happens."""
 
     events: list[Event] = field(default_factory=list)
@@ -169,7 +181,7 @@ class EventLog:
         self.events += moment.events
 
 
-class GrantRecorder:
+class GrantRecorder(Listener):
     """Keeps when robots are granted more of their ways."""
 
     def __init__(self, num_robots: int) -> None:
@@ -198,7 +210,7 @@ class GrantRecorder:
 
 
 @dataclass
-class Witness:
+class Witness(Listener):
     """Asks the engine now and then where it has the robots, for the audit."""
 
     t_s: list[float] = field(default_factory=list)
@@ -222,14 +234,16 @@ class Witness:
             self.xy_m.append(xy_m)
 
 
-@dataclass(frozen=True)
-class ProgressReport:
-    """Reports once a simulated second."""
+@dataclass
+class ProgressReport(Listener):
+    """Reports about once a simulated second."""
 
     report: AtGoalReport
-    every: int  # steps
+    due_s: float = 1.0
+    is_patient = True
 
     def hear(self, moment: Moment) -> None:
         """See Listener."""
-        if moment.step and moment.step % self.every == 0 and not moment.is_last:
+        if moment.now_s >= self.due_s and not moment.is_last:
+            self.due_s = math.floor(moment.now_s) + 1.0
             self.report(moment.now_s, int(np.isfinite(moment.ledger.state.waits.goal_s).sum()))

@@ -27,12 +27,11 @@ from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
-from mrp_sumo.drive.disturbances import Intervention
 from mrp_sumo.drive.duties import EMPTY
 from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
-from mrp_sumo.drive.listeners import AtGoalReport, EventLog, GrantRecorder, Listener, Moment, ProgressReport, Recorder, Witness
+from mrp_sumo.drive.listeners import EventLog, GrantRecorder, Listener, Moment, Recorder, Witness
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.drive.people import Bystanders, PeopleInGui, PeopleRecorder
@@ -50,8 +49,6 @@ from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import PlanError, PlugInError
 
-Asked = Callable[[float], Sequence[Intervention]]  # what is to come up at a time
-
 
 def simulate(
     problem: Problem,
@@ -59,12 +56,9 @@ def simulate(
     settings: ExecutionSettings,
     network: Path,
     *,
-    progress: AtGoalReport | None = None,
-    gui: bool = False,
-    stopped: Callable[[], bool] | None = None,
     listeners: Sequence[Listener] = (),
+    gui: bool = False,
     engine: AbstractContextManager[Engine] | None = None,
-    asked: Asked | None = None,
 ) -> Execution:
     """Drive a plan.
 
@@ -76,18 +70,12 @@ def simulate(
         Policy, clock, recording, disturbances.
     network
         The SUMO network of `problem.graph` (`engines.sumo.network.build_network`).
-    progress
-        Called about once a simulated second with the time in s and the number of robots at their goals.
+    listeners
+        Watch it beside those that record, and may step in or end it.
     gui
         Show it in sumo-gui, whatever the engine; everything else is the same.
-    stopped
-        Called at least twice a simulated second; once it returns True the execution is over, with outcome INTERRUPTED.
-    listeners
-        Hear every moment, beside those that record.
     engine
         Moves the bodies instead of that of the settings.
-    asked
-        Called before each step with the time in s, for what comes up that nobody knew of.
 
     Raises
     ------
@@ -107,9 +95,8 @@ def simulate(
     # a plan in steps lets robots be early, one with the times of real motion does not
     controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
     recovery = Recovery(ledger, world, settings)
-    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, stopped, around, asked)
+    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, around, listeners)
     drive.set_out()
-    reports = [ProgressReport(progress, max(1, round(1 / dt)))] if progress else []
     log, witness, grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
     facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
     people = PeopleRecorder(around) if around.any else None
@@ -120,8 +107,9 @@ def simulate(
             bodies.place(ledger.visits)
             shown = PeopleInGui(around.crowd) if gui and around.crowd is not None else None
             also = [listener for listener in (facilities, people, shown) if listener is not None]
-            alone = None if listeners or also or asked or gui or engine else Alone(recorder, grants, witness)
-            drive.run(bodies, [log, recorder, witness, grants, *reports, *listeners, *also], recorder.settle, alone)
+            is_shown = also or gui or engine or not all(listener.is_patient for listener in listeners)
+            alone = None if is_shown else Alone(recorder, grants, witness)
+            drive.run(bodies, [log, recorder, witness, grants, *listeners, *also], recorder.settle, alone)
         return _execution(drive, plan, log, recorder, witness, grants, facilities, people)
 
 
@@ -154,9 +142,8 @@ class Drive:
     recovery: Recovery
     chosen: Policy  # of the scenario; a new plan may be driven by another
     first: Plan
-    stopped: Callable[[], bool] | None  # by the user
     people: Bystanders
-    asked: Asked | None = None  # by viewers
+    listeners: Sequence[Listener] = ()  # who may step in or end it
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
@@ -253,11 +240,12 @@ class Drive:
 
     def _take_wishes(self) -> None:
         """Tasks and disturbances that nobody knew of."""
-        for wish in self.asked(self.now_s) if self.asked else ():
-            if isinstance(wish, Task):
-                self.tasks.add(wish)
-            else:
-                self.world.add(wish)
+        for listener in self.listeners:
+            for wish in listener.interventions(self.now_s):
+                if isinstance(wish, Task):
+                    self.tasks.add(wish)
+                else:
+                    self.world.add(wish)
 
     def _drive_on(self, step: int, bodies: KinematicEngine, alone: Alone) -> tuple[int, list[Event] | None]:
         """Take steps from `step` on, as long as nothing happens in them. Returns the step that is to be shown next, and what happened in
@@ -305,7 +293,7 @@ class Drive:
     def _is_over(self) -> bool:
         if self.outcome is Outcome.DEADLOCK:
             return True
-        if self.stopped is not None and self.stopped():
+        if any(listener.wants_end() for listener in self.listeners):
             self.outcome = Outcome.INTERRUPTED
             return True
         if all(dispatcher.finished(self.now_s, self.around) for dispatcher in (self.work, self.recovery)):

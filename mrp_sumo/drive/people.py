@@ -19,7 +19,7 @@ from mrp_sumo.crowd.model import LaneSpeeds, People, ProtectiveFields
 from mrp_sumo.crowd.state import BODY_M
 from mrp_sumo.drive import _people
 from mrp_sumo.drive.ledger import Ledger
-from mrp_sumo.drive.listeners import Moment
+from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.drive.state import PeopleState
 from mrp_sumo.engines.sumo.engine import SumoEngine
 
@@ -157,8 +157,8 @@ def _stretches(graph: PlanGraph) -> IntArray:
 
 
 @dataclass
-class PeopleRecorder:
-    """Keeps where people are, see `Listener`."""
+class PeopleRecorder(Listener):
+    """Keeps where people are."""
 
     around: Bystanders
     counts: list[int] = field(default_factory=lambda: [0])
@@ -211,8 +211,8 @@ class PeopleRecorder:
 
 
 @dataclass(frozen=True)
-class PeopleInGui:
-    """Draws people in sumo-gui, see `Listener`."""
+class PeopleInGui(Listener):
+    """Draws people in sumo-gui."""
 
     crowd: Crowd
 

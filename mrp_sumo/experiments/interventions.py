@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.drive.disturbances import Breakdown, Intervention
+from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.staging.lanes import closures_of
 from mrp_sumo.experiments.staging.set_up import SetUp
@@ -26,7 +27,7 @@ NEVER_S = 1e9  # where a task that is only checked is released
 
 
 @dataclass
-class Interventions:
+class Interventions(Listener):
     """Those of one run."""
 
     setup: SetUp
@@ -56,14 +57,14 @@ class Interventions:
             return str(error)
         return ""
 
-    def take(self, now_s: float) -> list[Intervention]:
-        """Interventions that are due now."""
-        found: list[Intervention] = []
+    def interventions(self, now_s: float) -> list[Intervention]:
+        """See Listener."""
+        due: list[Intervention] = []
         while not self._asked.empty():
             choice, wishes = self._asked.get()(now_s)
             self._done.append(choice)
-            found += wishes
-        return found
+            due += wishes
+        return due
 
     def recorded(self, file: ScenarioFile) -> ScenarioFile:
         """The scenario with all that was done."""

@@ -14,8 +14,8 @@ from mrp_sumo.core.execution import RECORDED
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.run import carry_out, run_scenario
-from mrp_sumo.experiments.solve import StageReport
+from mrp_sumo.experiments.run import RunOptions, carry_out, run_scenario
+from mrp_sumo.experiments.solve import StageReport, silent
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.file_difference import first_difference
 from mrp_sumo.io.results import BatchRecord
@@ -43,7 +43,7 @@ class Reproduction:
         return not self.differences
 
 
-def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None) -> Reproduction:
+def reproduce_run(folder: Path, base: Path, progress: StageReport = silent) -> Reproduction:
     """Make a run again, in a folder that is removed, and compare it file by file.
 
     Parameters
@@ -70,7 +70,7 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport | None = None)
     file = ScenarioFile(scenario, Document(base / RESULT, before["scenario"], {}), {})
     with tempfile.TemporaryDirectory(prefix="mrp_sumo_") as place:
         again = Path(place) / "run"
-        run_scenario(file, again, progress=progress)
+        run_scenario(file, again, RunOptions(progress=progress))
         after = json.loads((again / RESULT).read_text())
         found = {name: about["sha256"] for name, about in files_in(folder).items() if name in before["files"]}
         lines = [f"{name}: was changed after the run" for name, digest in found.items() if digest != before["files"][name]["sha256"]]
@@ -102,7 +102,7 @@ def reproduce_batch(records: list[BatchRecord], base: Path) -> Reproduction:
         for record in records:
             what = Document(base / "suite", record["scenario"], {})
             file = ScenarioFile(validated(what, ScenarioModel), what, {})
-            outcome = carry_out(file, maps, execute=record["until"] == "execution")
+            outcome = carry_out(file, maps, RunOptions(execute=record["until"] == "execution"))
             before = {"status": record["status"], **_timeless(record["metrics"])}
             after = {"status": outcome.status, **_timeless(outcome.metrics)}
             found = list(_differences(before, json.loads(json.dumps(after))))

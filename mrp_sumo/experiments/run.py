@@ -7,20 +7,20 @@ an execution that does not arrive, are written like successes.
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import current_thread, main_thread
-from typing import Any, Protocol
+from typing import Any
 
 from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import Status
-from mrp_sumo.drive.disturbances import Intervention
-from mrp_sumo.drive.listeners import Listener
+from mrp_sumo.drive.listeners import Listener, ProgressReport
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
+from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.solve import Solution, StageReport, silent, solve
@@ -35,32 +35,26 @@ POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statu
 PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)
 
 
-Watch = Callable[[SetUp, Solution], Listener]  # somebody who wants to hear how a run is driven
+Watch = Callable[[SetUp, Solution], Listener]  # makes the listener of a run that is about to be driven
 
 
-class Steering(Protocol):
-    """Somebody who steps in while robots drive."""
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run is made, beside what its scenario says."""
 
-    def take(self, now_s: float) -> Sequence[Intervention]:
-        """Interventions that come up now."""
-
-    def recorded(self, file: ScenarioFile) -> ScenarioFile:
-        """The scenario with all that came up."""
-
-
-Steer = Callable[[SetUp], Steering]
+    execute: bool = True  # drive the plan; without, a plan that was found ends the run with status `planned`
+    gui: bool = False  # drive in sumo-gui, for people to look at
+    progress: StageReport = silent  # called now and then with the stage and how far it is
+    watches: Sequence[Watch] = ()  # what Interventions among the listeners do becomes a part of the run's scenario
+    keeps_interrupted: bool = False  # Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`
+    engine: AbstractContextManager[Engine] | None = None  # moves the bodies instead of that of the settings
 
 
-def run_scenario(
-    file: ScenarioFile,
-    out: Path,
-    *,
-    progress: StageReport | None = None,
-    gui: bool = False,
-    watches: Sequence[Watch] = (),
-    steer: Steer | None = None,
-) -> RunResult:
-    """Run a scenario and write its run folder.
+DEFAULT = RunOptions()
+
+
+def run_scenario(file: ScenarioFile, out: Path, options: RunOptions = DEFAULT) -> RunResult:
+    """Run a scenario and write its run folder. Ctrl-C while robots drive keeps what there is of a run with tasks.
 
     Parameters
     ----------
@@ -68,14 +62,8 @@ def run_scenario(
         The scenario.
     out
         The run folder; a run folder that is there already is replaced once the new one is complete.
-    progress
-        Called now and then with the stage and how far it is.
-    gui
-        Drive in sumo-gui, for people to look at.
-    watches
-        Asked for a listener each when robots are about to set out. These change nothing of the run.
-    steer
-        Asked when robots are about to set out for who steps in; what is done becomes a part of the run's scenario.
+    options
+        How it is made.
 
     Raises
     ------
@@ -84,43 +72,44 @@ def run_scenario(
     """
     check_replaceable(out)
     with MapCache() as maps:
-        result = carry_out(file, maps, progress=progress, gui=gui, keeps_interrupted=True, watches=watches, steer=steer)
-        (progress or silent)("writing the run folder", 0.0, 0.0)
+        result = carry_out(file, maps, replace(options, keeps_interrupted=True))
+        options.progress("writing the run folder", 0.0, 0.0)
         result.write(out, maps)
     return result
 
 
+@dataclass
+class Interrupt(Listener):
+    """Ends an execution once the user has pressed Ctrl-C."""
+
+    is_pressed: bool = False
+    is_patient = True
+
+    def wants_end(self) -> bool:
+        """See Listener."""
+        return self.is_pressed
+
+
 @contextmanager
-def interrupts() -> Iterator[Callable[[], bool] | None]:
-    """Test of whether the user has pressed Ctrl-C, which ends nothing by itself the first time. None where it means something else."""
-    usual = signal.getsignal(signal.SIGINT)
+def interrupts() -> Iterator[Interrupt]:
+    """The listener that Ctrl-C reaches, which ends nothing by itself the first time; none reaches it where Ctrl-C means something else."""
+    usual, interrupt = signal.getsignal(signal.SIGINT), Interrupt()
     if usual is not signal.default_int_handler or current_thread() is not main_thread():
-        yield None
+        yield interrupt
         return
-    pressed = []
 
     def note(number: int, frame: object) -> None:
-        pressed.append(number)
+        interrupt.is_pressed = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield lambda: bool(pressed)
+        yield interrupt
     finally:
         signal.signal(signal.SIGINT, usual)
 
 
-def carry_out(
-    file: ScenarioFile,
-    maps: MapCache,
-    *,
-    execute: bool = True,
-    progress: StageReport | None = None,
-    gui: bool = False,
-    keeps_interrupted: bool = False,
-    watches: Sequence[Watch] = (),
-    steer: Steer | None = None,
-) -> RunResult:
+def carry_out(file: ScenarioFile, maps: MapCache, options: RunOptions = DEFAULT) -> RunResult:
     """Run a scenario and measure it; writes nothing.
 
     Parameters
@@ -129,63 +118,28 @@ def carry_out(
         The scenario.
     maps
         Where maps and networks come from; give the same one to many runs.
-    execute
-        Drive the plan; without, a plan that was found ends the run with status `planned`.
-    progress
-        Called now and then with the stage and how far it is.
-    gui
-        Drive in sumo-gui.
-    keeps_interrupted
-        Whether Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`.
-    watches
-        Asked for a listener each when robots are about to set out.
-    steer
-        As for `run_scenario`.
+    options
+        How it is made.
 
     Raises
     ------
     MrpSumoError
         When the scenario cannot be run at all.
     """
-    report = progress or silent
-    report("loading the map", 0.0, 0.0)
+    options.progress("loading the map", 0.0, 0.0)
     setup = set_up(file, maps)
-    return finish(
-        setup,
-        solve(setup, execute=execute, progress=progress),
-        maps,
-        execute=execute,
-        progress=progress,
-        gui=gui,
-        keeps_interrupted=keeps_interrupted,
-        watches=watches,
-        steer=steer,
-    )
+    return finish(setup, solve(setup, execute=options.execute, progress=options.progress), maps, options)
 
 
-def finish(
-    setup: SetUp,
-    solution: Solution,
-    maps: MapCache,
-    *,
-    execute: bool = True,
-    progress: StageReport | None = None,
-    gui: bool = False,
-    keeps_interrupted: bool = False,
-    watches: Sequence[Watch] = (),
-    steer: Steer | None = None,
-    engine: AbstractContextManager[Engine] | None = None,
-) -> RunResult:
+def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions = DEFAULT) -> RunResult:
     """Drive what was planned, if there is a plan, and measure it.
 
     Parameters
     ----------
     setup, solution
         Of one problem; the setup says how to drive.
-    maps, execute, progress, gui, keeps_interrupted, watches, steer
+    maps, options
         As for `carry_out`.
-    engine
-        As for `simulate`.
     """
     from mrp_sumo.metrics.audit import at_walls, audit, beside_lifts
     from mrp_sumo.metrics.evaluate import evaluate
@@ -196,22 +150,22 @@ def finish(
     from mrp_sumo.metrics.tasks import overload
     from mrp_sumo.metrics.zones import occupancy
 
-    report = progress or silent
+    execute, report = options.execute, options.progress
     execution, note, details, broken = None, solution.result.message or solution.note, solution.result.details, ""
     if execute and solution.result.plan is not None:
         setup = with_time_limit(setup, solution.result.plan)
         report("building the SUMO network", 0.0, 0.0)
-        network = maps.network(solution.problem.graph, setup.map.building if gui else None)
-        steering = steer(setup) if steer else None
+        network = maps.network(solution.problem.graph, setup.map.building if options.gui else None)
+        listeners: list[Listener] = []
         try:
-            execution, otherwise = _execute(setup, solution, network, report, gui, keeps_interrupted, watches, steering, engine)
+            execution, otherwise = _execute(setup, solution, network, options, listeners)
             note = "; ".join(filter(None, (note, otherwise)))
         except PlugInError as error:
             note, details = str(error), error.details
             broken = DISPATCHER_FAILED if isinstance(error, DispatcherError) else POLICY_FAILED
             if isinstance(error, PlanningOverrun):
                 broken = str(Status.PLANNER_FAILED)
-        if steering:
+        for steering in (listener for listener in listeners if isinstance(listener, Interventions)):
             setup = replace(setup, file=steering.recorded(setup.file))
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
@@ -281,14 +235,10 @@ def _execute(
     setup: SetUp,
     solution: Solution,
     network: Path,
-    report: StageReport,
-    gui: bool,
-    keeps_interrupted: bool,
-    watches: Sequence[Watch],
-    steering: Steering | None,
-    engine: AbstractContextManager[Engine] | None,
+    options: RunOptions,
+    listeners: list[Listener],
 ) -> tuple[Execution | None, str]:
-    """The execution, and a line on what was done otherwise than the scenario says."""
+    """The execution, and a line on what was done otherwise than the scenario says. `listeners` are there from when robots set out."""
     from mrp_sumo.drive import warm
     from mrp_sumo.drive.loop import simulate
 
@@ -301,19 +251,13 @@ def _execute(
 
     def drive(settings: ExecutionSettings) -> Execution:
         def progress(t_s: float, at_goal: int) -> None:
-            report(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
+            options.progress(f"driving, {at_goal} of {solution.problem.num_robots} at their goals", t_s, settings.time_limit_s)
 
-        listeners = [watch(setup, solution) for watch in watches]
-        with interrupts() if keeps_interrupted and settings.tasks else nullcontext() as stopped:
-            run = simulate(
-                *(solution.problem, plan, settings, network),
-                progress=progress,
-                gui=gui,
-                stopped=stopped,
-                listeners=listeners,
-                engine=engine,
-                asked=steering.take if steering else None,
-            )
+        listeners[:] = listeners or [watch(setup, solution) for watch in options.watches]
+        who = [ProgressReport(progress), *listeners]
+        with interrupts() if options.keeps_interrupted and settings.tasks else nullcontext(Interrupt()) as interrupt:
+            who.append(interrupt)
+            run = simulate(solution.problem, plan, settings, network, listeners=who, gui=options.gui, engine=options.engine)
         return replace(run, policy=name) if settings is setup.settings else run
 
     if verdict.faults:

@@ -135,7 +135,7 @@ class Solution:
         return self._summary.html
 
 
-def solve(setup: SetUp, *, execute: bool = False, progress: StageReport | None = None) -> Solution:
+def solve(setup: SetUp, *, execute: bool = False, progress: StageReport = silent) -> Solution:
     """Assign and plan within the time limit, and judge the plan. A plug-in that fails is a result too.
 
     Parameters
@@ -148,7 +148,7 @@ def solve(setup: SetUp, *, execute: bool = False, progress: StageReport | None =
         Called with the stage and how far it is.
     """
     try:
-        return _solve(setup, execute, progress or silent)
+        return _solve(setup, execute, progress)
     finally:
         for plug_in in (setup.planner, setup.assigner):
             if isinstance(plug_in, Outside):

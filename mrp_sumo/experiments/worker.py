@@ -56,14 +56,14 @@ def measure_and_trace(job: Job, maps: MapCache) -> Answer:
 
 def _made(job: Job, maps: MapCache) -> "tuple[Answer, RunResult | None]":
     """The answer, and the run where it came to one."""
-    from mrp_sumo.experiments.run import carry_out
+    from mrp_sumo.experiments.run import RunOptions, carry_out
     from mrp_sumo.metrics.evaluate import succeeded
 
     file = scenario_of(job)
     try:
         if job["until"] == "map":
             return {"status": "loaded", "success": True, "reason": "", "metrics": _map_facts(file, maps)}, None
-        outcome = carry_out(file, maps, execute=job["until"] == "execution")
+        outcome = carry_out(file, maps, RunOptions(execute=job["until"] == "execution"))
         if plug_in_hash(file.scenario, file.folder) != job["plug_ins"]:  # its result would stand under the key of the source before
             return failure(BAD_INPUT, "a plug-in was edited while the batch ran; start the batch again"), None
     except MrpSumoError as error:

@@ -100,7 +100,7 @@ class DdsView:
 
 
 @dataclass
-class Publishing:
+class Publishing(Listener):
     """A listener for one run."""
 
     view: DdsView

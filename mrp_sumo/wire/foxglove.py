@@ -143,7 +143,7 @@ class FoxgloveView:
 
 
 @dataclass
-class Showing:
+class Showing(Listener):
     """A listener for one run."""
 
     view: FoxgloveView

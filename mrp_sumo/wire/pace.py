@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TextIO
 
-from mrp_sumo.drive.listeners import Moment
+from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.files.reading import json_value
 from mrp_sumo.formats.vda.messages import Dialect
 from mrp_sumo.wire.link import Link, Received
@@ -38,7 +38,7 @@ class Pace:
 
 
 @dataclass
-class Paced:
+class Paced(Listener):
     """A listener that lets a run be driven no faster than the clock allows."""
 
     pace: Pace

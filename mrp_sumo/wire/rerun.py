@@ -97,7 +97,7 @@ class RerunView:
 
 
 @dataclass
-class Logging:
+class Logging(Listener):
     """A listener for one run."""
 
     rerun: Any

@@ -11,6 +11,7 @@ from mrp_sumo.bags.live import LiveMessages
 from mrp_sumo.bags.live_bag import LiveBag
 from mrp_sumo.bags.writer import write_bag
 from mrp_sumo.core.execution import Execution, Outcome
+from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.io.record import RunRecord
@@ -18,7 +19,7 @@ from mrp_sumo.io.trajectory import Levels
 
 
 @dataclass
-class Heard:
+class Heard(Listener):
     """A listener that keeps messages by topic."""
 
     live: LiveMessages | LiveBag

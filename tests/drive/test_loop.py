@@ -8,6 +8,7 @@ from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line
 
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
+from mrp_sumo.drive.listeners import Listener, ProgressReport
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo import engine, network
@@ -63,9 +64,9 @@ def test_rounding_in_an_engine_does_not_decide_when_a_robot_has_arrived(tmp_path
     assert 15.9 in granted[0].t_s
 
 
-class Listener:
-    def __init__(self):
-        self.steps = 0
+class Count(Listener):
+    def __init__(self, *, is_patient=False):
+        self.steps, self.is_patient = 0, is_patient
 
     def hear(self, moment):
         self.steps += 1
@@ -75,9 +76,9 @@ class Listener:
 def test_steps_are_the_same_whether_somebody_is_shown_them_or_not(tmp_path, policy, period_s):
     problem, plan = problem_of(cross(), [[1, 0, 7, 8], [4, 4, 0, 10, 11], [2, 2, 2, 2, 1, 0, 4, 5]], BURGER, 3.0)
     settings = ExecutionSettings(policy=policy, engine="kinematic", record_period_s=period_s, time_limit_s=25.15)
-    heard = Listener()
-    alone, shown = (simulate(problem, plan, settings, tmp_path / "none.net.xml", listeners=who) for who in ((), (heard,)))
-    assert heard.steps > 100 and shown.events
+    heard, patient = Count(), Count(is_patient=True)
+    alone, shown = (simulate(problem, plan, settings, tmp_path / "none.net.xml", listeners=[who]) for who in (patient, heard))
+    assert heard.steps > 100 and shown.events and patient.steps < heard.steps
     for name in ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps", "arrived_s", "booked_s", "sumo_xy_m"):
         assert getattr(alone, name).tobytes() == getattr(shown, name).tobytes(), name
     assert alone.events == shown.events and (alone.outcome, alone.sim_time_s) == (shown.outcome, shown.sim_time_s)
@@ -261,5 +262,5 @@ def test_progress_is_told_once_a_second(tmp_path):
     told = []
     problem, plan = problem_of(line(3), [[0, 1, 2]], BURGER)
     network = build_network(line(3), tmp_path / "world.net.xml")
-    simulate(problem, plan, ExecutionSettings(), network, progress=lambda t_s, at_goal: told.append((t_s, at_goal)))
+    simulate(problem, plan, ExecutionSettings(), network, listeners=[ProgressReport(lambda t_s, at_goal: told.append((t_s, at_goal)))])
     assert told == [(1.0, 0), (2.0, 0), (3.0, 0)]

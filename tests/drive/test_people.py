@@ -9,6 +9,7 @@ from mrp_sumo.crowd import _walk
 from mrp_sumo.crowd.floor import floor_of
 from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.drive import people as drive_people
+from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo import session
@@ -137,7 +138,7 @@ def test_people_are_discs_in_the_gui_that_come_and_go(tmp_path, script, monkeypa
     graph, seen = line(12, 1.0), {}
     problem, plan = problem_of(graph, [range(12)], CART)
 
-    class Look:
+    class Look(Listener):
         def hear(self, moment):
             api = moment.bodies._sumo._api
             seen[round(moment.now_s, 1)] = [api.polygon.getShape(name) for name in api.polygon.getIDList() if name.startswith("person")]

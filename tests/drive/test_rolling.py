@@ -16,6 +16,7 @@ from mrp_sumo.drive import ledger as ledger_module
 from mrp_sumo.drive import replanning
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import first_of
@@ -173,12 +174,22 @@ def test_a_ledger_that_forgets_drives_and_logs_the_same(tmp_path, monkeypatch):
         )
 
 
+@dataclass
+class EndedAt30(Listener):
+    now_s: float = 0.0
+    is_patient = True
+
+    def hear(self, moment):
+        self.now_s = moment.now_s
+
+    def wants_end(self):
+        return self.now_s >= 30.0
+
+
 def test_a_run_that_its_user_stops_ends_with_what_there_is(tmp_path):
     problem, plan = problem_of(square_grid(5), [[v] for v in STARTS], BURGER)
     settings = ExecutionSettings(engine="kinematic", dispatcher="nearest", tasks=(STREAM,), time_limit_s=1000.0, planner="prioritised")
-    times = [0.0]
-    heard = {"progress": lambda now_s, at_goal: times.append(now_s), "stopped": lambda: times[-1] >= 30.0}
-    run = simulate(problem, plan, settings, tmp_path / "none.net.xml", **heard)
+    run = simulate(problem, plan, settings, tmp_path / "none.net.xml", listeners=[EndedAt30()])
     assert run.outcome is Outcome.INTERRUPTED and 30.0 <= run.sim_time_s <= 30.5
     assert len(run.t_s) == round(run.sim_time_s * 10) + 1 and "picked" in run.tasks.status
 

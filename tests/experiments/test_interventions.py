@@ -8,9 +8,10 @@ import yaml
 from wire.worlds import LANES, SCENARIO, TYPE
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.run import run_scenario
+from mrp_sumo.experiments.run import RunOptions, run_scenario
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.live.watch import LiveView
@@ -20,7 +21,7 @@ ROBOTS = {"count": 2, "type": TYPE, "starts": ["a", "e"]}
 
 
 @dataclass
-class Timed:
+class Timed(Listener):
     """Asks for something at simulated times."""
 
     live: LiveView
@@ -39,7 +40,7 @@ def steered(folder, orders, **changes):
     live = LiveView()
     live.broadcast.control({"do": "speed", "speed": None})
     timed = Timed(live, orders)
-    run_scenario(read_scenario(folder / "case.yaml"), folder / "run", watches=[live.watch, lambda *_: timed], steer=live.steer)
+    run_scenario(read_scenario(folder / "case.yaml"), folder / "run", RunOptions(watches=[live.watch, lambda *_: timed, live.steer]))
     live.close()
     return timed.answers, json.loads((folder / "run" / "result.json").read_text())["scenario"]
 
@@ -92,7 +93,7 @@ def test_what_cannot_be_done_is_said_to_who_asks(tmp_path, order, why):
     with MapCache() as maps:
         wishes = Interventions(set_up(read_scenario(tmp_path / "case.yaml"), maps))
         assert why in wishes.ask(order)
-        assert wishes.take(3.0) == []
+        assert wishes.interventions(3.0) == []
 
 
 def test_runs_with_goals_take_no_tasks(tmp_path):

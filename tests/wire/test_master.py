@@ -9,7 +9,7 @@ from wire.worlds import SCENARIO, TYPE, Coupled, carts, scenario
 
 from mrp_sumo.errors import ExecutionError
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.run import finish
+from mrp_sumo.experiments.run import RunOptions, finish
 from mrp_sumo.experiments.solve import solve
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.check import check
@@ -27,7 +27,7 @@ def driven(folder, master, **changes):
     with MapCache() as maps:
         setup = set_up(scenario(folder, **changes), maps)
         engine = driven_vehicles(setup.problem, master.fleet.site, link, master.dialect, setup.settings.step_length_s, speed=1e9)
-        result = finish(setup, solve(setup), maps, engine=engine)
+        result = finish(setup, solve(setup), maps, RunOptions(engine=engine))
     lines = [line_of(t_s, master.dialect.topic(serial, kind), payload) for t_s, serial, kind, payload in link.said]
     return result, lines
 

@@ -14,7 +14,6 @@ from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.run import Steering
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.outline import outline_of
@@ -52,8 +51,8 @@ class LiveView:
         self.server.page = telling.page.encode()
         return telling
 
-    def steer(self, setup: SetUp) -> Steering:
-        """Who steps in as viewers ask for it."""
+    def steer(self, setup: SetUp, _: Solution) -> Listener:
+        """The listener that steps in as viewers ask for it."""
         wishes, lanes = Interventions(setup), drawn_lanes(setup.map.nav)
 
         def ask(order: dict[str, Any]) -> str:
@@ -89,7 +88,7 @@ class LiveView:
         self.server.close()
 
 
-class Telling:
+class Telling(Listener):
     """A listener for one run."""
 
     def __init__(self, broadcast: Broadcast, setup: SetUp, solution: Solution) -> None:

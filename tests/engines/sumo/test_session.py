@@ -8,6 +8,7 @@ import sumo as sumo_package
 import traci
 from worlds import line, problem_of
 
+from mrp_sumo.drive.listeners import ProgressReport
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo import session
@@ -26,7 +27,7 @@ def test_closing_the_window_ends_the_run_with_a_sentence(tmp_path, monkeypatch):
         traci.getConnection()._process.kill()
 
     with pytest.raises(ExecutionError, match=r"^sumo-gui was closed before the end of the run$"):
-        simulate(problem, plan, ExecutionSettings(), network, progress=close_the_window, gui=True)
+        simulate(problem, plan, ExecutionSettings(), network, listeners=[ProgressReport(close_the_window)], gui=True)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.cli.main import main
-from mrp_sumo.experiments.run import run_scenario
+from mrp_sumo.experiments.run import RunOptions, run_scenario
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import find_scenario
 from mrp_sumo.io.scenario.read import read_scenario
@@ -34,7 +34,7 @@ def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
     viewer.start()
     live.broadcast.control({"do": "speed", "speed": None})
     overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
-    result = run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run", watches=[live.watch])
+    result = run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run", RunOptions(watches=[live.watch]))
     with urllib.request.urlopen(live.address, timeout=30) as page:
         assert b'"live":true' in page.read()
     live.finish(result)
