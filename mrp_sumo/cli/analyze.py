@@ -59,6 +59,12 @@ def run(options: argparse.Namespace) -> int:
     if options.metric:
         return _measure(options)
     found = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
+    from mrp_sumo.io.tasks_table import TASKS
+
+    if (options.bag / TASKS).is_file():
+        print(
+            f"mrp-sumo: {options.bag}: a run with orders, of which these know none: mrp-sumo report shows its own figures", file=sys.stderr
+        )
     if options.json:
         print(json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False))
         return 0

@@ -161,3 +161,13 @@ def test_the_bag_of_a_run_gives_the_metrics_of_its_result(tmp_path, capsys):
         "invalidRun": "run_invalid",
     }
     assert {key: told[key] for key in ours} == {key: pytest.approx(metrics[name], rel=1e-9) for key, name in ours.items()}
+
+
+@pytest.mark.parametrize("has_orders", [True, False])
+def test_of_a_run_with_orders_it_is_said_that_these_metrics_know_none(tmp_path, capsys, has_orders):
+    fleet_bag(tmp_path / "run" / "bag", rows_of_two())
+    (tmp_path / "run" / "bag.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}, r1: {start: [0, 1], goal: [3, 1]}}")
+    if has_orders:
+        (tmp_path / "run" / "tasks.parquet").touch()
+    assert main(["analyze", str(tmp_path / "run")]) == 0
+    assert ("a run with orders, of which these know none" in capsys.readouterr().err) == has_orders

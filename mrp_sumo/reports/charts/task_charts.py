@@ -55,7 +55,7 @@ def _throughput(orders: TaskLog, end_s: float, warm_up_s: float | None, tag: str
 
     each_s = end_s / bars
     caption = f"By the hour, in {bars} parts of {each_s:.0f} s each. Dashed: the mean{' after the warm-up' * bool(cut_s)}, {mean:.0f}."
-    return draw(f"{tag}_{THROUGHPUT}", "Tasks done over time", caption, paint)
+    return draw(f"{tag}_{THROUGHPUT}", "Orders done over time", caption, paint)
 
 
 def _open(orders: TaskLog, end_s: float, tag: str) -> Chart | None:

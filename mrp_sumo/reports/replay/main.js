@@ -73,6 +73,8 @@ class App {
       this.peopleCount = make("b");
       $("legend").append(make("span", { className: "people", title: "People who are there now" }, make("span", { className: "dot" }), "people", this.peopleCount));
     }
+    $("levels").hidden = !run.map.levels.length;
+    $("levels").replaceChildren(...[undefined, ...run.map.levels].map((level) => make("button", { textContent: level ? level.name : "all levels", onclick: () => this.showLevel(level) })));
     $("speed").replaceChildren(...this.speeds.map((s) => make("option", { value: String(s), textContent: s === Infinity ? "fast" : `${s}×`, selected: s === this.view.speed })));
     $("track").setAttribute("aria-valuemax", motion.end.toFixed(1));
   }
@@ -236,6 +238,14 @@ class App {
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     }, "image/png");
+  }
+
+  /* A level alone; all of them without one. */
+  showLevel(level) {
+    this.view.follow = false;
+    this.scene.fit(level);
+    this.showToggles();
+    this.touch();
   }
 
   bring(x, y, scale) {
@@ -559,9 +569,8 @@ class App {
       if (result.robot !== undefined) {
         this.select(result.robot, true);
         if (motion.numRobots > 60) this.bring(motion.pose[3 * result.robot], motion.pose[3 * result.robot + 1], Math.max(scene.camera.scale, 50));
-      } else if (result.level) { // its upper left corner, where its name stands
-        const scale = Math.max(scene.camera.scale, 8 * scene.minScale);
-        this.bring(result.level.x + (0.5 * scene.width - 40) / scale, result.level.y - (0.5 * scene.height - 110) / scale, scale);
+      } else if (result.level) {
+        this.showLevel(result.level);
       } else {
         this.view.found = result.station;
         this.bring(result.station.x, result.station.y, Math.max(scene.camera.scale, 30));

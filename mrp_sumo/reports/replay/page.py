@@ -37,7 +37,7 @@ from mrp_sumo.reports.pictures.view import (
     extent,
     furniture_and_walls,
     is_grid_map,
-    level_corners,
+    level_boxes,
     map_name_of,
     state_names,
     subtitle_of,
@@ -463,8 +463,10 @@ def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: Floa
         bare = np.array([not (nav.vertex_name[v] or kind[v]) for v in range(nav.num_vertices)], np.bool_)
         bare[np.setdiff1d(np.arange(nav.num_vertices), np.concatenate([nav.tail, nav.head]))] = False
         parts["junctions"] = _flat(nav.xy[bare][:MAX_JUNCTIONS] - low)
-    parts["levels"] = [
-        {"name": name, "x": round(x - low[0], 3), "y": round(y - low[1], 3)} for name, x, y in level_corners(record, outline)
+    boxes = level_boxes(record, outline)
+    parts["levels"] = [  # each with its upper left corner
+        dict(zip(("name", "x", "y", "width", "height"), (name, *np.round([a[0] - low[0], b[1] - low[1], *(b - a)], 3).tolist())))
+        for name, (a, b) in (boxes.items() if len(boxes) > 1 else ())
     ]
     return parts
 

@@ -52,17 +52,21 @@ export class Scene {
     this.painter.resize(this.width, this.height);
   }
 
-  /* The whole map, with room for the counts above it and the buttons at its right. */
-  fit() {
-    const [w, h] = this.map.size_m;
+  /* The whole map, or one of its levels, with room for the counts above it and the buttons at its right. */
+  fit(level) {
+    const [w, h] = level ? [level.width, level.height] : this.map.size_m;
     const narrow = this.width < 600 || this.height < 420;
-    const left = narrow ? 14 : 36, right = this.width < 420 ? 14 : narrow ? 64 : 76, top = narrow ? 58 : 64, bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
-    const scale = Math.min((this.width - left - right) / w, (this.height - top - bottom) / h);
-    this.minScale = scale / 4;
-    this.maxScale = Math.max(600, 4 * scale);
+    const left = narrow ? 14 : 36, right = this.width < 420 ? 14 : narrow ? 64 : 76, top = (narrow ? 58 : 64) + (this.map.levels.length ? 58 : 0), bottom = Math.max(narrow ? 64 : 40, this.inset + 10);
+    let scale = Math.min((this.width - left - right) / w, (this.height - top - bottom) / h);
+    if (level) {
+      scale = Math.min(scale, this.maxScale);
+    } else {
+      this.minScale = scale / 4;
+      this.maxScale = Math.max(600, 4 * scale);
+    }
     this.camera.scale = scale;
-    this.camera.x = left + (this.width - left - right) / 2 - (w / 2) * scale;
-    this.camera.y = top + (this.height - top - bottom) / 2 + (h / 2) * scale;
+    this.camera.x = left + (this.width - left - right) / 2 - (level ? level.x + w / 2 : w / 2) * scale;
+    this.camera.y = top + (this.height - top - bottom) / 2 + (level ? level.y - h / 2 : h / 2) * scale;
   }
 
   zoomAt(px, py, factor) {

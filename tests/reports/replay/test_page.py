@@ -17,7 +17,7 @@ import pytest
 from worlds import NASTY, record_of_two
 
 from mrp_sumo.cli.main import main
-from mrp_sumo.core.graph import NavGraph
+from mrp_sumo.core.graph import NavGraph, nav_graph
 from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
@@ -56,6 +56,17 @@ def test_page_holds_poses_to_half_a_unit():
     assert np.abs(turned).max() <= np.pi / 256 + 1e-9
     assert head["period_s"] == 0.1
     assert head["num_samples"] == 41
+
+
+def test_levels_have_boxes_where_there_are_several():
+    xy, lanes = [[0, 0], [4, 0], [10, 0], [10, 3]], [[0, 1], [2, 3]]
+    two = nav_graph(name="two", xy=xy, lanes=lanes, level_names=("L1", "L2"), level=[0, 0, 1, 1])
+    head, _ = read_back(replay_page(replace(record_of_two(), nav=two), About("trial")))
+    first, second = head["map"]["levels"]
+    assert [(level["name"], level["width"], level["height"]) for level in (first, second)] == [("L1", 4.0, 0.0), ("L2", 0.0, 3.0)]
+    assert (second["x"] - first["x"], second["y"] - first["y"]) == (10.0, 3.0)  # upper left corners
+    one = nav_graph(name="one", xy=xy, lanes=lanes)
+    assert read_back(replay_page(replace(record_of_two(), nav=one), About("trial")))[0]["map"]["levels"] == []
 
 
 def test_plan_and_events_come_back():
