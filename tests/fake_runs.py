@@ -27,7 +27,7 @@ def make(job, maps):
         case 102:
             os.kill(os.getpid(), signal.SIGSEGV)
         case 103:
-            child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+            child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True)  # as planners are
             Path(notes, "child").write_text(str(child.pid))
             time.sleep(600)
         case 104:

@@ -1,11 +1,22 @@
 """Python processes of ours, and what they and the command keep out: whatever happens to lie in the current folder.
 
 A process imports from where its parent does. On its own, Python would look in the current folder first, which may be anybody's.
+Those that are talked to inherit a socket, have a session of their own, and end with their parent; whoever is killed is killed with all
+that came of it.
 """
 
 import os
+import signal
 import sys
 from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Mapping
+    from multiprocessing.connection import Connection
+    from typing import IO
 
 CONFIGURATIONS = frozenset({"matplotlibrc", ".numba_config.yaml"})  # that libraries look for in the current folder
 
@@ -23,6 +34,79 @@ def command(call: str, *words: str) -> list[str]:
     module, _, name = call.partition(":")
     code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.core.children import read_no_configuration; read_no_configuration(); "
     return [sys.executable, "-P", "-c", f"{code}from {module} import {name}; {name}()", *words]
+
+
+def start(
+    call: str, *words: str, output: "IO[bytes] | int", environment: "Mapping[str, str] | None" = None
+) -> "tuple[subprocess.Popen[bytes], Connection]":
+    """Start a process to talk to, out of reach of Ctrl-C.
+
+    Parameters
+    ----------
+    call
+        As `command`'s; it begins with `connection_to_parent`.
+    words
+        What it has in `sys.argv[1:]` from then on.
+    output
+        Where all goes that it prints.
+    environment
+        Variables beside those of this process.
+    """
+    import socket  # here and below: most commands need no process
+    import subprocess
+    from multiprocessing.connection import Connection
+
+    ours, theirs = socket.socketpair()
+    with theirs:
+        process = subprocess.Popen(
+            command(call, str(theirs.fileno()), str(os.getpid()), *words),
+            pass_fds=(theirs.fileno(),),
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+            env={**os.environ, **(environment or {})},
+        )
+    return process, Connection(ours.detach())
+
+
+def connection_to_parent() -> "Connection":
+    """The connection that this process inherited. The system kills it when its parent ends; elsewhere than on Linux its socket tells it."""
+    from multiprocessing.connection import Connection
+
+    descriptor, parent = int(sys.argv.pop(1)), int(sys.argv.pop(1))
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        sys.exit("the parent is gone")
+    return Connection(descriptor)
+
+
+def kill_family(leader: int) -> None:
+    """Kill a session's leader and all that came of it, in other process groups and sessions too."""
+    for _ in range(10):  # again while something new appears
+        family = _family(leader)
+        for pid in family:
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(pid, signal.SIGKILL)
+        if family <= {leader}:
+            break
+
+
+def _family(leader: int) -> set[int]:
+    """The living processes of a leader's session, their descendants, and the leader."""
+    parent, session = {}, {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = stat.read_text(errors="replace").rpartition(")")[2].split()
+            if fields[0] not in "ZX":
+                parent[int(stat.parent.name)], session[int(stat.parent.name)] = int(fields[1]), int(fields[3])
+    family = {leader} | {pid for pid in session if session[pid] == leader}
+    while more := {pid for pid in parent if parent[pid] in family} - family:
+        family |= more
+    return family
 
 
 def leave_current_folder() -> None:

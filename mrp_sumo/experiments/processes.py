@@ -7,12 +7,11 @@ many runs, so that libraries and compiled kernels are loaded once.
 import json
 import os
 import signal
-import socket
 import subprocess
 import time
 from collections import deque
 from contextlib import suppress
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import IO, Protocol
@@ -102,20 +101,12 @@ class _Worker:
     """A process, the socket to it, and the run it is making."""
 
     def __init__(self, function: str) -> None:
-        ours, theirs = socket.socketpair()
         self._scratch = TemporaryDirectory(prefix="mrp_sumo_worker_")  # its temporary files go with it, however it ends
         self._log: IO[bytes] = TemporaryFile()  # noqa: SIM115  closed with the worker
-        self._process = subprocess.Popen(
-            children.command("mrp_sumo.experiments.worker:main", str(theirs.fileno()), function, str(os.getpid())),
-            pass_fds=(theirs.fileno(),),
-            stdin=subprocess.DEVNULL,
-            stdout=self._log,
-            stderr=self._log,
-            start_new_session=True,  # a group of its own, to kill with its children, and out of reach of Ctrl-C
-            env={**os.environ, **dict.fromkeys(SINGLE_THREADED, "1"), "PYTHONUNBUFFERED": "1", "TMPDIR": self._scratch.name},
+        variables = {**dict.fromkeys(SINGLE_THREADED, "1"), "PYTHONUNBUFFERED": "1", "TMPDIR": self._scratch.name}
+        self._process, self.connection = children.start(
+            "mrp_sumo.experiments.worker:main", function, output=self._log, environment=variables
         )
-        theirs.close()
-        self.connection = Connection(ours.detach())
         self.job: Job | None = None
         self.ready = False
         self.alive = True
@@ -159,8 +150,7 @@ class _Worker:
     def kill(self) -> None:
         """End the process and its children."""
         self.alive = False
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        children.kill_family(self._process.pid)  # external planners and plug-ins have sessions of their own
         self._process.wait()
         self.connection.close()
         self._log.close()

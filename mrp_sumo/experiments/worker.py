@@ -1,7 +1,7 @@
 """The process that makes the runs of a batch, one after the other.
 
-Its arguments are the number of a socket, the function that makes a run, and its parent. It is handed runs as JSON over
-the socket, answers with JSON, and ends with its parent. Expected failures of a run are answers like any other; so is an
+Its argument is the function that makes a run. It is handed runs as JSON over the socket that it inherits, answers with JSON, and
+ends with its parent. Expected failures of a run are answers like any other; so is an
 exception, which is a bug. The parent watches its time and memory.
 """
 
@@ -11,17 +11,16 @@ import json
 import math
 import os
 import platform
-import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.core.children import connection_to_parent
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.identity import plug_in_hash
 from mrp_sumo.experiments.map_cache import MapCache
@@ -122,9 +121,8 @@ def _map_facts(file: Any, maps: MapCache) -> dict[str, Any]:
 def main() -> None:
     """Make runs until there are no more."""
     trust_everything()  # the batch that hands out the runs has asked
-    connection = Connection(int(sys.argv[1]))
-    _end_with(int(sys.argv[3]))
-    module, _, name = sys.argv[2].partition(":")
+    connection = connection_to_parent()
+    module, _, name = sys.argv[1].partition(":")
     function: Function = getattr(importlib.import_module(module), name)
     connection.send_bytes(b"ready")
     with MapCache() as maps:
@@ -159,16 +157,6 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "item"):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _end_with(parent: int) -> None:
-    """Have the system kill this process when its parent ends, even by SIGKILL; elsewhere than on Linux it ends after its run."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    if os.getppid() != parent:
-        sys.exit("the parent is gone")
 
 
 def _forget_peak_memory() -> None:

@@ -18,11 +18,12 @@ from math import ceil
 from pathlib import Path
 from time import perf_counter
 
+from mrp_sumo.core import children
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, nearest
 from mrp_sumo.formats.peers import Cells, cells_of, goals_reached, movingai_map, movingai_scen, own_time_s, read_paths, yaml_instance
-from mrp_sumo.planning.processes import await_end, kill_family
+from mrp_sumo.planning.processes import await_end
 from mrp_sumo.traffic.referee import judge
 
 PLACES = ("map", "scen", "yaml", "yaml_free", "agents", "time_limit", "seed", "out")
@@ -166,7 +167,7 @@ def _run(words: list[str], folder: Path, limit_s: float) -> _Ran:
             ended = await_end(process.pid, limit_s)
         finally:
             time_s = perf_counter() - began
-            kill_family(process.pid)  # not waited for yet, so that its number cannot be another's by now
+            children.kill_family(process.pid)  # not waited for yet, so that its number cannot be another's by now
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
     with log.open("rb") as printed:

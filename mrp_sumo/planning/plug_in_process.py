@@ -4,14 +4,12 @@ A call is a tuple of its name and arguments. It is acknowledged when it has arri
 answered by (answer, error, seconds): errors travel as one line with the plug-in's file and line.
 """
 
-import os
-import signal
 import sys
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from time import perf_counter, process_time
 from typing import Any
 
+from mrp_sumo.core.children import connection_to_parent
 from mrp_sumo.errors import MrpSumoError, PlanError, PlugInError, ScenarioError
 from mrp_sumo.planning.answer_check import WrongAnswer, checked_assignment, checked_result
 from mrp_sumo.plugins.description import describe
@@ -57,10 +55,9 @@ class _Server:
 
 
 def main() -> None:
-    """Answer calls until there are no more. The arguments are the number of a socket and the parent's process."""
+    """Answer calls until there are no more."""
     trust_everything()  # the parent has asked
-    connection = Connection(int(sys.argv[1]))
-    _end_with(int(sys.argv[2]))
+    connection = connection_to_parent()
     sys.dont_write_bytecode = True  # bytecode knows a change by whole seconds only, and plug-ins are edited
     server = _Server()
     while True:
@@ -90,13 +87,3 @@ def _travelling(error: BaseException, server: _Server, name: str) -> MrpSumoErro
     if isinstance(error, PlanError) and name == "assign":  # there is no assignment
         return PlanError(str(error))
     return blamed(error, server.source, getattr(getattr(server, "plug_in", None), name, None))
-
-
-def _end_with(parent: int) -> None:
-    """Have the system kill this process when its parent ends, even by SIGKILL; elsewhere than on Linux its socket tells it."""
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    if os.getppid() != parent:
-        sys.exit("the parent is gone")

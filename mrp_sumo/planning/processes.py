@@ -54,22 +54,9 @@ class PlugInProcess:
     """
 
     def __init__(self, kind: str, source: Source, parameters: Mapping[str, Any], first: str = "load") -> None:
-        import socket  # here and below: most runs need no process
-        import subprocess
-        from multiprocessing.connection import Connection
-
         require_source(source)
         self._where = definition(source)
-        ours, theirs = socket.socketpair()
-        self._process = subprocess.Popen(
-            children.command("mrp_sumo.planning.plug_in_process:main", str(theirs.fileno()), str(os.getpid())),
-            pass_fds=(theirs.fileno(),),
-            stdin=subprocess.DEVNULL,
-            stdout=2,  # what a plug-in prints must not mix with our output
-            start_new_session=True,  # out of reach of Ctrl-C, and to be killed with its children
-        )
-        theirs.close()
-        self._connection = Connection(ours.detach())
+        self._process, self._connection = children.start("mrp_sumo.planning.plug_in_process:main", output=2)  # not into our own output
         self.close = weakref.finalize(self, _end, self._process, self._connection)
         self.facts: dict[str, Any] = {}
         self.facts = self.ask(first, (kind, source, dict(parameters)), LIMIT_S)[0]
@@ -128,7 +115,7 @@ class PlugInProcess:
 def _end(process: "subprocess.Popen[bytes]", connection: "Connection") -> None:
     connection.close()
     if process.poll() is None:
-        kill_family(process.pid)
+        children.kill_family(process.pid)
         process.wait()
 
 
@@ -168,28 +155,3 @@ def await_end(pid: int, limit_s: float) -> bool:
         return ends_within(pid, limit_s, lambda wait_s: bool(poll.poll(ceil(1000 * wait_s))))
     finally:
         os.close(watch)
-
-
-def kill_family(leader: int) -> None:
-    """Kill a session's leader and all that came of it, in other process groups and sessions too."""
-    for _ in range(10):  # again while something new appears
-        family = _family(leader)
-        for pid in family:
-            with suppress(ProcessLookupError, PermissionError):
-                os.kill(pid, signal.SIGKILL)
-        if family <= {leader}:
-            break
-
-
-def _family(leader: int) -> set[int]:
-    """The living processes of a leader's session, their descendants, and the leader."""
-    parent, session = {}, {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            fields = stat.read_text(errors="replace").rpartition(")")[2].split()
-            if fields[0] not in "ZX":
-                parent[int(stat.parent.name)], session[int(stat.parent.name)] = int(fields[1]), int(fields[3])
-    family = {leader} | {pid for pid in session if session[pid] == leader}
-    while more := {pid for pid in parent if parent[pid] in family} - family:
-        family |= more
-    return family

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.core.children import kill_family
 from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.errors import PlanError, PlugInError
-from mrp_sumo.planning.processes import kill_family
 from mrp_sumo.planning.step_wise import Decision, Observation, tasks_in_turn
 
 LETTERS = {letter: number for number, letter in enumerate("FRLW")}
