@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mrp_sumo.cli.listing import _files, _plug_ins, _shown
-from mrp_sumo.metrics.registry import METRICS
+from mrp_sumo.metrics import registry
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -92,16 +92,14 @@ def scenarios() -> str:
     return _table(("a goal for each robot", "orders"), (names,))
 
 
-def metrics(module: str) -> str:
-    """Metrics that a module of `mrp_sumo.metrics` defines."""
-    of_module = (one for one in METRICS if one.function.__module__.endswith(f".{module}"))
-    rows = ((f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in of_module)
+def metrics(of: str) -> str:
+    """Metrics of a table of `mrp_sumo.metrics`."""
+    rows = ((f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in registry.TABLES[of])
     return _table(("metric", "better", "formula"), rows)
 
 
-METRIC_MODULES = ("planning", "service", "motion", "safety", "facilities", "mrp_bench", "tasks", "fleet_use", "people", "zones")
 TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios)}
-TABLES |= {f"metrics_{module}": partial(metrics, module) for module in METRIC_MODULES}
+TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}
 
 
 if __name__ == "__main__":

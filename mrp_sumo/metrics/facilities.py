@@ -5,43 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES, FacilityLog
+from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.metrics.metric import Evidence, metric
+from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, of_execution
 
 BUSY = [LIFT_STATES.index(state) for state in ("coming", "taken", "held")]
-
-
-@metric("", "none", "rides of robots in lifts from one level to another")
-def lift_rides(run: Evidence) -> int | None:
-    level = run.execution.level if run.execution else None
-    return None if level is None else int((level[1:] != level[:-1]).sum())
-
-
-@metric(
-    "s",
-    "less",
-    "time that robots waited before lifts, for the car or for others in it; waits of half a second or more",
-)
-def lift_wait_s(run: Evidence) -> float | None:
-    use = _use(run)
-    return None if use is None else float(sum(lift.waited_s for lift in use))
-
-
-@metric("", "less", "most robots that waited before one lift at a time")
-def lift_queue_max(run: Evidence) -> int | None:
-    return max((lift.queue for lift in _use(run) or ()), default=None)
-
-
-@metric("", "none", "share of the time for which the busiest lift was taken or coming to who had called it")
-def lift_utilisation_max(run: Evidence) -> float | None:
-    return max((lift.busy_share for lift in _use(run) or ()), default=None)
-
-
-@metric("", "none", "how often doors began to open for robots")
-def door_openings(run: Evidence) -> int | None:
-    log = _log(run)
-    return int((log.door_state == DOOR_STATES.index("opening")).sum()) if log is not None and log.door_name else None
 
 
 @dataclass(frozen=True)
@@ -73,13 +41,34 @@ def lift_use(execution: Execution, graph: NavGraph, since_s: float = 0.0) -> lis
     return parts
 
 
-def _use(run: Evidence) -> list[LiftUse] | None:
+def _rides(execution: Execution) -> int | None:
+    level = execution.level
+    return None if level is None else int((level[1:] != level[:-1]).sum())
+
+
+def _openings(execution: Execution) -> int | None:
+    log = execution.facilities
+    return int((log.door_state == DOOR_STATES.index("opening")).sum()) if log is not None and log.door_name else None
+
+
+def _use(run: Evidence) -> list[LiftUse]:
     """Of lifts, where robots can ride."""
-    log = _log(run)
-    if log is None or run.execution is None or not log.lift_name:
-        return None
-    return lift_use(run.execution, run.problem.graph)
+    return lift_use(run.execution, run.problem.graph) if run.execution else []
 
 
-def _log(run: Evidence) -> FacilityLog | None:
-    return run.execution.facilities if run.execution else None
+def _waited_s(run: Evidence) -> float | None:
+    log = run.execution.facilities if run.execution else None
+    return float(sum(lift.waited_s for lift in run.once(_use))) if log is not None and log.lift_name else None
+
+
+# fmt: off
+METRICS = (
+    Metric("lift_rides", "", NONE, "rides of robots in lifts from one level to another", of_execution(_rides)),
+    Metric("lift_wait_s", "s", LESS,
+           "time that robots waited before lifts, for the car or for others in it; waits of half a second or more", _waited_s),
+    Metric("lift_queue_max", "", LESS, "most robots that waited before one lift at a time",
+           lambda run: max((lift.queue for lift in run.once(_use)), default=None)),
+    Metric("lift_utilisation_max", "", NONE, "share of the time for which the busiest lift was taken or coming to who had called it",
+           lambda run: max((lift.busy_share for lift in run.once(_use)), default=None)),
+    Metric("door_openings", "", NONE, "how often doors began to open for robots", of_execution(_openings)),
+)

@@ -1,6 +1,7 @@
 """Metrics of what a fleet's time, way and energy are spent on where tasks come while robots drive, and of queues at stations."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -8,92 +9,7 @@ from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
-
-
-@metric("", "none", "share of the fleet's time for which robots had a task, those left out that were lost with one")
-def robot_busy_share(run: Evidence) -> float | None:
-    shares = run.once(_shares)
-    return shares["working"] + shares["blocked"] if shares else None
-
-
-@metric("", "none", "share of the fleet's time for which robots had a task and were getting on with it; this and the next four add up to 1")
-def robot_working_share(run: Evidence) -> float | None:
-    return run.once(_shares).get("working")
-
-
-@metric("", "less", "share for which they had a task and stood on the way to a stop that they made, for others or what was closed")
-def robot_blocked_share(run: Evidence) -> float | None:
-    return run.once(_shares).get("blocked")
-
-
-@metric("", "none", "share for which they were charged or on their way to it")
-def robot_charging_share(run: Evidence) -> float | None:
-    return run.once(_shares).get("charging")
-
-
-@metric("", "none", "share for which they had no task")
-def robot_idle_share(run: Evidence) -> float | None:
-    return run.once(_shares).get("idle")
-
-
-@metric("", "less", "share for which they were broken or empty")
-def robot_lost_share(run: Evidence) -> float | None:
-    return run.once(_shares).get("lost")
-
-
-@metric("", "less", "share for which they had a task or were to charge, and had not got on for a minute; part of the others")
-def robot_stalled_share(run: Evidence) -> float | None:
-    return run.once(_shares).get("stalled")
-
-
-@metric("m", "less", "driven by all robots")
-def distance_m(run: Evidence) -> float | None:
-    return None if run.once(_logs) is None else run.once(_driven_m)[0]
-
-
-@metric("m", "less", "of it, what was not driven from a task's first stop to those after it")
-def empty_distance_m(run: Evidence) -> float | None:
-    if run.once(_logs) is None:
-        return None
-    driven_m, loaded_m = run.once(_driven_m)
-    return driven_m - loaded_m
-
-
-@metric("", "none", "mean number of robots that waited for a place of the station where most did")
-def station_queue_mean(run: Evidence) -> float | None:
-    queues = run.once(_queues)
-    return max((mean for mean, _ in queues), default=None)
-
-
-@metric("", "none", "most robots that waited for a place of one station at a time")
-def station_queue_max(run: Evidence) -> int | None:
-    queues = run.once(_queues)
-    return max((most for _, most in queues), default=None)
-
-
-@metric("J", "less", "drawn from all batteries, chargers left out; null where the robots' type has no battery")
-def energy_j(run: Evidence) -> float | None:
-    log = _batteries(run)
-    return None if log is None else float(log.used_j.sum())
-
-
-@metric("", "more", "least state of charge of a robot at any time, as a share of the capacity")
-def battery_level_min(run: Evidence) -> float | None:
-    log = _batteries(run)
-    return None if log is None else float(log.level.min())
-
-
-@metric("", "less", "robots whose state of charge was at or below `critical_low_charging_level` at some time")
-def robots_battery_critical(run: Evidence) -> int | None:
-    log = _batteries(run)
-    return None if log is None else int((log.level <= log.critical).any(0).sum())
-
-
-@metric("", "less", "robots whose batteries ran empty: they stand where they were from then on")
-def robots_battery_empty(run: Evidence) -> int | None:
-    log = _batteries(run)
-    return None if log is None else int((log.level[-1] <= 0).sum())
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Function, Metric, of_execution, part
 
 
 def stalled_robots(execution: Execution, robot_name: Sequence[str]) -> str:
@@ -119,8 +35,9 @@ def ran_empty(log: BatteryLog, robot_name: Sequence[str]) -> str:
     return f"ran empty: {robot_name[first]} by {at_s:.0f} s{others}"
 
 
-def _batteries(run: Evidence) -> BatteryLog | None:
-    return None if run.execution is None else run.execution.batteries
+def _of_batteries(read: Callable[[BatteryLog], Any]) -> Function:
+    """What there is to read of the log of batteries; None where robots have none."""
+    return of_execution(lambda execution: None if execution.batteries is None else read(execution.batteries))
 
 
 def _logs(run: Evidence) -> tuple[TaskLog, StopLog] | None:
@@ -187,3 +104,50 @@ def _queues(run: Evidence) -> list[tuple[float, int]]:
         order = np.lexsort((change, at_s))  # who comes to a place makes room first
         queues.append((float(queued_s.sum() / execution.sim_time_s), int(change[order].cumsum().max(initial=0))))
     return queues
+
+
+def _busy_share(run: Evidence) -> float | None:
+    shares = run.once(_shares)
+    return shares["working"] + shares["blocked"] if shares else None
+
+
+def _distances_m(run: Evidence) -> dict[str, float]:
+    """Driven by all robots, and what of it was not from a task's first stop to those after it."""
+    if run.once(_logs) is None:
+        return {}
+    driven_m, loaded_m = _driven_m(run)
+    return {"all": driven_m, "empty": driven_m - loaded_m}
+
+
+# fmt: off
+METRICS = (
+    Metric("robot_busy_share", "", NONE, "share of the fleet's time for which robots had a task, those left out that were lost with one",
+           _busy_share),
+    Metric("robot_working_share", "", NONE,
+           "share of the fleet's time for which robots had a task and were getting on with it; this and the next four add up to 1",
+           part(_shares, "working")),
+    Metric("robot_blocked_share", "", LESS,
+           "share for which they had a task and stood on the way to a stop that they made, for others or what was closed",
+           part(_shares, "blocked")),
+    Metric("robot_charging_share", "", NONE, "share for which they were charged or on their way to it", part(_shares, "charging")),
+    Metric("robot_idle_share", "", NONE, "share for which they had no task", part(_shares, "idle")),
+    Metric("robot_lost_share", "", LESS, "share for which they were broken or empty", part(_shares, "lost")),
+    Metric("robot_stalled_share", "", LESS,
+           "share for which they had a task or were to charge, and had not got on for a minute; part of the others",
+           part(_shares, "stalled")),
+    Metric("station_queue_mean", "", NONE, "mean number of robots that waited for a place of the station where most did",
+           lambda run: max((mean for mean, _ in run.once(_queues)), default=None)),
+    Metric("station_queue_max", "", NONE, "most robots that waited for a place of one station at a time",
+           lambda run: max((most for _, most in run.once(_queues)), default=None)),
+    Metric("distance_m", "m", LESS, "driven by all robots", part(_distances_m, "all")),
+    Metric("empty_distance_m", "m", LESS, "of it, what was not driven from a task's first stop to those after it",
+           part(_distances_m, "empty")),
+    Metric("energy_j", "J", LESS, "drawn from all batteries, chargers left out; null where the robots' type has no battery",
+           _of_batteries(lambda log: float(log.used_j.sum()))),
+    Metric("battery_level_min", "", MORE, "least state of charge of a robot at any time, as a share of the capacity",
+           _of_batteries(lambda log: float(log.level.min()))),
+    Metric("robots_battery_critical", "", LESS, "robots whose state of charge was at or below `critical_low_charging_level` at some time",
+           _of_batteries(lambda log: int((log.level <= log.critical).any(0).sum()))),
+    Metric("robots_battery_empty", "", LESS, "robots whose batteries ran empty: they stand where they were from then on",
+           _of_batteries(lambda log: int((log.level[-1] <= 0).sum()))),
+)

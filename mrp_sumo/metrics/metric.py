@@ -1,7 +1,7 @@
 """What a metric is: one function of what a run came to, with its name, unit, sense and formula."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.zone_log import ZoneLog
@@ -28,6 +29,9 @@ class Sense(StrEnum):
     MORE = "more"
     LESS = "less"
     NONE = "none"  # neither: a fact about the run
+
+
+MORE, LESS, NONE = Sense  # for tables
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,7 @@ class Evidence:
 
 
 Function = Callable[[Evidence], Any]
+Sample = Callable[[Evidence], FloatArray]  # of a run, such as all lead times; worked out once
 
 
 @dataclass(frozen=True)
@@ -122,6 +127,36 @@ def metric(
         return Metric(function.__name__, unit, Sense(sense), words, function, of_machine, per_robot, one_goal)
 
     return made
+
+
+def statistic(sample: Sample, of: Callable[[FloatArray], Any]) -> Function:
+    """A statistic of a sample, such as its mean; None of an empty one."""
+
+    def value(run: Evidence) -> float | None:
+        values = run.once(sample)
+        return float(of(values)) if len(values) else None
+
+    return value
+
+
+def quantile(sample: Sample, share: float) -> Function:
+    """A quantile of a sample; None of an empty one."""
+    return statistic(sample, lambda values: np.quantile(values, share))
+
+
+def part(parts: Callable[[Evidence], Mapping[str, Any]], name: str) -> Function:
+    """One of several values that are worked out together; None where it is not among them."""
+    return lambda run: run.once(parts).get(name)
+
+
+def of_execution(read: Callable[[Execution], Any]) -> Function:
+    """What there is to read of an execution; None where nothing was driven."""
+    return lambda run: None if run.execution is None else read(run.execution)
+
+
+def of_audit(name: str) -> Function:
+    """A value of the audit; None where there was none."""
+    return lambda run: run.audit[name] if run.audit else None
 
 
 def metric_of(function: Function) -> Metric:

@@ -18,7 +18,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.near import least_distance_m
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.errors import MrpSumoError, PlanError
-from mrp_sumo.metrics.metric import YES_NO, Evidence, count_of, metric
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, YES_NO, Evidence, Function, Metric, count_of, part
 from mrp_sumo.metrics.planning import steps_to_goal
 
 CELL_M = 0.35  # cellSize
@@ -179,107 +179,6 @@ def fleet_states(execution: Execution) -> tuple[IntArray, FloatArray, FloatArray
     return t_ns, x, y, yaw
 
 
-@metric(YES_NO, "more", "there is a plan, valid or not (`validScheduleFound`)")
-def plan_success(run: Evidence) -> bool:
-    return run.plan is not None
-
-
-@metric("cells", "less", "longest list", one_goal=True)
-def makespan_steps(run: Evidence) -> float | None:
-    steps = run.once(steps_to_goal)
-    return None if steps is None else count_of(steps.max() + 1)
-
-
-@metric("cells", "less", "sum of the lists' lengths", one_goal=True)
-def cost_steps(run: Evidence) -> float | None:
-    steps = run.once(steps_to_goal)
-    return None if steps is None else count_of(steps.sum() + len(steps))
-
-
-@metric(
-    "cells",
-    "less",
-    "`makespan_steps` after MRP-Bench's smoothing: waypoint i + 1 is dropped where i + 2 lies as many cells across as along; "
-    "drops double waits, too. Grids only",
-    one_goal=True,
-)
-def makespan_smoothed_steps(run: Evidence) -> int | None:
-    counts = run.once(_smoothed)
-    return counts[0] if counts else None
-
-
-@metric("cells", "less", "`cost_steps` after the same smoothing. Grids only", one_goal=True)
-def cost_smoothed_steps(run: Evidence) -> int | None:
-    counts = run.once(_smoothed)
-    return counts[1] if counts else None
-
-
-@metric("", "more", "robots that ever had `dg < tol` (`goalsReached`)", one_goal=True)
-def goals_reached(run: Evidence) -> int | None:
-    return run.once(_analysed).get("goalsReached")
-
-
-@metric(YES_NO, "more", "`goals_reached == n` (`allGoalReached`)", one_goal=True)
-def all_goals_reached(run: Evidence) -> bool | None:
-    return run.once(_analysed).get("allGoalReached")
-
-
-@metric(
-    "s",
-    "less",
-    "τ of the message in which the last robot has `dg < tol` for the first time, minus τ of the first message with any robot at "
-    "`ds > tol`; the execution's time limit when not all arrive; `null` when all arrive and none ever leaves its start "
-    "(`totalTimeForScheduleExecution`)",
-    one_goal=True,
-)
-def execution_time_s(run: Evidence) -> float | None:
-    return run.once(_analysed).get("totalTimeForScheduleExecution")
-
-
-@metric(YES_NO, "less", "not all arrived (`executionTimeoutReached`)", one_goal=True)
-def execution_timed_out(run: Evidence) -> bool | None:
-    return run.once(_analysed).get("executionTimeoutReached")
-
-
-@metric("m", "more", "least distance of two robots' centres over all messages, parked ones included (`minDistanceBetweenTwoAgents`)")
-def min_distance_m(run: Evidence) -> float | None:
-    return _distance(run, "")
-
-
-@metric("m", "none", "the same up to the first message with all robots (`...AtStart`)")
-def min_distance_at_start_m(run: Evidence) -> float | None:
-    return _distance(run, "AtStart")
-
-
-@metric("m", "less", "`min_distance_at_start_m - min_distance_m`: how much nearer robots came than they started (`...Delta`)")
-def min_distance_delta_m(run: Evidence) -> float | None:
-    return _distance(run, "Delta")
-
-
-@metric("s", "less", "sum of `time_blocked_s` (`timeBlockedTotal`)", one_goal=True)
-def time_blocked_total_s(run: Evidence) -> float | None:
-    return run.once(_analysed).get("timeBlockedTotal")
-
-
-@metric(
-    "s",
-    "less",
-    "number of blocked steps x `(τ_T - τ_1) / T`. Up to the arrival, a message counts when `ds > cell` or `dg < cell`; a step is "
-    "blocked when, over the last 10 that count, `dg` changed by at most `cell`. 0 for a robot without a message that counts "
-    "(`timeBlockedPerAgent`)",
-    per_robot=True,
-    one_goal=True,
-)
-def time_blocked_s(run: Evidence) -> list[float] | None:
-    analysed = run.once(_analysed)
-    return [analysed["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if analysed else None
-
-
-@metric(YES_NO, "less", "some robot never had a message that counts, or never appeared (`invalidRun`)", one_goal=True)
-def run_invalid(run: Evidence) -> bool | None:
-    return run.once(_analysed).get("invalidRun")
-
-
 def _analysed(run: Evidence) -> dict[str, Any]:
     """The analyser's metrics of an execution, none without one."""
     if run.execution is None:
@@ -290,20 +189,80 @@ def _analysed(run: Evidence) -> dict[str, Any]:
     return execution_metrics(t_ns, x, y, xy[run.problem.start], xy[run.problem.target], **limits)  # type: ignore[arg-type]
 
 
-def _distance(run: Evidence, which: str) -> float | None:
+def _distance(which: str) -> Function:
     """A least distance; None where there never are two robots."""
+
+    def value(run: Evidence) -> float | None:
+        analysed = run.once(_analysed)
+        met = analysed.get("minDistanceBetweenTwoAgents", NO_PAIR_M) != NO_PAIR_M
+        return analysed[f"minDistanceBetweenTwoAgents{which}"] if met else None
+
+    return value
+
+
+def _blocked_s(run: Evidence) -> list[float] | None:
     analysed = run.once(_analysed)
-    met = analysed.get("minDistanceBetweenTwoAgents", NO_PAIR_M) != NO_PAIR_M
-    return analysed[f"minDistanceBetweenTwoAgents{which}"] if met else None
+    return [analysed["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if analysed else None
 
 
-def _smoothed(run: Evidence) -> tuple[int, int] | None:
-    """Makespan and cost after smoothing; None without a plan on a grid."""
+def _lengths(run: Evidence) -> FloatArray:
+    """[R] lengths of the lists of cells; none without a plan in steps."""
+    steps = run.once(steps_to_goal)
+    return np.zeros(0) if steps is None else steps + 1
+
+
+def _makespan_steps(run: Evidence) -> float | None:
+    lengths = run.once(_lengths)
+    return count_of(lengths.max()) if len(lengths) else None
+
+
+def _cost_steps(run: Evidence) -> float | None:
+    lengths = run.once(_lengths)
+    return count_of(lengths.sum()) if len(lengths) else None
+
+
+def _smoothed(run: Evidence) -> dict[str, int]:
+    """Makespan and cost after smoothing; nothing without a plan on a grid."""
     if run.plan is None or not run.plan.num_robots or run.problem.graph.kind != "grid":
-        return None
+        return {}
     try:
         paths = [path.tolist() for path in paths_of_plan(run.plan, run.problem.step_s)]
     except PlanError:  # a plan in continuous time has no list of cells to smooth
-        return None
+        return {}
     xy = run.problem.graph.xy
-    return smoothed_counts(paths, np.rint((xy - xy.min(0)) / run.problem.graph.cell_m).astype(np.int64))
+    counts = smoothed_counts(paths, np.rint((xy - xy.min(0)) / run.problem.graph.cell_m).astype(np.int64))
+    return dict(zip(("makespan", "cost"), counts))
+
+
+# fmt: off
+METRICS = (
+    Metric("plan_success", YES_NO, MORE, "there is a plan, valid or not (`validScheduleFound`)", lambda run: run.plan is not None),
+    Metric("makespan_steps", "cells", LESS, "longest list", _makespan_steps, one_goal=True),
+    Metric("cost_steps", "cells", LESS, "sum of the lists' lengths", _cost_steps, one_goal=True),
+    Metric("makespan_smoothed_steps", "cells", LESS,
+           "`makespan_steps` after MRP-Bench's smoothing: waypoint i + 1 is dropped where i + 2 lies as many cells across as "
+           "along; drops double waits, too. Grids only", part(_smoothed, "makespan"), one_goal=True),
+    Metric("cost_smoothed_steps", "cells", LESS, "`cost_steps` after the same smoothing. Grids only", part(_smoothed, "cost"),
+           one_goal=True),
+    Metric("goals_reached", "", MORE, "robots that ever had `dg < tol` (`goalsReached`)", part(_analysed, "goalsReached"), one_goal=True),
+    Metric("all_goals_reached", YES_NO, MORE, "`goals_reached == n` (`allGoalReached`)", part(_analysed, "allGoalReached"), one_goal=True),
+    Metric("execution_time_s", "s", LESS,
+           "τ of the message in which the last robot has `dg < tol` for the first time, minus τ of the first message with any "
+           "robot at `ds > tol`; the execution's time limit when not all arrive; `null` when all arrive and none ever leaves its "
+           "start (`totalTimeForScheduleExecution`)", part(_analysed, "totalTimeForScheduleExecution"), one_goal=True),
+    Metric("execution_timed_out", YES_NO, LESS, "not all arrived (`executionTimeoutReached`)", part(_analysed, "executionTimeoutReached"),
+           one_goal=True),
+    Metric("min_distance_m", "m", MORE,
+           "least distance of two robots' centres over all messages, parked ones included (`minDistanceBetweenTwoAgents`)", _distance("")),
+    Metric("min_distance_at_start_m", "m", NONE, "the same up to the first message with all robots (`...AtStart`)", _distance("AtStart")),
+    Metric("min_distance_delta_m", "m", LESS,
+           "`min_distance_at_start_m - min_distance_m`: how much nearer robots came than they started (`...Delta`)", _distance("Delta")),
+    Metric("time_blocked_total_s", "s", LESS, "sum of `time_blocked_s` (`timeBlockedTotal`)", part(_analysed, "timeBlockedTotal"),
+           one_goal=True),
+    Metric("time_blocked_s", "s", LESS,
+           "number of blocked steps x `(τ_T - τ_1) / T`. Up to the arrival, a message counts when `ds > cell` or `dg < cell`; a "
+           "step is blocked when, over the last 10 that count, `dg` changed by at most `cell`. 0 for a robot without a message "
+           "that counts (`timeBlockedPerAgent`)", _blocked_s, per_robot=True, one_goal=True),
+    Metric("run_invalid", YES_NO, LESS, "some robot never had a message that counts, or never appeared (`invalidRun`)",
+           part(_analysed, "invalidRun"), one_goal=True),
+)

@@ -1,119 +1,43 @@
-"""All bundled metrics, in the order of `result.json` and of the columns of results.
+"""All bundled metrics: by table, as the documentation has them, and in the order of `result.json` and of the columns of results.
 
-Documentation, reports, comparisons and batches read this table; a metric's unit, sense and formula stand nowhere else.
+Documentation, reports, comparisons and batches read these; a metric's unit, sense and formula stand nowhere else.
+Tables are wrapped by hand (`fmt: off`), or each argument of a metric would take a line.
 """
 
-from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, people, planning, safety, service, tasks, zones
+from mrp_sumo.metrics import facilities, fleet_use, motion, mrp_bench, people, planning, tasks, zones
 from mrp_sumo.metrics.metric import YES_NO, Metric
 
-METRICS: tuple[Metric, ...] = (
-    service.num_robots,
-    mrp_bench.plan_success,
-    planning.plan_valid,
-    planning.num_vertex_conflicts,
-    planning.num_edge_conflicts,
-    planning.num_following_conflicts,
-    planning.planning_time_s,
-    planning.planning_cpu_s,
-    planning.prepare_time_s,
-    mrp_bench.makespan_steps,
-    mrp_bench.cost_steps,
-    planning.soc_steps,
-    planning.lower_bound_steps,
-    mrp_bench.makespan_smoothed_steps,
-    mrp_bench.cost_smoothed_steps,
-    planning.makespan_s,
-    planning.flowtime_s,
-    planning.retime_time_s,
-    planning.assignment_time_s,
-    mrp_bench.goals_reached,
-    mrp_bench.all_goals_reached,
-    service.robots_at_goal,
-    mrp_bench.execution_time_s,
-    mrp_bench.execution_timed_out,
-    motion.driven_makespan_s,
-    motion.driven_flowtime_s,
-    mrp_bench.min_distance_m,
-    mrp_bench.min_distance_at_start_m,
-    mrp_bench.min_distance_delta_m,
-    mrp_bench.time_blocked_total_s,
-    mrp_bench.time_blocked_s,
-    mrp_bench.run_invalid,
-    service.lateness_mean_s,
-    service.lateness_p95_s,
-    service.lateness_max_s,
-    safety.min_clearance_m,
-    safety.num_overlaps,
-    safety.min_wall_clearance_m,
-    safety.num_wall_contacts,
-    motion.sim_time_s,
-    motion.wall_time_s,
-    motion.cpu_time_s,
-    motion.real_time_factor,
-    motion.robot_seconds_per_cpu_second,
-    motion.blocked_s,
-    motion.execution_time_limit_s,
-    tasks.throughput_per_h,
-    tasks.tasks_done,
-    tasks.tasks_open,
-    tasks.tasks_failed,
-    tasks.tasks_cancelled,
-    tasks.tasks_handed_over,
-    tasks.tasks_begun_anew,
-    tasks.service_time_mean_s,
-    tasks.service_time_p95_s,
-    tasks.warm_up_s,
-    tasks.service_time_p50_s,
-    tasks.service_time_max_s,
-    tasks.cycle_assignment_s,
-    tasks.cycle_empty_travel_s,
-    tasks.cycle_loaded_travel_s,
-    tasks.cycle_standing_s,
-    tasks.cycle_queue_s,
-    tasks.cycle_serving_s,
-    tasks.on_time_share,
-    tasks.station_utilisation_mean,
-    tasks.station_utilisation_max,
-    fleet_use.robot_busy_share,
-    tasks.planner_calls,
-    tasks.planner_calls_late,
-    tasks.planner_calls_failed,
-    tasks.planner_calls_stepped,
-    tasks.planner_calls_stopped,
-    tasks.waiting_time_p50_s,
-    tasks.waiting_time_p95_s,
-    tasks.task_time_p50_s,
-    tasks.task_time_p95_s,
-    fleet_use.robot_working_share,
-    fleet_use.robot_blocked_share,
-    fleet_use.robot_charging_share,
-    fleet_use.robot_idle_share,
-    fleet_use.robot_lost_share,
-    fleet_use.robot_stalled_share,
-    fleet_use.station_queue_mean,
-    fleet_use.station_queue_max,
-    fleet_use.distance_m,
-    fleet_use.empty_distance_m,
-    fleet_use.energy_j,
-    fleet_use.battery_level_min,
-    fleet_use.robots_battery_critical,
-    fleet_use.robots_battery_empty,
-    facilities.lift_rides,
-    facilities.lift_wait_s,
-    facilities.lift_queue_max,
-    facilities.lift_utilisation_max,
-    facilities.door_openings,
-    people.num_people,
-    people.protective_stops_per_robot_h,
-    people.lost_to_people_s,
-    people.min_person_distance_m,
-    people.people_waiting_s,
-    people.num_person_contacts,
-    people.num_person_touches,
-    zones.zone_occupancy_max,
-    zones.zone_robots_mean_max,
-    zones.zone_robots_max,
-)
+TABLES = {
+    "planning": planning.METRICS,
+    "service": motion.SERVICE,
+    "motion": motion.MOTION,
+    "safety": motion.SAFETY,
+    "facilities": facilities.METRICS,
+    "mrp_bench": mrp_bench.METRICS,
+    "tasks": tasks.METRICS,
+    "fleet_use": fleet_use.METRICS,
+    "people": people.METRICS,
+    "zones": zones.METRICS,
+}
+ORDER = """
+    num_robots plan_success plan_valid num_vertex_conflicts num_edge_conflicts num_following_conflicts planning_time_s planning_cpu_s
+    prepare_time_s makespan_steps cost_steps soc_steps lower_bound_steps makespan_smoothed_steps cost_smoothed_steps makespan_s
+    flowtime_s retime_time_s assignment_time_s goals_reached all_goals_reached robots_at_goal execution_time_s execution_timed_out
+    driven_makespan_s driven_flowtime_s min_distance_m min_distance_at_start_m min_distance_delta_m time_blocked_total_s time_blocked_s
+    run_invalid lateness_mean_s lateness_p95_s lateness_max_s min_clearance_m num_overlaps min_wall_clearance_m num_wall_contacts
+    sim_time_s wall_time_s cpu_time_s real_time_factor robot_seconds_per_cpu_second blocked_s execution_time_limit_s throughput_per_h
+    tasks_done tasks_open tasks_failed tasks_cancelled tasks_handed_over tasks_begun_anew service_time_mean_s service_time_p95_s
+    warm_up_s service_time_p50_s service_time_max_s cycle_assignment_s cycle_empty_travel_s cycle_loaded_travel_s cycle_standing_s
+    cycle_queue_s cycle_serving_s on_time_share station_utilisation_mean station_utilisation_max robot_busy_share planner_calls
+    planner_calls_late planner_calls_failed planner_calls_stepped planner_calls_stopped waiting_time_p50_s waiting_time_p95_s
+    task_time_p50_s task_time_p95_s robot_working_share robot_blocked_share robot_charging_share robot_idle_share robot_lost_share
+    robot_stalled_share station_queue_mean station_queue_max distance_m empty_distance_m energy_j battery_level_min
+    robots_battery_critical robots_battery_empty lift_rides lift_wait_s lift_queue_max lift_utilisation_max door_openings num_people
+    protective_stops_per_robot_h lost_to_people_s min_person_distance_m people_waiting_s num_person_contacts num_person_touches
+    zone_occupancy_max zone_robots_mean_max zone_robots_max
+"""
+_BY_NAME = {metric.name: metric for table in TABLES.values() for metric in table}
+METRICS: tuple[Metric, ...] = tuple(_BY_NAME[name] for name in ORDER.split())
 BY_NAME = {metric.name: metric for metric in METRICS}
 MACHINE_DEPENDENT = tuple(metric.name for metric in METRICS if metric.of_machine)
 NUMBERS = tuple(metric.name for metric in METRICS if metric.unit != YES_NO and not metric.per_robot)

@@ -4,170 +4,19 @@ The warm-up is left out of throughput and lead times. It is found by MSER-5 on t
 were done.
 """
 
+from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from mrp_sumo.core.execution import PlannerCalls
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.task import CANCELLED, FAILED, StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import Evidence, metric
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Function, Metric, Sample, of_execution, part, quantile, statistic
 from mrp_sumo.metrics.warm_up import warm_up_length
 
 HOUR_S = 3600.0
-
-
-def _tasks(run: Evidence) -> TaskLog | None:
-    orders = run.once(_orders)
-    return None if orders is None else orders[0]
-
-
-@metric("", "more", "tasks done within an hour after the warm-up")
-def throughput_per_h(run: Evidence) -> float | None:
-    tasks, warm_s = _tasks(run), run.once(_warm_up)
-    if tasks is None or run.execution is None or warm_s is None or run.execution.sim_time_s <= warm_s:
-        return None
-    return float((tasks.done_s > warm_s).sum() / (run.execution.sim_time_s - warm_s) * HOUR_S)
-
-
-@metric("", "more", "tasks that are done at the end")
-def tasks_done(run: Evidence) -> int | None:
-    tasks = _tasks(run)
-    return None if tasks is None else int(np.isfinite(tasks.done_s).sum())
-
-
-@metric("", "less", "tasks that are known and have not ended at the end: not done, failed or cancelled")
-def tasks_open(run: Evidence) -> int | None:
-    tasks = _tasks(run)
-    return None if tasks is None else int(np.isnan(tasks.ended_s).sum())
-
-
-@metric("", "less", "tasks that failed: their robot was lost with them on board, or none that could do them was left")
-def tasks_failed(run: Evidence) -> int | None:
-    tasks = _tasks(run)
-    return None if tasks is None else tasks.status.count(FAILED)
-
-
-@metric("", "none", "tasks that were cancelled, since nobody had picked them in time")
-def tasks_cancelled(run: Evidence) -> int | None:
-    tasks = _tasks(run)
-    return None if tasks is None else tasks.status.count(CANCELLED)
-
-
-@metric("", "less", "how often a task's load was left for another robot to fetch, since its robot was lost (`tasks.retry.hand_over`)")
-def tasks_handed_over(run: Evidence) -> int | None:
-    return _num_events(run, "handed_over")
-
-
-@metric("", "less", "how often a task was begun anew, since its robot was lost (`tasks.retry.times`)")
-def tasks_begun_anew(run: Evidence) -> int | None:
-    return _num_events(run, "begun_anew")
-
-
-@metric("s", "less", "mean time from release to done of the tasks done after the warm-up")
-def service_time_mean_s(run: Evidence) -> float | None:
-    times = run.once(_service_times)
-    return float(times.mean()) if len(times) else None
-
-
-@metric("s", "less", "95th percentile of the same")
-def service_time_p95_s(run: Evidence) -> float | None:
-    times = run.once(_service_times)
-    return float(np.quantile(times, 0.95)) if len(times) else None
-
-
-@metric("s", "less", "median of the same")
-def service_time_p50_s(run: Evidence) -> float | None:
-    times = run.once(_service_times)
-    return float(np.quantile(times, 0.5)) if len(times) else None
-
-
-@metric("s", "less", "maximum of the same")
-def service_time_max_s(run: Evidence) -> float | None:
-    times = run.once(_service_times)
-    return float(times.max()) if len(times) else None
-
-
-@metric("s", "less", "mean time that these tasks waited for a robot; this and the next five add up to `service_time_mean_s`")
-def cycle_assignment_s(run: Evidence) -> float | None:
-    return run.once(_cycle).get("assignment")
-
-
-@metric("s", "less", "mean time for which robots drove to the first stops of these tasks, standing left out")
-def cycle_empty_travel_s(run: Evidence) -> float | None:
-    return run.once(_cycle).get("empty")
-
-
-@metric("s", "less", "mean time for which they drove to the stops after that, standing left out")
-def cycle_loaded_travel_s(run: Evidence) -> float | None:
-    return run.once(_cycle).get("loaded")
-
-
-@metric("s", "less", "mean time for which they stood on the way: for others, as planned or not, and for what was closed")
-def cycle_standing_s(run: Evidence) -> float | None:
-    return run.once(_cycle).get("standing")
-
-
-@metric("s", "less", "mean time for which they stood at places to wait, or near a station that was full")
-def cycle_queue_s(run: Evidence) -> float | None:
-    return run.once(_cycle).get("queue")
-
-
-@metric("s", "none", "mean time for which they were served")
-def cycle_serving_s(run: Evidence) -> float | None:
-    return run.once(_cycle).get("serving")
-
-
-@metric("s", "less", "median time that these tasks waited for a robot")
-def waiting_time_p50_s(run: Evidence) -> float | None:
-    times = run.once(_waiting_times)
-    return float(np.quantile(times, 0.5)) if len(times) else None
-
-
-@metric("s", "less", "95th percentile of the same")
-def waiting_time_p95_s(run: Evidence) -> float | None:
-    times = run.once(_waiting_times)
-    return float(np.quantile(times, 0.95)) if len(times) else None
-
-
-@metric("s", "less", "median time from when these tasks had a robot until they were done")
-def task_time_p50_s(run: Evidence) -> float | None:
-    times = run.once(_task_times)
-    return float(np.quantile(times, 0.5)) if len(times) else None
-
-
-@metric("s", "less", "95th percentile of the same")
-def task_time_p95_s(run: Evidence) -> float | None:
-    times = run.once(_task_times)
-    return float(np.quantile(times, 0.95)) if len(times) else None
-
-
-@metric("", "more", "share of these tasks that were done when they were due; null where none has a due time")
-def on_time_share(run: Evidence) -> float | None:
-    tasks, stops, done = _tasks(run), _stops(run), run.once(_steadily_done)
-    if tasks is None or stops is None:
-        return None
-    due_s = np.full(len(tasks.name), np.inf)
-    due_s[stops.task] = stops.due_s
-    due = done[np.isfinite(due_s[done])]
-    return float((tasks.done_s[due] <= due_s[due]).mean()) if len(due) else None
-
-
-@metric("", "none", "share of the time after the warm-up for which the busiest place of a station served a robot")
-def station_utilisation_max(run: Evidence) -> float | None:
-    shares = run.once(_utilisation)
-    return float(shares.max()) if len(shares) else None
-
-
-@metric("", "none", "mean of the same over all places where a stop was made")
-def station_utilisation_mean(run: Evidence) -> float | None:
-    shares = run.once(_utilisation)
-    return float(shares.mean()) if len(shares) else None
-
-
-@metric("s", "none", "when the warm-up ends, by MSER-5 on lead times; null where the run is too short to tell")
-def warm_up_s(run: Evidence) -> float | None:
-    tasks = _tasks(run)
-    return None if tasks is None else steady_from(tasks)
 
 
 def steady_from(tasks: TaskLog) -> float | None:
@@ -176,31 +25,6 @@ def steady_from(tasks: TaskLog) -> float | None:
     done = done[np.argsort(tasks.done_s[done], kind="stable")]
     cut = warm_up_length(tasks.service_time_s[done])
     return None if cut is None else float(tasks.done_s[done[cut - 1]]) if cut else 0.0
-
-
-@metric("", "none", "answers that the planner was asked for while robots drove")
-def planner_calls(run: Evidence) -> int | None:
-    return run.execution.calls.asked if run.execution and run.execution.calls else None
-
-
-@metric("", "less", "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had")
-def planner_calls_late(run: Evidence) -> int | None:
-    return run.execution.calls.late if run.execution and run.execution.calls else None
-
-
-@metric("", "less", "of these, requests without a plan, or with one that could not be driven; robots kept what they had")
-def planner_calls_failed(run: Evidence) -> int | None:
-    return run.execution.calls.failed if run.execution and run.execution.calls else None
-
-
-@metric("", "less", "late or failed requests in a row from the second on, which PIBT answered for a window")
-def planner_calls_stepped(run: Evidence) -> int | None:
-    return run.execution.calls.stepped if run.execution and run.execution.calls else None
-
-
-@metric("", "less", "such requests that PIBT could not answer either: robots stopped at the ends of their ways")
-def planner_calls_stopped(run: Evidence) -> int | None:
-    return run.execution.calls.stopped if run.execution and run.execution.calls else None
 
 
 def overload(tasks: TaskLog, end_s: float, num_robots: int) -> str:
@@ -234,8 +58,9 @@ def _orders(run: Evidence) -> tuple[TaskLog, StopLog | None] | None:
     return orders_of(run.execution.tasks, run.execution.stops)
 
 
-def _num_events(run: Evidence, kind: str) -> int | None:
-    return None if _tasks(run) is None or run.execution is None else sum(event.kind == kind for event in run.execution.events)
+def _tasks(run: Evidence) -> TaskLog | None:
+    orders = run.once(_orders)
+    return None if orders is None else orders[0]
 
 
 def _stops(run: Evidence) -> StopLog | None:
@@ -280,19 +105,108 @@ def _utilisation(run: Evidence) -> FloatArray:
     return shares
 
 
-def _waiting_times(run: Evidence) -> FloatArray:
-    """[K] of the tasks done after the warm-up."""
-    tasks = _tasks(run)
-    return np.zeros(0) if tasks is None else (tasks.assigned_s - tasks.released_s)[run.once(_steadily_done)]
+def _of_tasks(read: Callable[[TaskLog], Any]) -> Function:
+    """What there is to read of the orders' log; None where there were none."""
+
+    def value(run: Evidence) -> Any:
+        tasks = _tasks(run)
+        return None if tasks is None else read(tasks)
+
+    return value
 
 
-def _task_times(run: Evidence) -> FloatArray:
-    """[K] of the tasks done after the warm-up."""
-    tasks = _tasks(run)
-    return np.zeros(0) if tasks is None else (tasks.done_s - tasks.assigned_s)[run.once(_steadily_done)]
+def _steady(read: Callable[[TaskLog], FloatArray]) -> Sample:
+    """[K] times of the tasks done after the warm-up."""
+
+    def values(run: Evidence) -> FloatArray:
+        tasks = _tasks(run)
+        return np.zeros(0) if tasks is None else read(tasks)[run.once(_steadily_done)]
+
+    return values
 
 
-def _service_times(run: Evidence) -> FloatArray:
-    """[K] of the tasks done after the warm-up."""
-    tasks = _tasks(run)
-    return np.zeros(0) if tasks is None else tasks.service_time_s[run.once(_steadily_done)]
+def _events(kind: str) -> Function:
+    return lambda run: None if _tasks(run) is None or run.execution is None else sum(e.kind == kind for e in run.execution.events)
+
+
+def _calls(read: Callable[[PlannerCalls], int]) -> Function:
+    return of_execution(lambda execution: read(execution.calls) if execution.calls else None)
+
+
+def _throughput_per_h(run: Evidence) -> float | None:
+    tasks, warm_s = _tasks(run), run.once(_warm_up)
+    if tasks is None or run.execution is None or warm_s is None or run.execution.sim_time_s <= warm_s:
+        return None
+    return float((tasks.done_s > warm_s).sum() / (run.execution.sim_time_s - warm_s) * HOUR_S)
+
+
+def _on_time_share(run: Evidence) -> float | None:
+    tasks, stops, done = _tasks(run), _stops(run), run.once(_steadily_done)
+    if tasks is None or stops is None:
+        return None
+    due_s = np.full(len(tasks.name), np.inf)
+    due_s[stops.task] = stops.due_s
+    due = done[np.isfinite(due_s[done])]
+    return float((tasks.done_s[due] <= due_s[due]).mean()) if len(due) else None
+
+
+_SERVICE_S = _steady(lambda tasks: tasks.service_time_s)
+_WAITING_S = _steady(lambda tasks: tasks.assigned_s - tasks.released_s)
+_TASK_S = _steady(lambda tasks: tasks.done_s - tasks.assigned_s)
+
+# fmt: off
+METRICS = (
+    Metric("throughput_per_h", "", MORE, "tasks done within an hour after the warm-up", _throughput_per_h),
+    Metric("tasks_done", "", MORE, "tasks that are done at the end", _of_tasks(lambda tasks: int(np.isfinite(tasks.done_s).sum()))),
+    Metric("tasks_open", "", LESS, "tasks that are known and have not ended at the end: not done, failed or cancelled",
+           _of_tasks(lambda tasks: int(np.isnan(tasks.ended_s).sum()))),
+    Metric("tasks_failed", "", LESS, "tasks that failed: their robot was lost with them on board, or none that could do them was left",
+           _of_tasks(lambda tasks: tasks.status.count(FAILED))),
+    Metric("tasks_cancelled", "", NONE, "tasks that were cancelled, since nobody had picked them in time",
+           _of_tasks(lambda tasks: tasks.status.count(CANCELLED))),
+    Metric("tasks_handed_over", "", LESS,
+           "how often a task's load was left for another robot to fetch, since its robot was lost (`tasks.retry.hand_over`)",
+           _events("handed_over")),
+    Metric("tasks_begun_anew", "", LESS, "how often a task was begun anew, since its robot was lost (`tasks.retry.times`)",
+           _events("begun_anew")),
+    Metric("service_time_mean_s", "s", LESS, "mean time from release to done of the tasks done after the warm-up",
+           statistic(_SERVICE_S, np.mean)),
+    Metric("service_time_p50_s", "s", LESS, "median of the same", quantile(_SERVICE_S, 0.5)),
+    Metric("service_time_p95_s", "s", LESS, "95th percentile of the same", quantile(_SERVICE_S, 0.95)),
+    Metric("service_time_max_s", "s", LESS, "maximum of the same", statistic(_SERVICE_S, np.max)),
+    Metric("warm_up_s", "s", NONE, "when the warm-up ends, by MSER-5 on lead times; null where the run is too short to tell",
+           _of_tasks(steady_from)),
+    Metric("cycle_assignment_s", "s", LESS,
+           "mean time that these tasks waited for a robot; this and the next five add up to `service_time_mean_s`",
+           part(_cycle, "assignment")),
+    Metric("cycle_empty_travel_s", "s", LESS, "mean time for which robots drove to the first stops of these tasks, standing left out",
+           part(_cycle, "empty")),
+    Metric("cycle_loaded_travel_s", "s", LESS, "mean time for which they drove to the stops after that, standing left out",
+           part(_cycle, "loaded")),
+    Metric("cycle_standing_s", "s", LESS,
+           "mean time for which they stood on the way: for others, as planned or not, and for what was closed", part(_cycle, "standing")),
+    Metric("cycle_queue_s", "s", LESS, "mean time for which they stood at places to wait, or near a station that was full",
+           part(_cycle, "queue")),
+    Metric("cycle_serving_s", "s", NONE, "mean time for which they were served", part(_cycle, "serving")),
+    Metric("waiting_time_p50_s", "s", LESS, "median time that these tasks waited for a robot", quantile(_WAITING_S, 0.5)),
+    Metric("waiting_time_p95_s", "s", LESS, "95th percentile of the same", quantile(_WAITING_S, 0.95)),
+    Metric("task_time_p50_s", "s", LESS, "median time from when these tasks had a robot until they were done", quantile(_TASK_S, 0.5)),
+    Metric("task_time_p95_s", "s", LESS, "95th percentile of the same", quantile(_TASK_S, 0.95)),
+    Metric("on_time_share", "", MORE, "share of these tasks that were done when they were due; null where none has a due time",
+           _on_time_share),
+    Metric("station_utilisation_max", "", NONE,
+           "share of the time after the warm-up for which the busiest place of a station served a robot", statistic(_utilisation, np.max)),
+    Metric("station_utilisation_mean", "", NONE, "mean of the same over all places where a stop was made",
+           statistic(_utilisation, np.mean)),
+    Metric("planner_calls", "", NONE, "answers that the planner was asked for while robots drove", _calls(lambda calls: calls.asked)),
+    Metric("planner_calls_late", "", LESS,
+           "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had",
+           _calls(lambda calls: calls.late)),
+    Metric("planner_calls_failed", "", LESS,
+           "of these, requests without a plan, or with one that could not be driven; robots kept what they had",
+           _calls(lambda calls: calls.failed)),
+    Metric("planner_calls_stepped", "", LESS, "late or failed requests in a row from the second on, which PIBT answered for a window",
+           _calls(lambda calls: calls.stepped)),
+    Metric("planner_calls_stopped", "", LESS, "such requests that PIBT could not answer either: robots stopped at the ends of their ways",
+           _calls(lambda calls: calls.stopped)),
+)

@@ -3,30 +3,17 @@
 Robots are looked at once a second, after nothing but their positions: each is in the zone of the vertex of the plan graph nearest to it.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.places import places_of
 from mrp_sumo.core.zone_log import ZoneLog
-from mrp_sumo.metrics.metric import TOGETHER, Evidence, metric
+from mrp_sumo.metrics.metric import NONE, TOGETHER, Function, Metric
 
 LOOK_S = 1.0  # between looks at where robots are
-
-
-@metric("", "none", "share of the time for which at least one robot was in the zone where that is most; see zones.parquet")
-def zone_occupancy_max(run: Evidence) -> float | None:
-    return float(run.zones.occupied_share.max()) if run.zones and len(run.zones.name) else None
-
-
-@metric("", "none", "mean number of robots in the zone where it is most")
-def zone_robots_mean_max(run: Evidence) -> float | None:
-    return float(run.zones.robots_mean.max()) if run.zones and len(run.zones.name) else None
-
-
-@metric("", "none", "most robots in one zone at a time")
-def zone_robots_max(run: Evidence) -> int | None:
-    return int(run.zones.robots_max.max()) if run.zones and len(run.zones.name) else None
 
 
 def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
@@ -66,3 +53,19 @@ def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
         robots_mean=frozen(total[order] / num_looks),
         robots_max=frozen(most[order]),
     )
+
+
+def _largest(read: Callable[[ZoneLog], FloatArray | IntArray]) -> Function:
+    """The largest value of a zone; None where no zone was entered."""
+    return lambda run: read(run.zones).max().item() if run.zones and len(run.zones.name) else None
+
+
+# fmt: off
+METRICS = (
+    Metric("zone_occupancy_max", "", NONE,
+           "share of the time for which at least one robot was in the zone where that is most; see zones.parquet",
+           _largest(lambda zones: zones.occupied_share)),
+    Metric("zone_robots_mean_max", "", NONE, "mean number of robots in the zone where it is most",
+           _largest(lambda zones: zones.robots_mean)),
+    Metric("zone_robots_max", "", NONE, "most robots in one zone at a time", _largest(lambda zones: zones.robots_max)),
+)
