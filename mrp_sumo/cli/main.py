@@ -17,7 +17,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mrp_sumo import __version__
 from mrp_sumo.core.children import leave_current_folder
@@ -53,6 +53,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
 }
 SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
 ENDED = "ended by SIGTERM"
+MOST = 2**63  # of whole numbers; no number of anything is as large
 OBEYED = re.compile("\x1b(?!\\[[0-9;]*m)|[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 
@@ -70,7 +71,11 @@ COMPLAINTS = (  # of argparse, and what is said instead
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse, whose errors are one line each."""
+    """argparse, whose errors are one line each, and whose whole numbers are small enough to count something."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.register("type", int, _whole_number)
 
     def error(self, message: str) -> NoReturn:
         for pattern, line in COMPLAINTS:
@@ -82,6 +87,13 @@ class Parser(argparse.ArgumentParser):
                 f"-{word}" if not word.startswith("--") else word, sorted(set(re.findall(r"--[\w-]+", self.format_help()))), limit=0
             )
         raise MrpSumoError(f"{message.replace('argument -', '-', 1)}; see `{self.prog} --help`")
+
+
+def _whole_number(text: str) -> int:
+    number = int(text)
+    if abs(number) >= MOST:
+        raise argparse.ArgumentTypeError(f"found a number of {len(str(abs(number)))} digits, expected less than {MOST:g}")
+    return number
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

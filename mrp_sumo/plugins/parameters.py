@@ -4,6 +4,7 @@ A dataclass's parameters are its fields, any other class's or function's those o
 """
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from types import NoneType, UnionType
@@ -133,6 +134,6 @@ def _fitted(value: Any, hint: Any) -> tuple[bool, Any]:
     if hint is bool or isinstance(value, bool):
         return hint is bool and isinstance(value, bool), value
     if hint is float and isinstance(value, int | float):
-        return True, float(value)
+        return (False, value) if isinstance(value, int) and abs(value) > sys.float_info.max else (True, float(value))
     kind = origin or hint
     return isinstance(value, kind) if isinstance(kind, type) else True, value

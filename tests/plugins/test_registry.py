@@ -184,3 +184,9 @@ def test_digest_is_the_same_in_another_folder(tmp_path):
         written(tmp_path / folder, PLANNER)
     first, second = (digest(registry.find("planners", f"{folder}/mine.py:Mine", tmp_path)) for folder in ("a", "b"))
     assert first == second
+
+
+def test_whole_number_is_a_number_unless_no_number_holds_it():
+    assert registry.make("planners", "ecbs", {"w": 10**3}).w == 1000.0
+    with pytest.raises(ScenarioError, match=r"planner 'ecbs': w is 10+, expected a number"):
+        registry.make("planners", "ecbs", {"w": 10**400})

@@ -60,7 +60,6 @@ def read_ros_map(
     document: Mapping[str, Any], source: Text, name: str, cell_m: float, robot_radius_m: float = ROBOT_RADIUS_M
 ) -> tuple[PlanGraph, BoolArray]:
     """The grid of a map with cells of `cell_m`, in the map's own frame, and its free cells [H, W]."""
-    check_cell(cell_m)
     resolution_m = _number(document, "resolution", source, None)
     if not 1e-4 <= resolution_m <= MAX_RESOLUTION_M:
         raise source.fault(
@@ -79,6 +78,7 @@ def floor_grid(
     source: Text, floor: FloorPixels, name: str, cell_m: float, robot_radius_m: float, only: BoolArray | None = None
 ) -> tuple[PlanGraph, BoolArray]:
     """The grid of cells of `cell_m` where a robot has room on a floor, and those cells [H, W]; with `only`, none but these [H, W]."""
+    check_cell(cell_m)
     clear, resolution_m = floor.clear, floor.resolution_m
     reach = _distance_px(clear) * resolution_m - resolution_m / 2  # [h, w] m to the nearest edge that is not clear
     height, width = (max(int(n * resolution_m / cell_m + 1e-9), 0) for n in clear.shape)

@@ -146,6 +146,12 @@ def test_a_picture_with_a_scale_has_walls_and_a_grid(tmp_path, name, mode):
     assert len(rack) == 8
 
 
+@pytest.mark.parametrize("cell_m", [float("nan"), float("inf"), 0.0])
+def test_cells_of_no_length_are_refused(tmp_path, cell_m):
+    with pytest.raises(MapError, match=r"the cell length is \S+ m, expected at least 0.01 m"):
+        load_map(picture(tmp_path / "hall.png"), meters_per_pixel=0.05, cell_m=cell_m, robot_radius_m=0.15)
+
+
 def test_pictures_that_cannot_be_read_say_what_could_be_done(tmp_path):
     path = picture(tmp_path / "hall.png")
     with pytest.raises(MapError, match=r"hall.png: a picture has no scale: state it with --meters-per-pixel"):
