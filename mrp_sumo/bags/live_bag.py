@@ -1,4 +1,4 @@
-"""What the bag of a run will have on its topics, while the run drives, for viewers.
+"""Messages of a run's bag while the run drives, for viewers.
 
 Ways that robots are sent later are shown as they are then ahead of the robots; the bag shows all of each plan. The topics that a scenario
 asks for (`record.robots`, `record.poses`), paths and people are in the bag alone.
@@ -61,7 +61,7 @@ class LiveBag:
             yield *REQUESTS, request
 
     def of(self, state: Moment) -> Iterator[Said]:
-        """What is due at a moment. All moments have to come."""
+        """Messages that are due in a state. Every state has to be passed in."""
         yield from self.live.of(state)
         m, now_ns = self.messages, round(state.now_s * 1e9)
         if state.events:
@@ -90,7 +90,7 @@ class LiveBag:
                 yield *PLANS, m.plan_markers(EPOCH_NS + now_ns)
 
     def robots(self, execution: Execution, state: Moment) -> streams.Samples:
-        """Where robots are, and in which state."""
+        """Poses and states of the robots."""
         samples = streams.Samples(replace(self._at_outset, execution=execution), np.array([round(state.now_s * 1e9)]))
         samples.state[:, state.ledger.state.waits.stuck & (samples.state[0] == WAITING)] = BLOCKED
         return samples

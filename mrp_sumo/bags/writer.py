@@ -38,7 +38,7 @@ INFINITE = QosTime(9223372036, 854775807)  # as rosbag2 writes it
 
 @dataclass(frozen=True)
 class BagOptions:
-    """What goes into a bag, and how."""
+    """Contents and form of a bag."""
 
     storage: str = "mcap"  # or 'sqlite3'
     rmf: str = "jazzy"  # generation of rmf_fleet_msgs: 'galactic', 'jazzy' or 'kilted'

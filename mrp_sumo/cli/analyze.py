@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
         return _audit(options)
     if options.metric:
         return _measure(options)
-    found = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
+    metrics = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
     from mrp_sumo.io.tasks_table import TASKS
 
     if (options.bag / TASKS).is_file():
@@ -66,13 +66,13 @@ def run(options: argparse.Namespace) -> int:
             f"mrp-sumo: {options.bag}: a run with orders, of which these know none: mrp-sumo report shows its own figures", file=sys.stderr
         )
     if options.json:
-        print(json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False))
         return 0
     for key, unit in ROWS.items():
-        value = found[key]
+        value = metrics[key]
         text = f"{value:.3f}" if isinstance(value, float) else str(value)
         print(f"{key:35} {text} {unit}".rstrip())
-    blocked = sorted((v, k) for k, v in found["timeBlockedPerAgent"].items() if v > 0)
+    blocked = sorted((v, k) for k, v in metrics["timeBlockedPerAgent"].items() if v > 0)
     for value, name in blocked[::-1][:10]:
         print(f"  blocked {name:25} {value:.3f} s")
     return 0
@@ -149,14 +149,14 @@ def _failed(faults: list[str]) -> int:
     return 1 if faults else 0
 
 
-def analysed(bag: Path, config: Path | None, generation: str | None, given: dict[str, float | None]) -> dict[str, Any]:
+def analysed(bag: Path, config: Path | None, generation: str | None, overrides: dict[str, float | None]) -> dict[str, Any]:
     """The metrics of a bag.
 
     Parameters
     ----------
     bag, config, generation
         As on the command line.
-    given
+    overrides
         Constants that win over those of files; None for not given.
 
     Raises
@@ -176,7 +176,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
         folder = folder.parent
     constants, places = _recorded(folder, config)
     log = read_fleet_log(folder, generation)
-    constants = {**DEFAULTS, **constants, **{key: value for key, value in given.items() if value is not None}}
+    constants = {**DEFAULTS, **constants, **{key: value for key, value in overrides.items() if value is not None}}
     for key, value in constants.items():
         if not value > 0:
             raise MrpSumoError(f"{key} is {value}, expected a number above 0")
@@ -193,7 +193,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
         if name in column:
             x[:, r], y[:, r] = log.x_m[:, column[name]], log.y_m[:, column[name]]
     start, goal = (np.array([places[name][end] for name in names], np.float64) for end in (0, 1))
-    found = execution_metrics(
+    metrics = execution_metrics(
         log.t_ns,
         x,
         y,
@@ -204,9 +204,9 @@ def analysed(bag: Path, config: Path | None, generation: str | None, given: dict
         window=int(constants["windowSize"]),
         recording_timeout_s=constants["recordingTimeout"],
     )
-    found["timeBlockedPerAgent"] = {names[r]: value for r, value in found["timeBlockedPerAgent"].items()}
-    found["agentsAtGoal"] = sorted(names[r] for r in found["agentsAtGoal"])
-    return found
+    metrics["timeBlockedPerAgent"] = {names[r]: value for r, value in metrics["timeBlockedPerAgent"].items()}
+    metrics["agentsAtGoal"] = sorted(names[r] for r in metrics["agentsAtGoal"])
+    return metrics
 
 
 def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, Any]]:

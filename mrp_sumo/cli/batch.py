@@ -154,17 +154,17 @@ def duration(seconds: float) -> str:
 @contextmanager
 def stoppable() -> Iterator[Callable[[], int]]:
     """Ctrl-C or SIGTERM once: finish what runs; twice: stop now."""
-    asked = 0
+    num_interrupts = 0
 
     def ask(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        asked += 1
-        if asked == 1:
+        nonlocal num_interrupts
+        num_interrupts += 1
+        if num_interrupts == 1:
             print("\nmrp-sumo: ending after the runs under way; once more to stop now", file=sys.stderr)
 
     before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield lambda: min(asked, 2)
+        yield lambda: min(num_interrupts, 2)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

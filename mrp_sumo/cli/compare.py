@@ -56,20 +56,20 @@ def run(options: argparse.Namespace) -> int:
     own = {name: own_metric(name)[0] for name in options.metric or () if place_in_file(name) or name in names("metrics")}
     metrics = [own[name].name if name in own else name for name in options.metric] if options.metric else DEFAULT_METRICS
     tolerance = options.tolerance / 100
-    found = compare(a, b, metrics, alpha=options.alpha, tolerance=tolerance, strict=options.strict, own=tuple(own.values()))
+    comparison = compare(a, b, metrics, alpha=options.alpha, tolerance=tolerance, strict=options.strict, own=tuple(own.values()))
     if options.json:
-        print(json.dumps({**asdict(found), "worse": found.worse}, indent=2))
-        return int(found.worse)
+        print(json.dumps({**asdict(comparison), "worse": comparison.worse}, indent=2))
+        return int(comparison.worse)
     from rich.console import Console
     from rich.table import Table
 
     from mrp_sumo.experiments.statistics import PairedRates
 
-    print(f"{found.num_pairs} runs in common, {found.num_only_first} only in A, {found.num_only_second} only in B")
+    print(f"{comparison.num_pairs} runs in common, {comparison.num_only_first} only in A, {comparison.num_only_second} only in B")
     table = Table(box=None, padding=(0, 2, 0, 0))
     for name in ("metric", "runs", "A", "B", "B - A [95 %]", "effect", "p", "worse runs", ""):
         table.add_column(name, justify="left" if name in ("metric", "") else "right", no_wrap=True)
-    for d in found.differences:
+    for d in comparison.differences:
         p = d.paired
         effect = f"{p.only_second} gained, {p.only_first} lost" if isinstance(p, PairedRates) else f"r = {p.rank_biserial:+.2f}"
         verdict = "[red]worse[/]" if d.worse else ""
@@ -85,4 +85,4 @@ def run(options: argparse.Namespace) -> int:
             verdict,
         )
     Console(highlight=False, width=None if sys.stdout.isatty() else 140).print(table)
-    return int(found.worse)
+    return int(comparison.worse)

@@ -55,9 +55,9 @@ def run(options: argparse.Namespace) -> int:
 
     loaded = load_run(options.run)
     out = options.out or Path(options.run) / ("vda5050" if options.vda5050 else FORMATS[options.format][0])
-    for name, found in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
-        if not 0 <= found < inf:
-            raise MrpSumoError(f"{name}: found {found}, expected seconds of 0 or more")
+    for name, seconds in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
+        if not 0 <= seconds < inf:
+            raise MrpSumoError(f"{name}: found {seconds}, expected seconds of 0 or more")
     if options.split and options.format == "ros1":
         raise MrpSumoError("--split: a ROS 1 bag is one file; use it with --bag")
     if out.exists():

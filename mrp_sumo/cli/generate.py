@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> int:
     if not path.name.endswith(SUFFIX) or path.name == SUFFIX:
         raise MapError(f"--out {path}: a building file ends in {SUFFIX}")
     draw = GENERATORS[options.kind]
-    given = {key: getattr(options, key) for key in OPTIONS if getattr(options, key) is not None}
-    for key in given:
+    parameters = {key: getattr(options, key) for key in OPTIONS if getattr(options, key) is not None}
+    for key in parameters:
         if key not in signature(draw).parameters:
             kinds = [kind for kind, other in GENERATORS.items() if key in signature(other).parameters]
             raise MapError(f"{OPTIONS[key]} is not for a map of kind '{options.kind}', only for {', '.join(kinds)}")
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     if options.robots_for is not None and options.robots_for < 1:
         raise MapError(f"--robots-for {options.robots_for}: expected 1 or more robots")
     num_vertices = options.vertices if options.vertices is not None else max(12, VERTICES_A_ROBOT * options.robots_for)
-    drawing = draw(num_vertices, **given)
+    drawing = draw(num_vertices, **parameters)
     drawing.name = path.name.removesuffix(SUFFIX)
     try:
         drawing.write(path)

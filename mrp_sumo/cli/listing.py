@@ -49,7 +49,7 @@ def _plug_ins(kind: str, faults: list[str]) -> list[Entry]:
     from mrp_sumo.planning.outside import described
     from mrp_sumo.plugins.registry import names
 
-    found: list[Entry] = []
+    entries: list[Entry] = []
     for name in names(kind):
         try:
             one = described(kind, name)
@@ -57,8 +57,8 @@ def _plug_ins(kind: str, faults: list[str]) -> list[Entry]:
             faults.append(f"{KINDS[kind].one} '{name}': {error}")
             continue
         parameters = {key: {"type": type_, "default": default} for key, type_, default in one.parameters}
-        found.append({"name": name, "summary": one.summary, **one.attributes, "parameters": parameters, "source": one.source})
-    return found
+        entries.append({"name": name, "summary": one.summary, **one.attributes, "parameters": parameters, "source": one.source})
+    return entries
 
 
 def _files(what: str) -> list[Entry]:

@@ -41,14 +41,14 @@ def run(options: argparse.Namespace) -> int:
     if not made.finished:
         print(f"mrp-sumo: interrupted; to go on: {_command(options)}", file=sys.stderr)
         return 130
-    found = compare_with_paper(campaign)
-    page = write_paper(campaign, found, made)
-    agree = sum(bool(row.agrees) for row in found.compared)
+    comparison = compare_with_paper(campaign)
+    page = write_paper(campaign, comparison, made)
+    agree = sum(bool(row.agrees) for row in comparison.compared)
     if options.json:
-        said = {"file": str(page), "agree": agree, "compared": len(found.compared), "runs": made.num_runs, "broken": made.num_broken}
+        said = {"file": str(page), "agree": agree, "compared": len(comparison.compared), "runs": made.num_runs, "broken": made.num_broken}
         print(json.dumps(said))
         return 1 if made.num_broken else 0
-    print(f"{agree} of {len(found.compared)} numbers of the paper lie in our 95 % intervals")
+    print(f"{agree} of {len(comparison.compared)} numbers of the paper lie in our 95 % intervals")
     print(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {_duration(made.seconds)}")
     return 1 if made.num_broken else 0
 

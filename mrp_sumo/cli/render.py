@@ -82,8 +82,8 @@ def _video(options: argparse.Namespace) -> int:
 
 def _size(text: str) -> tuple[int, int]:
     """Width and height in pixels, even as video needs them."""
-    found = re.fullmatch(r"(\d{2,4})x(\d{2,4})", text)
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d{2,4})x(\d{2,4})", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(240 <= n <= 4320 and n % 2 == 0 for n in size):
         raise MrpSumoError(f"--size {text}: expected even numbers of pixels from 240 to 4320, such as 1920x1080")
     return size

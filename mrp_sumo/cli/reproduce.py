@@ -36,18 +36,18 @@ def run(options: argparse.Namespace) -> int:
     is_batch = (folder / "runs").is_dir() and not (folder / "result.json").exists()
     if options.runs is not None and (not is_batch or options.runs < 1):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
-    found, what = _batch(options) if is_batch else (_run(options), "file")
+    comparison, what = _batch(options) if is_batch else (_run(options), "file")
     if options.json:
-        print(json.dumps({"same": found.same, "equal": found.equal, "of": what, "differences": list(found.differences)}))
-        return 0 if found.same else 1
-    for line in found.differences:
+        print(json.dumps({"same": comparison.same, "equal": comparison.equal, "of": what, "differences": list(comparison.differences)}))
+        return 0 if comparison.same else 1
+    for line in comparison.differences:
         print(line)
-    if not found.same:
-        for line in found.causes or ("nothing is known that would explain it",):
+    if not comparison.same:
+        for line in comparison.causes or ("nothing is known that would explain it",):
             print(f"mrp-sumo: {line}", file=sys.stderr)
         return 1
     every = "every byte is the same" if what == "file" else "every result is the same"
-    print(f"{folder}: {every}, {found.equal} {what}{'s' if found.equal != 1 else ''}")
+    print(f"{folder}: {every}, {comparison.equal} {what}{'s' if comparison.equal != 1 else ''}")
     return 0
 
 

@@ -235,9 +235,9 @@ def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> 
 
     folder = shlex.quote(str(out))
     if result.plan is None:
-        asked = result.result["scenario"]["planner"]
-        lines = [_again(options, "--time-limit", f"{max(300.0, 10 * asked['time_limit_s']):g}"), "mrp-sumo list planners"]
-        if other := other_planner(asked["name"]):
+        chosen = result.result["scenario"]["planner"]
+        lines = [_again(options, "--time-limit", f"{max(300.0, 10 * chosen['time_limit_s']):g}"), "mrp-sumo list planners"]
+        if other := other_planner(chosen["name"]):
             lines.insert(0, _again(options, "--planner", other))
     else:
         lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.gif --to 20", f"mrp-sumo report {folder}"]

@@ -315,13 +315,13 @@ def pairs(options: argparse.Namespace) -> list[tuple[str, Any]]:
     """Keys and values, which are YAML."""
     from mrp_sumo.maps.yaml_text import Text, parse
 
-    found = []
+    changes = []
     for pair in options.set:
         key, equals, value = pair.partition("=")
         if not equals or not key:
             raise MrpSumoError(f"--set {pair}: expected KEY=VALUE")
-        found.append((key, parse(Text(Path("--set"), value))))
-    return found
+        changes.append((key, parse(Text(Path("--set"), value))))
+    return changes
 
 
 def _require_parameter(key: str, planner: str, known: tuple[str, ...] | None) -> None:

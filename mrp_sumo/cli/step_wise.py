@@ -79,9 +79,9 @@ def validate(options: argparse.Namespace) -> int:
 
 
 def _require_sound(options: argparse.Namespace) -> None:
-    given = [f"--{key}" for key in ("map", "scen", "assignment", "robots", "format") if getattr(options, key) is not None]
-    if given or options.time_limit is not None:
-        raise MrpSumoError(f"{(given or ['--time-limit'])[0]} is not for problems that are planned step by step")
+    refused = [f"--{key}" for key in ("map", "scen", "assignment", "robots", "format") if getattr(options, key) is not None]
+    if refused or options.time_limit is not None:
+        raise MrpSumoError(f"{(refused or ['--time-limit'])[0]} is not for problems that are planned step by step")
     if options.steps is None:
         raise MrpSumoError(f"{options.scenario}: --steps is missing: a problem of the League does not say how long it lasts")
     if not 1 <= options.steps <= MAX_STEPS:

@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
         return _messages(options)
     if options.plan is None:
         raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
-    if sum(given is not None for given in (options.map, options.scenario, options.problem)) != 1:
+    if sum(source is not None for source in (options.map, options.scenario, options.problem)) != 1:
         raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
     if options.problem is not None:
         return step_wise.validate(options)

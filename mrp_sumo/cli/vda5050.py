@@ -87,9 +87,9 @@ def run(options: argparse.Namespace) -> int:
 
     broker, dialect = _broker(options), Dialect(options.version)
     for option, least in (("speed", 0.001), ("duration", 0.001), ("state_period", 0.001), ("visualization_period", 0.0)):
-        found = getattr(options, option)
-        if found is not None and not least <= found < math.inf:
-            raise MrpSumoError(f"--{option.replace('_', '-')}: found {found:g}, expected {least:g} or more")
+        value = getattr(options, option)
+        if value is not None and not least <= value < math.inf:
+            raise MrpSumoError(f"--{option.replace('_', '-')}: found {value:g}, expected {least:g} or more")
     if not SERIAL.fullmatch(options.manufacturer):
         raise MrpSumoError(f"--manufacturer {options.manufacturer[:80]}: expected letters, digits and _ . : -")
     if options.part == "master" and (options.fault or options.duration):

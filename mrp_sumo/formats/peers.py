@@ -30,7 +30,7 @@ MAX_STEPS = 10_000_000  # of a robot: a path is a list
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Where the vertices of a grid lie, counted from the upper left corner."""
+    """Cells of a grid's vertices, counted from the upper left corner."""
 
     column: IntArray  # [V]
     row: IntArray  # [V]
@@ -161,7 +161,7 @@ def goals_reached(problem: Problem, plan: Plan) -> IntArray:
 
 
 def own_time_s(text: str) -> float | None:
-    """What a peer's output says of its solver's time: `runtime` of libMultiRobotPlanning, `comp_time` of lacam; None without."""
+    """The solver's time in a peer's output: `runtime` of libMultiRobotPlanning, `comp_time` of lacam; None without."""
     if match := re.search(r"^\s+runtime:\s*(\d{1,12}(?:\.\d*)?(?:[eE][+-]?\d\d?)?)\s*$", text, re.MULTILINE):
         return float(match[1])
     match = re.search(r"^comp_time=(\d{1,12}(?:\.\d*)?)\s*$", text, re.MULTILINE)
@@ -208,7 +208,7 @@ def print_places(places: list[list[Any]], kind: str) -> str:
 
 
 def format_of(text: str) -> str | None:
-    """Which of FORMATS a text is in; None for none."""
+    """The one of FORMATS that a text is in; None for none."""
     if re.search(r"^solution=", text, re.MULTILINE):
         return "lacam"
     if re.search(r"^\s*schedule\s*:", text, re.MULTILINE):

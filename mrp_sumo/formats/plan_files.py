@@ -21,7 +21,7 @@ def text_of(path: Path) -> str:
 
 
 def is_json(text: str) -> bool:
-    """Whether a text is meant as this program's plan file."""
+    """True for a text that is meant as this program's plan file."""
     return text.lstrip()[:1] == "{"
 
 

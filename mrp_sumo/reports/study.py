@@ -1,4 +1,4 @@
-"""What a report is about: the runs of a batch, of a folder of run folders, or a single run, sorted into maps, series and instances.
+"""The runs of a report: those of a batch, of a folder of run folders, or a single run, sorted into maps, series and instances.
 
 A *series* is what is compared: a planner, with whatever else of it varies (policy, parameters, assignment). An *instance*
 is what all series are given: map, robots, seed and all other values. Refuses folders without results, and tables
@@ -99,7 +99,7 @@ class ReportedRuns:
 
 
 def short_key(key: str) -> str:
-    """What names a run on the page: the first eight digits of a batch's key, or the name of its folder as it is."""
+    """Name of a run on the page: the first eight digits of a batch's key, or the name of its folder as it is."""
     return key[:8] if re.fullmatch(r"[0-9a-f]{20}", key) else key
 
 

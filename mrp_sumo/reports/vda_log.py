@@ -64,7 +64,7 @@ class Happening(NamedTuple):
     t_s: float
     kind: int
     number: int = 0
-    way: tuple[Visit, ...] = ()
+    route: tuple[Visit, ...] = ()
 
 
 def write_vda(path: Path, record: RunRecord, version: str) -> None:
@@ -127,7 +127,7 @@ class LoggedVehicle:
     grants: GrantLog
     robot: int
     sender: Sender
-    way: tuple[Visit, ...] = ()
+    route: tuple[Visit, ...] = ()
     granted: int = 0  # number of the last visit that it may drive to
     reached: int = 0
     actions: dict[tuple[int, int], tuple[Json, float, float]] = field(default_factory=dict)  # by visit and reply: begin and end
@@ -225,7 +225,7 @@ class LoggedVehicle:
 
     def _take(self, happening: Happening) -> None:
         if happening.kind == WAY:
-            self.way = happening.way
+            self.route = happening.route
         elif happening.kind == GRANT:
             self.granted = max(self.granted, happening.number)
         elif happening.kind == ARRIVE:
@@ -235,10 +235,10 @@ class LoggedVehicle:
     def _order(self, t_s: float) -> Json | None:
         """The order, or its update, that says what the robot may do now; nothing where that has been said."""
         done = self.orders.is_driven(self.reached) and all(end_s <= t_s for _, _, end_s in self._of_order())
-        return self.orders.next(len(self.way), self.granted, self.reached, done, self._node, self._edge)
+        return self.orders.next(len(self.route), self.granted, self.reached, done, self._node, self._edge)
 
     def _node(self, k: int, sequence: int, released: bool) -> Json:
-        visit, graph = self.way[k], self.record.graph
+        visit, graph = self.route[k], self.record.graph
         made = self.actions.get((k, visit.reply))
         if k == self.orders.begin and self.orders.number:  # done in the order before
             made = None
@@ -249,19 +249,19 @@ class LoggedVehicle:
 
     def _heading(self, k: int) -> float:
         """How the robot is to face at a visit, NaN: in any way; only at its goal is that said."""
-        headings, v = self.record.goal_heading_rad, self.way[k].vertex
+        headings, v = self.record.goal_heading_rad, self.route[k].vertex
         return (
             float(headings[self.robot])
-            if headings is not None and k == len(self.way) - 1 and v == self.record.target[self.robot]
+            if headings is not None and k == len(self.route) - 1 and v == self.record.target[self.robot]
             else np.nan
         )
 
     def _edge(self, k: int, sequence: int, released: bool) -> Json:
         """The edge after the visit k."""
-        return edge_of(self.dialect, self.record.graph, self.way[k].vertex, self.way[k + 1].vertex, sequence, released)
+        return edge_of(self.dialect, self.record.graph, self.route[k].vertex, self.route[k + 1].vertex, sequence, released)
 
     def _state(self, t_s: float) -> Json:
-        at = self.way[self.reached].vertex
+        at = self.route[self.reached].vertex
         graph, sequence = self.record.graph, 2 * (self.reached - self.orders.begin)
         nodes, edges = states_of(self.orders.document, sequence)
         pose, velocity, driving = self._motion(t_s)
@@ -325,7 +325,7 @@ class LoggedVehicle:
     def _level(self, sample: int) -> int:
         """The level that the robot is on at a sample."""
         if self.execution.level is None:
-            return int(self.record.graph.level[self.way[self.reached].vertex])
+            return int(self.record.graph.level[self.route[self.reached].vertex])
         return int(self.execution.level[sample, self.robot])
 
     def _percent(self, t_s: float) -> float:

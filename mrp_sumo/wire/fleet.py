@@ -353,7 +353,7 @@ class VirtualFleet:
         shows = self.reporting.view_s > 0 and self.now_s >= self._to_show - 1e-9
         due: BoolArray = self.now_s >= self._to_send - 1e-9
         for r, vehicle in enumerate(self.vehicles):
-            if vehicle.news or due[r]:
+            if vehicle.has_changed or due[r]:
                 self._publish(vehicle, "state", state_of(vehicle, self.now_s))
                 self._to_send[r] = self.now_s + self.reporting.state_s
             if vehicle.asked_for_factsheet:

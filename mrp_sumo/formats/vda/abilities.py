@@ -1,4 +1,4 @@
-"""What virtual vehicles can do, and which orders they cannot follow: those with nodes, lanes or actions that they do not know."""
+"""Abilities of virtual vehicles, and the orders that they cannot follow: those with nodes, lanes or actions that they do not know."""
 
 import math
 from collections.abc import Sequence, Set
@@ -39,13 +39,13 @@ class VehicleMap(Protocol):
         """The names of its maps."""
 
     def place(self, node: str) -> tuple[float, float, str] | None:
-        """Where a node is, in m, and on which map; None for one that is unknown."""
+        """Position of a node in m, and its map; None for one that is unknown."""
 
     def is_joined(self, tail: str, head: str) -> bool:
-        """Whether a vehicle can drive from a known node to another without passing a third that has a name."""
+        """True where a vehicle can drive from a known node to another without passing a third that has a name."""
 
     def arrival_rad(self, tail: str, head: str) -> float:
-        """How a vehicle faces that comes from a known node to another that is joined to it; NaN where these are one."""
+        """Heading of a vehicle that comes from a known node to another that is joined to it; NaN where these are one."""
 
 
 def check_order(order: Order, site: VehicleMap, start: str, used: Set[str]) -> None:
@@ -116,7 +116,7 @@ def _check_actions(order: Order, used: Set[str]) -> None:
 
 
 def duration_s(action: Action) -> float:
-    """How long an action takes: as its parameter `duration` says, which may be a number or text."""
+    """Duration of an action: as its parameter `duration` says, which may be a number or text."""
     duration = action.parameters.get("duration")
     return ACTION_S[action.kind] if duration is None else float(duration)
 

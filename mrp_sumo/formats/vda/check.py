@@ -1,4 +1,4 @@
-"""Whether a log of VDA 5050 messages keeps the standard: what the official schemas cannot say, since they are open and see one message.
+"""Checks of a log of VDA 5050 messages against the standard: what the official schemas cannot say, since they are open and see one message.
 
 A log is JSON, a message a line: `{"t_s": ..., "topic": ..., "payload": {...}}`, in time order. Checked are headers (counters, time, who
 sent it), names and types of members, orders (sequence numbers, the released prefix, updates that begin with the stitching node,
@@ -100,7 +100,7 @@ WORDS = 60  # of what a message shows
 
 @dataclass(frozen=True)
 class MessageFault:
-    """What is wrong, and where: the number of the line, the topic, and the path within the payload."""
+    """A fault of a message and its place: the number of the line, the topic, and the path within the payload."""
 
     line: int
     topic: str
@@ -134,7 +134,7 @@ class _Vehicle:
 
 
 def check(lines: Iterable[str]) -> Iterator[MessageFault]:
-    """What is wrong with a log, in its order."""
+    """Faults of a log, in its order."""
     vehicles: dict[tuple[str, str], _Vehicle] = {}
     last_s = -math.inf
     for number, line in enumerate(lines, 1):
@@ -469,7 +469,7 @@ def seconds_of(stamp: object) -> float | None:
 
 
 def members(document: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:
-    """What is wrong with the members of an object; with `allowed`, also those of an unknown name."""
+    """Faults of the members of an object; with `allowed`, also those of an unknown name."""
     if not isinstance(document, Mapping):
         yield f"{at}: expected an object"
         return

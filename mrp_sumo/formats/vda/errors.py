@@ -49,7 +49,7 @@ NAMES: Mapping[str, tuple[tuple[str, str], tuple[str, str]]] = {  # reason -> ty
 
 @dataclass
 class RefusalError(Exception):
-    """What is wrong with a message, for its sender."""
+    """A fault of a message, for its sender."""
 
     reason: str
     text: str

@@ -1,4 +1,4 @@
-"""What a vehicle is sent: messages of the topics order and instantActions, and what each instant action does."""
+"""Messages to a vehicle: those of the topics order and instantActions, and what each instant action does."""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ MOST_INSTANT = 100  # instant actions that are over and still reported
 
 def receive(vehicle: Vehicle, kind: str, payload: bytes, now_s: float) -> None:
     """Take a message of the topics order or instantActions. What is wrong with it is in the next state."""
-    vehicle.news = True
+    vehicle.has_changed = True
     try:
         document = read_document(payload)
         check_header(document, vehicle.dialect, vehicle.sender.manufacturer, vehicle.sender.serial)

@@ -41,12 +41,12 @@ class Dialect:
         return self.version == "3.0"
 
     def topic(self, serial: str, kind: str, manufacturer: str = MANUFACTURER) -> str:
-        """Where a message of a kind goes."""
+        """Topic of messages of a kind."""
         head = "vda5050/v3" if self.is_new else "uagv/v2"
         return f"{head}/{manufacturer}/{serial}/{kind}"
 
     def place(self, x_m: float, y_m: float, yaw_rad: float, map_id: str, *, known: bool = True) -> Json:
-        """Where a vehicle is, and whether it knows that itself."""
+        """Position of a vehicle, and whether it knows that itself."""
         return {
             **{"x": _short(x_m), "y": _short(y_m), "theta": _angle(yaw_rad), "mapId": map_id},
             "localized" if self.is_new else "positionInitialized": known,
@@ -147,7 +147,7 @@ def state(
     violated: bool = False,
     loads: list[Json] | None = None,
 ) -> Json:
-    """What a vehicle reports.
+    """The state that a vehicle reports.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def state(
 
 
 def states_of(order: Mapping[str, Any], passed: int) -> tuple[list[Json], list[Json]]:
-    """What a state says of the nodes and edges of an order that come after a sequence number."""
+    """Members of a state about the nodes and edges of an order that come after a sequence number."""
     members = ("nodeId", "sequenceId", "released", "nodePosition")
     nodes = [{key: n[key] for key in members if key in n} for n in order["nodes"] if n["sequenceId"] > passed]
     edges = [{key: e[key] for key in ("edgeId", "sequenceId", "released")} for e in order["edges"] if e["sequenceId"] > passed]
@@ -228,7 +228,7 @@ def factsheet(
     actions: Mapping[str, Sequence[str]] = OF_RUNS,
     limits: VehicleLimits | None = None,
 ) -> Json:
-    """What a vehicle, a robot of a fleet, says about itself. Heights and loads are not known here: 0 is no limit."""
+    """The factsheet of a vehicle, a robot of a fleet. Heights and loads are not known here: 0 is no limit."""
     new = dialect.is_new
     known = [
         {"actionType": kind, "actionScopes": list(scopes)}

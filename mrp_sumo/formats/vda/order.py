@@ -56,7 +56,7 @@ class Action:
 
     @property
     def stops(self) -> bool:
-        """Whether the vehicle stands while it is done."""
+        """True where the vehicle stands while it is done."""
         return self.blocking in ("SOFT", "HARD")
 
 
@@ -74,11 +74,11 @@ class Node:
 
     @property
     def theta_rad(self) -> float:
-        """How the vehicle has to face there, NaN: in any way."""
+        """Heading that the vehicle has to have there, NaN: in any way."""
         return math.nan if self.position is None else float(self.position.get("theta", math.nan))
 
     def is_faced(self, yaw_rad: float, least_rad: float) -> bool:
-        """Whether a vehicle that faces so does as the node says, within the deviation that it allows, or `least_rad` at least."""
+        """True where a vehicle that faces so does as the node says, within the deviation that it allows, or `least_rad` at least."""
         off_rad = abs(math.remainder(yaw_rad - self.theta_rad, 2 * math.pi))
         return not off_rad > max(least_rad, self.deviation_rad)
 

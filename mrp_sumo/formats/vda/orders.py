@@ -37,7 +37,7 @@ class VehicleOrders:
         return {"nodes": self.nodes, "edges": self.edges}
 
     def is_driven(self, reached: int) -> bool:
-        """Whether there is nothing left of the order to drive."""
+        """True where there is nothing left of the order to drive."""
         return reached == self.last_base and len(self.nodes) == self.last_base - self.begin + 1
 
     def next(self, length: int, granted: int, reached: int, done: bool, make_node: MakeNode, make_edge: MakeEdge) -> Json | None:

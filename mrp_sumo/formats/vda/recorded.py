@@ -23,7 +23,7 @@ LARGEST_M = 1e7
 
 @dataclass
 class Recorded:
-    """What a log says of one vehicle, by time."""
+    """Messages of one vehicle in a log, by time."""
 
     serial: str
     t_s: list[float] = field(default_factory=list)  # of poses, in s since 1970

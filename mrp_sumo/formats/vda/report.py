@@ -1,4 +1,4 @@
-"""What a vehicle says: its state, with errors, and its visualization."""
+"""Messages of a vehicle: its state, with errors, and its visualization."""
 
 import math
 from collections.abc import Iterator
@@ -12,8 +12,8 @@ from mrp_sumo.formats.vda.vehicle import ActionProgress, Vehicle
 
 
 def state_of(vehicle: Vehicle, now_s: float) -> Json:
-    """The payload of a state. There is no news afterwards."""
-    vehicle.news = False
+    """The payload of a state. Nothing has changed afterwards."""
+    vehicle.has_changed = False
     body, own = vehicle.body, vehicle.site.place(vehicle.at)
     document = {"nodes": [_said_node(n) for n in vehicle.nodes], "edges": [_said_edge(e) for e in vehicle.edges]}
     nodes, edges = states_of(document, vehicle.passed)

@@ -1,7 +1,7 @@
 """A vehicle as VDA 5050 sees it: orders are given to it, it drives them, and does their actions.
 
 It is a state machine without clock, network and body. Its owner hands it what comes in (`inbox`) and where the body is, drives
-the body along `new_way`, holds it where `holds` says so, and sends its state (`report`) when there is `news`. Rules are those of sections
+the body along `new_way`, holds it where `holds` says so, and sends its state (`report`) when it `has_changed`. Rules are those of sections
 6.6 of version 2.1 and 6.1 of version 3.0; an order that is refused changes nothing but `refused`.
 """
 
@@ -23,7 +23,7 @@ WAITING, RUNNING, FINISHED, FAILED = "WAITING", "RUNNING", "FINISHED", "FAILED"
 
 @dataclass(frozen=True)
 class Body:
-    """Where a vehicle is and how it moves."""
+    """Pose and motion of a vehicle."""
 
     x_m: float
     y_m: float
@@ -70,7 +70,7 @@ class Vehicle:
     base_end: Node | None = None  # last node of the base, passed or not
     last_node: str = ""  # as the order calls it
     passed: int = 0  # its sequence number
-    given: int = 0  # sequence number of the last node that the body has been sent to
+    last_sent: int = 0  # sequence number of the last node that the body has been sent to
     doings: dict[str, ActionProgress] = field(default_factory=dict)  # actions of the order, in its order
     instants: dict[str, ActionProgress] = field(default_factory=dict)
     refused: dict[str, Json] = field(default_factory=dict)  # errors until an order, or an instant action, is accepted
@@ -83,7 +83,7 @@ class Vehicle:
     cancels: str = ""  # the action that cancels the order, while it does
     is_cancelled: bool = False
     asked_for_factsheet: bool = False
-    news: bool = True  # whether a state is to be sent
+    has_changed: bool = True  # whether a state is to be sent
     _said: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
@@ -95,12 +95,12 @@ class Vehicle:
 
     @property
     def is_busy(self) -> bool:
-        """Whether there is an order that is not done."""
+        """True while there is an order that is not done."""
         return bool(self.nodes or self.cancels) or any(not doing.is_over for doing in self.doings.values())
 
     @property
     def holds(self) -> bool:
-        """Whether the body has to stand still."""
+        """True while the body has to stand still."""
         return self.paused or self.is_empty or any(kind in self.faults for kind in FAULTS)
 
     def new_way(self) -> list[tuple[Node, Edge]]:
@@ -114,7 +114,7 @@ class Vehicle:
         for node, edge, after in self._ahead():
             if not node.released:
                 break
-            if node.sequence > self.given:
+            if node.sequence > self.last_sent:
                 path.append((node, edge))
             came_rad = self.site.arrival_rad(before, node.name)
             if self._stands_at(node, after) or not node.is_faced(self.body.yaw_rad if math.isnan(came_rad) else came_rad, FACES_RAD):
@@ -124,7 +124,7 @@ class Vehicle:
 
     def sent(self, path: Sequence[tuple[Node, Edge]]) -> None:
         """The body has been sent along some of `new_way`."""
-        self.given = path[-1][0].sequence
+        self.last_sent = path[-1][0].sequence
         self.charging = False
 
     def reach(self, sequence: int, now_s: float) -> None:
@@ -135,7 +135,7 @@ class Vehicle:
                 if not self.doings[action.name].is_over:
                     self.doings[action.name].end(FINISHED)
             self._pass(node)
-        self.news = True
+        self.has_changed = True
         self.advance(now_s)
 
     def stand(self, at: str) -> None:
@@ -143,15 +143,15 @@ class Vehicle:
         if self.cancels:
             self.instants[self.cancels].end(FINISHED)
             self.cancels, self.is_cancelled, self.at = "", True, at
-            self.nodes, self.edges, self.given = [], [], self.passed
-            self.news = True
+            self.nodes, self.edges, self.last_sent = [], [], self.passed
+            self.has_changed = True
 
     def advance(self, now_s: float) -> None:
         """Let time pass: actions begin and end, faults end."""
         for kind, until_s in list(self.faults.items()):
             if until_s <= now_s:
                 del self.faults[kind]
-                self.news = True
+                self.has_changed = True
         for doing in self.doings.values():
             if doing.status == RUNNING and doing.until_s <= now_s:
                 self._finish(doing)
@@ -160,15 +160,15 @@ class Vehicle:
         for doing in self.instants.values():
             if doing.status == RUNNING and doing.action.kind == "startPause" and not self.body.moves:
                 doing.end(FINISHED)
-                self.news = True
+                self.has_changed = True
         said = (self.body.moves, self.blocked_by, self.is_empty, self.charging, self.paused)
-        self.news |= said != self._said
+        self.has_changed |= said != self._said
         self._said = said
 
     def fail(self, kind: str, until_s: float = math.inf) -> None:
         """Have a fault begin: 'breakdown', 'emergencyStop', 'localizationLost' or 'fieldViolation'."""
         self.faults[kind] = until_s
-        self.news = True
+        self.has_changed = True
 
     def take(self, order: Order, now_s: float) -> None:
         """Take an order, or an update of one.
@@ -233,7 +233,7 @@ class Vehicle:
         self.instants = {name: doing for name, doing in self.instants.items() if not doing.is_over}
         self.nodes, self.edges = list(order.nodes[1:]), list(order.edges)
         self._note(order, order.nodes)
-        self.given = first.sequence
+        self.last_sent = first.sequence
         here = self.at
         self._pass(first)
         self.at = here  # a first node may be a temporary one
@@ -297,13 +297,13 @@ class Vehicle:
             if doing.action.stops and self.body.moves:
                 return
             doing.status, doing.until_s = RUNNING, now_s + duration_s(doing.action)
-            self.news = True
+            self.has_changed = True
             if doing.until_s <= now_s:
                 self._finish(doing)
 
     def _finish(self, doing: ActionProgress) -> None:
         doing.end(FINISHED)
-        self.news = True
+        self.has_changed = True
         kind, parameters = doing.action.kind, doing.action.parameters
         if kind == "pick":
             self.load = {key: str(parameters[key])[:60] for key in ("loadId", "loadType") if key in parameters} or {"loadId": ""}

@@ -121,7 +121,7 @@ def success(answer: Answer) -> Chart:
 
 
 def parts(points: Sequence[Point]) -> Chart:
-    """What the time of an order is spent on, from when a robot has it."""
+    """Parts of an order's time, from when a robot has it."""
     cycles = [cycle(point) for point in points]
     names = [name for name in PARTS if name in PART_NAMES]
 

@@ -1,4 +1,4 @@
-"""What a run says to its viewers, and what they say to it: shared by the thread that drives and those that serve."""
+"""Messages between a run and its viewers: shared by the thread that drives and those that serve."""
 
 import json
 import time

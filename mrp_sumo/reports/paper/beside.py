@@ -1,4 +1,4 @@
-"""What the paper prints beside what comes out here, number by number, each of ours with its interval of 95 %."""
+"""Numbers of the paper beside ours, each of ours with its interval of 95 %."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -30,7 +30,7 @@ class Beside:
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the paper's number lies in the interval of ours, as far as the digits go that it prints; None without both."""
+        """True where the paper's number lies in the interval of ours, as far as the digits go that it prints; None without both."""
         if self.paper_value is None or math.isnan(self.ours.low):
             return None
         half = 0.5 * 10.0 ** -_decimals(self.paper_value)
@@ -65,7 +65,7 @@ class Ordered:
 
     @property
     def verdict(self) -> str:
-        """What the test says of the paper's order."""
+        """The test's verdict on the paper's order."""
         if self.paper_difference is None:
             return ""
         if self.p_value >= 0.05:
@@ -195,7 +195,7 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
 
 
 def order(executed: ReportedRuns, costs: ReportedRuns) -> list[Ordered]:
-    """Whether the paper's order of planners is ours: every two on the same runs, Table III by McNemar's test, Table IV by Wilcoxon's."""
+    """Order of the planners, in the paper and here: every two on the same runs, Table III by McNemar's test, Table IV by Wilcoxon's."""
     rows: list[Ordered] = []
     driven = dict(ways(executed)).get(YIELDING)
     for name in driven.maps if driven else ():

@@ -26,6 +26,6 @@ def printed(*place: str) -> float | None:
 
 
 def map_of_paper(name: str) -> str:
-    """What the paper calls a map."""
+    """The paper's name of a map."""
     base = name.split(", ", 1)[0]
     return THEIR_NAMES.get(base, base)

@@ -40,7 +40,7 @@ MANY = 5000  # vertices or lanes beyond which only stations of a kind are drawn,
 
 @dataclass(frozen=True)
 class Symbol:
-    """How one kind of station looks. The first kind whose test holds is a vertex's."""
+    """Look of one kind of station. The first kind whose test holds is a vertex's."""
 
     name: str
     options: tuple[str, ...]

@@ -36,7 +36,7 @@ class AnyRun(Protocol):
 
     @property
     def source(self) -> str:
-        """Where it is from, for messages."""
+        """The run's folder or name, for messages."""
 
     @property
     def result(self) -> Mapping[str, Any]:
@@ -47,7 +47,7 @@ class AnyRun(Protocol):
 
     @property
     def executed(self) -> bool:
-        """Whether there is a trajectory."""
+        """True where there is a trajectory."""
 
     @property
     def record(self) -> RunRecord:
@@ -70,7 +70,7 @@ class AnyRun(Protocol):
 
 
 def title_of(result: Mapping[str, Any]) -> str:
-    """What a run is called: by its scenario's name, or in words where that has none, as in batches."""
+    """Title of a run: its scenario's name, or words where that has none, as in batches."""
     scenario = result["scenario"]
     if scenario["name"]:
         return str(scenario["name"])
@@ -80,7 +80,7 @@ def title_of(result: Mapping[str, Any]) -> str:
 
 
 def map_name_of(result: Mapping[str, Any]) -> str:
-    """What the map of a run is called: its file, without the ends that formats ask for."""
+    """Name of a run's map: its file, without the ends that formats ask for."""
     name = Path(result["scenario"]["map"]["file"]).name
     return next((name.removesuffix(end) for end in MAP_FILES if name.endswith(end)), name)
 
@@ -133,7 +133,7 @@ def view_states(execution: Execution) -> NDArray[np.int8]:
 
 
 def state_names(has_tasks: bool) -> tuple[str, ...]:
-    """What states are called to people."""
+    """Names of states, for people."""
     return (*STATE_NAMES[:AT_GOAL], AT_REST) if has_tasks else STATE_NAMES
 
 
@@ -153,7 +153,7 @@ def _at_rest(execution: Execution) -> NDArray[np.bool_]:
 
 
 def is_grid_map(record: RunRecord) -> bool:
-    """Whether the map itself is a grid: then its cells are drawn, not lanes."""
+    """True where the map itself is a grid: then its cells are drawn, not lanes."""
     nav, graph = record.nav, record.graph
     return graph.kind == "grid" and (nav is None or np.array_equal(nav.xy, graph.xy))
 

@@ -84,7 +84,7 @@ STATION_KINDS = (  # option of RMF, what people call it; the first that applies
 
 @dataclass(frozen=True)
 class About:
-    """What the page says about the run in words."""
+    """The run in words."""
 
     name: str
     subtitle: str = ""
@@ -177,7 +177,7 @@ def shown(run: AnyRun) -> tuple[RunRecord, About]:
 
 @dataclass(frozen=True)
 class PageFrame:
-    """How places on the floor are written: as cells of a grid from the lower left."""
+    """Places on the floor as cells of a grid from the lower left."""
 
     low: FloatArray  # [2] m
     high: FloatArray  # [2] m

@@ -18,7 +18,7 @@ REASONS = 15
 
 
 def capacity(study: ReportedRuns, enough: float = 0.95) -> ReportTable | None:
-    """How many robots fit: the largest fleet up to which a series succeeded often enough, by map."""
+    """The largest fleet up to which a series succeeded often enough, by map."""
     if not study.is_executed or len(study.robots) < 2:
         return None
     rows: list[list[Cell]] = []
@@ -43,7 +43,7 @@ def capacity(study: ReportedRuns, enough: float = 0.95) -> ReportTable | None:
 
 
 def statuses(study: ReportedRuns) -> ReportTable:
-    """How runs ended, by series."""
+    """Statuses of the runs, by series."""
     order = {status: i for i, status in enumerate(("completed", "planned", "loaded"))}
     ended = study.frame["status"].astype(str).value_counts(sort=False)
     names = sorted(ended.index, key=lambda s: (order.get(s, len(order)), -ended[s], s))

@@ -34,7 +34,7 @@ PLACES = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1)) 
 
 @dataclass(frozen=True)
 class Timing:
-    """Which moments a film shows."""
+    """Times that a film shows."""
 
     from_s: float
     to_s: float
@@ -51,7 +51,7 @@ class Timing:
 
 @dataclass(eq=False)
 class Pane:
-    """Where a run is drawn, in pixels from the lower left."""
+    """Place of a run in the picture, in pixels from the lower left."""
 
     scene: Scene
     left: float
@@ -248,39 +248,39 @@ def _panes(scenes: Sequence[Scene], size: tuple[int, int], unit: float) -> list[
     return best
 
 
-def _draw_robots(canvas: Canvas, pane: Pane, moment: SceneState) -> None:
+def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
     scene, u = pane.scene, pane.unit
     clip = _clip(pane)
-    xy = pane.pixels(moment.xy)
+    xy = pane.pixels(now.xy)
     is_shown = ((xy >= pane.corner) & (xy <= pane.corner + pane.size)).all(axis=1)  # and not on another level
-    there = np.flatnonzero((moment.state != ABSENT) & is_shown)
+    there = np.flatnonzero((now.state != ABSENT) & is_shown)
     everybody = np.ones(len(scene.chosen), np.bool_)
     planned = scene.chosen if scene.has_choice else everybody & (len(everybody) <= PLANNED)
     breadth = float(np.median(pane.body[:, 1]))
     for state in range(4):
         lines = []
-        for robot in there[(moment.state[there] == state) & planned[there]].tolist():
-            ahead = scene.ahead(robot, moment.t_s)
-            if len(ahead) and np.abs(ahead - moment.xy[robot]).max() > 0.05:
+        for robot in there[(now.state[there] == state) & planned[there]].tolist():
+            ahead = scene.ahead(robot, now.t_s)
+            if len(ahead) and np.abs(ahead - now.xy[robot]).max() > 0.05:
                 lines.append(np.concatenate([xy[robot : robot + 1], pane.pixels(ahead)]))
         canvas.stroke(lines, STATES[state], alpha=0.32, width=max(2 * u, 0.28 * breadth), clip=clip)
         ends = np.array([line[-1] for line in lines]).reshape(-1, 1, 2)
         canvas.fill(ends + _disc(max(3 * u, 0.24 * breadth)), STATES[state], alpha=0.75, clip=clip)
-    waits = [(a, b) for a, b in scene.waited_for(moment) if is_shown[a] and is_shown[b]]
+    waits = [(a, b) for a, b in scene.waited_for(now) if is_shown[a] and is_shown[b]]
     for state in (1, 2):
-        lines = [xy[[a, b]] for a, b in waits if moment.state[a] == state]
+        lines = [xy[[a, b]] for a, b in waits if now.state[a] == state]
         canvas.stroke(lines, STATES[state], alpha=0.85, width=(2 if pane.few else 1.4) * max(0.7, u), clip=clip)
-    c, s = np.cos(moment.yaw_rad), np.sin(moment.yaw_rad)
+    c, s = np.cos(now.yaw_rad), np.sin(now.yaw_rad)
     turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)  # [R, 2, 2]
     pale = ~scene.chosen if scene.has_choice else np.zeros(len(c), np.bool_)
-    blocked = there[moment.state[there] == BLOCKED]
+    blocked = there[now.state[there] == BLOCKED]
     reach = 0.5 * np.hypot(*pane.body.T)
     rings = [xy[r] + _disc(reach[r] + 4 * u)[[*range(16), 0]] for r in blocked] if len(blocked) <= RINGED else []
     canvas.stroke(rings, STATES[BLOCKED], width=2.5 * u, alpha=0.8, clip=clip)
     front = NOSE if pane.inside_px else ARROW
     for state in range(4):
         for faint in (True, False):
-            members = there[(moment.state[there] == state) & (pale[there] == faint)]
+            members = there[(now.state[there] == state) & (pale[there] == faint)]
             body = (BOX * pane.body[members, None]) @ turn[members] + xy[members, None]
             style = {"edge": LIGHT["ink"], "width": max(0.6, (1.2 if pane.few else 0.8) * u), "alpha": 0.3 if faint else 1.0}
             canvas.fill(body, STATES[state], clip=clip, **style)

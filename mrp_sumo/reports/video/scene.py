@@ -21,7 +21,7 @@ AHEAD_S = 10.0  # of the plan
 
 @dataclass(frozen=True, eq=False)
 class PlannedRoute:
-    """What a robot was to do from a time on, until it was sent elsewhere: N visits."""
+    """Visits of a robot from a time on, until it was sent elsewhere: N visits."""
 
     since_s: float
     xy: FloatArray  # [N, 2] m
@@ -82,7 +82,7 @@ class Scene:
         return path.ahead(t_s) if path else np.zeros((0, 2))
 
     def waited_for(self, state: SceneState) -> list[tuple[int, int]]:
-        """Who waits for whom."""
+        """Pairs of a robot that waits and the one it waits for."""
         pairs = []
         for robot in np.flatnonzero((state.state == WAITING) | (state.state == BLOCKED)).tolist():
             others = [other for a, b, other in self.waits[robot] if a <= state.t_s + 1e-6 and b >= state.t_s]
@@ -91,7 +91,7 @@ class Scene:
         return pairs
 
     def tasks_at(self, t_s: float) -> tuple[int, int] | None:
-        """How many tasks are done and open; None in runs without tasks."""
+        """Numbers of tasks done and open; None in runs without tasks."""
         tasks = self.record.execution.tasks
         if tasks is None:
             return None

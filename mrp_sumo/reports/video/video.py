@@ -19,7 +19,7 @@ SPEEDS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a video is to show."""
+    """Contents of a video."""
 
     from_s: float = 0.0
     to_s: float | None = None  # the end of the longest run
